@@ -1,0 +1,201 @@
+"""The simulated robot: believable durations, deterministic, and wrong on request (see `faults`).
+
+Options of a profile (`[options]`), all optional: `latency` seconds until a goal is accepted (0.02), `stopping` seconds
+until a cancel is confirmed (0.05), `variation` how much durations vary at random, as a part of them (0, at most 0.5).
+The same seed and the same goals in the same order give the same durations.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from random import Random
+from typing import Any
+
+from rise_adapters.simulated.faults import ActionFault, Vanish, parse_fault
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
+from rise_engine.robot import Clock, Report, Timer
+from rise_engine.scenario.model import RobotProfile
+
+_OPTIONS = {"latency": (0.02, 60.0), "stopping": (0.05, 60.0), "variation": (0.0, 0.5)}
+"""Name -> default, largest value."""
+_TICK = 0.001
+"""Seconds that keep two reports about one goal apart, so that their order never depends on a tie."""
+
+
+class _Goal:
+    """One goal that runs."""
+
+    def __init__(self, action_type: str, hangs: bool) -> None:
+        self.type = action_type
+        self.hangs = hangs
+        self.timers: list[Timer] = []
+        self.canceling = False
+
+    def drop_timers(self) -> None:
+        for timer in self.timers:
+            timer.cancel()
+        self.timers.clear()
+
+
+class SimulatedRobot:
+    """Implements `rise_engine.robot.Robot`; the class itself is the `Driver`."""
+
+    def __init__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> None:
+        """Raises ValueError with a sentence when an option or a fault cannot be understood."""
+        options = _read_options(profile)
+        self._latency, self._stopping = options["latency"], options["stopping"]
+        self._variation = options["variation"]
+        self._profile = profile
+        self._clock = clock
+        self._random = Random(seed)
+        parsed = [parse_fault(text, profile) for text in faults]
+        self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
+        self._vanishes = [fault for fault in parsed if isinstance(fault, Vanish)]
+        self._goals: dict[str, _Goal] = {}
+        self._counts: Counter[str] = Counter()
+        self._links_down = 0
+        self._report: Report = _nobody
+        self._timers: list[Timer] = []
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts that confirm a stop, one for each channel that the robot's actions use: `pepper/speech`."""
+        channels = {
+            channel
+            for spec in self._profile.actions.values()
+            if spec.supported and not spec.engine
+            for channel in spec.channels
+        }
+        return tuple(f"{self._profile.name}/{channel}" for channel in sorted(channels))
+
+    # --- the port -----------------------------------------------------------------------------------------------
+
+    def connect(self, report: Report) -> None:
+        self._report = report
+        for vanish in self._vanishes:
+            self._timers.append(self._clock.call_at(vanish.at, partial(self._lose, vanish)))
+            if vanish.back is not None:
+                self._timers.append(self._clock.call_at(vanish.back, self._return))
+        if not self._links_down:
+            report(RobotChanged(status="connected", detail=self._detail()))
+
+    def start(self, goal: StartAction) -> None:
+        self._counts[goal.type] += 1
+        fault = self._fault(goal.type)
+        seconds = goal.expected
+        if self._variation:
+            seconds *= 1 + self._random.uniform(-self._variation, self._variation)
+        if self._links_down:
+            self._after(self._latency, self._end_unknown, goal.action, "failed", "the robot cannot be reached")
+            return
+        running = _Goal(goal.type, fault is not None and fault.kind == "hang")
+        self._goals[goal.action] = running
+        if fault is not None and fault.kind == "reject":
+            running.timers.append(
+                self._after(self._latency, self._end, goal.action, "failed", "the robot refused it (simulated fault)")
+            )
+            return
+        running.timers.append(self._after(self._latency, self._accept, goal.action))
+        if running.hangs:
+            return
+        if fault is not None and fault.kind == "slow":
+            seconds *= fault.factor
+        status, reason = "succeeded", ""
+        if fault is not None and fault.kind == "fail":
+            seconds, status, reason = seconds / 2, "failed", "it went wrong on the robot (simulated fault)"
+        seconds = max(seconds, self._latency + _TICK)
+        running.timers.append(self._after(seconds, self._end, goal.action, status, reason))
+
+    def cancel(self, action: str) -> None:
+        goal = self._goals.get(action)
+        if goal is None or goal.hangs or goal.canceling:
+            return
+        goal.canceling = True
+        goal.drop_timers()
+        goal.timers.append(self._after(self._stopping, self._end, action, "canceled", ""))
+
+    def stop_all(self) -> None:
+        for action in tuple(self._goals):
+            self.cancel(action)
+        # After the cancels that it causes or finds under way, so that the answer is true when it is given.
+        self._timers.append(self._after(self._stopping + _TICK, self._answer_stop))
+
+    def close(self) -> None:
+        self._report = _nobody
+        for goal in self._goals.values():
+            goal.drop_timers()
+        self._goals.clear()
+        for timer in self._timers:
+            timer.cancel()
+        self._timers.clear()
+
+    # --- what happens later -------------------------------------------------------------------------------------
+
+    def _after(self, seconds: float, callback: Callable[..., None], *args: Any) -> Timer:
+        return self._clock.call_at(self._clock.now() + seconds, partial(callback, *args))
+
+    def _accept(self, action: str) -> None:
+        self._report(ActionReport(action=action, status="accepted"))
+
+    def _end(self, action: str, status: str, reason: str) -> None:
+        self._goals.pop(action, None)
+        self._end_unknown(action, status, reason)
+
+    def _end_unknown(self, action: str, status: str, reason: str) -> None:
+        self._report(ActionReport(action=action, status=status, reason=reason))  # type: ignore[arg-type]
+
+    def _answer_stop(self) -> None:
+        silent = {
+            f"{self._profile.name}/{channel}"
+            for goal in self._goals.values()
+            if (spec := self._profile.actions.get(goal.type)) is not None
+            for channel in spec.channels
+        }
+        if self._links_down:
+            silent = set(self.parts)
+        confirmed = tuple(part for part in self.parts if part not in silent)
+        self._report(StopReport(confirmed=confirmed, unconfirmed=tuple(sorted(silent))))
+
+    def _lose(self, vanish: Vanish) -> None:
+        self._links_down += 1
+        for goal in self._goals.values():
+            goal.drop_timers()
+        self._goals.clear()
+        self._report(RobotChanged(status="lost", detail=f"the link was cut at {vanish.at:g} s (simulated fault)"))
+
+    def _return(self) -> None:
+        self._links_down -= 1
+        if not self._links_down:
+            self._report(RobotChanged(status="connected", detail=self._detail()))
+
+    def _fault(self, action: str) -> ActionFault | None:
+        count = self._counts[action]
+        return next((fault for fault in self._faults if fault.hits(action, count)), None)
+
+    def _detail(self) -> str:
+        return f"simulated {self._profile.title}: nothing leaves this machine"
+
+
+def _read_options(profile: RobotProfile) -> dict[str, float]:
+    values = {}
+    simulated = profile.driver == "simulated"
+    for name, (default, largest) in _OPTIONS.items():
+        # In debug mode this robot stands in for one with another driver, whose options are none of ours.
+        value = profile.options.get(name, default) if simulated else default
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= largest:
+            raise ValueError(f"the robot profile {profile.name!r}: {name} must be a number from 0 to {largest:g}")
+        values[name] = float(value)
+    unknown = [name for name in profile.options if name not in _OPTIONS] if simulated else []
+    if unknown:
+        raise ValueError(
+            f"the robot profile {profile.name!r}: the simulated driver has no option {unknown[0]!r}; "
+            f"it has {', '.join(_OPTIONS)}"
+        )
+    return values
+
+
+def _nobody(report: object) -> None:
+    """Nobody listens before `connect` and after `close`."""

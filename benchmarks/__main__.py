@@ -1,0 +1,20 @@
+"""Runs all benchmarks: `./dev bench`, or `./dev bench kernel_events guards`. Exit 1 when a target is missed."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+ALL = ("kernel_events", "many_rules", "guards", "rule_file", "check_start")
+
+names = sys.argv[1:] or ALL
+unknown = [name for name in names if name not in ALL]
+if unknown:
+    sys.exit(f"no benchmark called {', '.join(unknown)}; there are: {', '.join(ALL)}")
+results = {name: bool(import_module(name).main()) for name in names}
+missed = [name for name, met in results.items() if not met]
+print("\nAll targets met." if not missed else f"\nTargets missed in: {', '.join(missed)}")
+sys.exit(bool(missed))

@@ -1,0 +1,39 @@
+"""`rise-engine check` on a small scenario, as a whole process, against a Python that only imports the two libraries."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from measure import Report
+
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "greeting"
+ROUNDS = 15
+
+
+def main() -> bool:
+    commands = {
+        "rise-engine check": [str(Path(sys.executable).parent / "rise-engine"), "check", str(SCENARIO)],
+        "python -c 'import lxml.etree, msgspec'": [sys.executable, "-c", "import lxml.etree, msgspec"],
+    }
+    samples: dict[str, list[float]] = {name: [] for name in commands}
+    for number in range(ROUNDS + 2):
+        for name, command in commands.items():
+            start = time.perf_counter()
+            done = subprocess.run(command, capture_output=True, text=True)
+            if number >= 2:
+                samples[name].append(time.perf_counter() - start)
+            assert done.returncode == 0, done.stdout + done.stderr
+    check, floor = (statistics.median(times) for times in samples.values())
+    report = Report("Starting up (wall time)")
+    for name, times in samples.items():
+        report.row(name, f"{statistics.median(times) * 1000:.0f} ms")
+    report.target("times the floor", check / floor, 2, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    sys.exit(not main())

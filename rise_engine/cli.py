@@ -1,0 +1,289 @@
+"""The command line `rise-engine` (docs/reference/rise-engine.md).
+
+Nothing but click is imported here: `check` must be there at once, so each command imports what it needs itself.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+if TYPE_CHECKING:
+    from rise_engine.kernel.inputs import Submit
+    from rise_engine.scenario.model import Scenario
+    from rise_engine.script import ScriptTask
+
+_HELP = {"help_option_names": ["-h", "--help"]}
+_FOLDER = click.argument("folder", metavar="DIR", type=click.Path())
+_ROBOT = click.option("--robot", metavar="NAME", help="Another robot profile than the scenario's.")
+_MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
+
+
+@click.group(context_settings=_HELP)
+@click.version_option(package_name="rise-tui", prog_name="rise-engine")
+def main() -> None:
+    """Check and run human-robot interaction scenarios, without a screen."""
+
+
+@main.command()
+@_FOLDER
+@click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+@_ROBOT
+@_MODE
+def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> None:
+    """Say everything that is wrong with the scenario in DIR.
+
+    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
+    """
+    from rise_engine.reports import check_report
+
+    _require_folder(folder)
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
+
+
+@main.command("eval")
+@click.argument("expression")
+@click.option(
+    "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
+)
+@click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+def evaluate(expression: str, memory: str, as_json: bool) -> None:
+    """Show the value of EXPRESSION, its type, and how it was read.
+
+    Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
+    """
+    from rise_engine.reports import UnusableMemoryError, eval_report, read_memory
+
+    try:
+        values = read_memory(memory)
+    except UnusableMemoryError as error:
+        _usage(f"--memory: {error}")
+    sys.exit(eval_report(expression, values, as_json=as_json))
+
+
+@main.command()
+@_FOLDER
+@click.option("--set", "settings", metavar="KEY=JSON", multiple=True, help="Set a memory value first. Repeatable.")
+@click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable.")
+@click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable.")
+@click.option("--tasks", metavar="FILE|-", help="Tasks, one JSON object per line; - is standard input.")
+@click.option("--speed", metavar="N|max", default="1", help="How many times faster; max: virtual time.")
+@click.option(
+    "--until",
+    metavar="idle|SECONDS",
+    default="idle",
+    help="When to end; idle: when nothing happens by itself any more.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="For everything picked at random. Default: 0.")
+@_ROBOT
+@_MODE
+@click.option(
+    "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the records, one JSON object per line.")
+@click.option("--strict", is_flag=True, help="Exit with 3 when a task was rejected or aborted.")
+def run(
+    folder: str,
+    settings: tuple[str, ...],
+    rules: tuple[str, ...],
+    acts: tuple[str, ...],
+    tasks: str | None,
+    speed: str,
+    until: str,
+    seed: int,
+    robot: str | None,
+    mode: str | None,
+    faults: tuple[str, ...],
+    as_json: bool,
+    strict: bool,
+) -> None:
+    """Run the scenario in DIR without a screen.
+
+    First every --set, then every --rule, every --act, and the tasks by their time.
+
+    \b
+    What --fault understands (simulated robot only; @N: only the N-th of that action):
+      Speech=reject  Speech=fail  Speech=fail@2  LookAt=slow:3  Speech=hang
+      vanish@12.5    vanish@12.5-20
+
+    Exit status: 0; 1 scenario refused; 2 wrong usage; 3 with --strict, a task was rejected or aborted; 4 it would never
+    have ended; 130 interrupted.
+    """
+    from rise_engine.reports import load_or_refuse
+    from rise_engine.robots import DriverError, RobotOptionsError
+    from rise_engine.run import INTERRUPTED, REFUSED, USAGE, Plan
+    from rise_engine.run import run as run_session
+
+    pace = None if speed == "max" else _number("--speed", speed, "a number above 0, or max", least_excluded=True)
+    end = None if until == "idle" else _number("--until", until, "a number of seconds, 0 or more, or idle")
+    _require_folder(folder)
+    try:
+        scenario = load_or_refuse(folder, robot=robot, mode=mode)
+        if scenario is None:
+            sys.exit(REFUSED)
+        first = _first_tasks(scenario, settings, rules, acts)
+        script, stream = _script(tasks, virtual=pace is None)
+        plan = Plan(
+            scenario=scenario,
+            first=first,
+            script=script,
+            stream=stream,
+            speed=pace,
+            until=end,
+            seed=seed,
+            faults=faults,
+            json=as_json,
+            strict=strict,
+        )
+        sys.exit(run_session(plan))
+    except DriverError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(REFUSED)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except RobotOptionsError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(USAGE)
+    except _UnusableError as error:
+        click.echo(str(error), err=True)
+        sys.exit(USAGE)
+
+
+@main.command()
+@click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
+@click.option("--kind", type=click.Choice(["cra", "rules"]), required=True, help="Acts, or interaction rules.")
+@_ROBOT
+def schema(folder: str | None, kind: str, robot: str | None) -> None:
+    """Print the RELAX NG schema of act or rule files, for an editor that completes and checks them.
+
+    With DIR, it knows the actions of that scenario and its robot too.
+    """
+    from rise_engine.reports import schema_text
+
+    if folder is not None:
+        _require_folder(folder)
+    text = schema_text(folder, kind, robot)
+    if text is None:
+        sys.exit(1)
+    click.echo(text.rstrip("\n"))
+
+
+@main.command()
+@click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
+@click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+def robots(folder: str | None, as_json: bool) -> None:
+    """List the robots that a scenario can name, where each comes from and what it can do."""
+    from rise_engine.reports import robots_report
+
+    if folder is not None:
+        _require_folder(folder)
+    sys.exit(robots_report(folder, as_json=as_json))
+
+
+class _UnusableError(Exception):
+    """Something on the command line cannot be used; the text says what, in one or more lines."""
+
+
+def _first_tasks(
+    scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
+) -> tuple[Submit, ...]:
+    from rise_engine.kernel.inputs import Submit
+    from rise_engine.script import no_such
+
+    problems = [
+        f"error: --rule: {no_such('rule', name, list(scenario.rules))}" for name in rules if name not in scenario.rules
+    ]
+    problems += [
+        f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
+    ]
+    assigned = []
+    for setting in settings:
+        try:
+            assigned.append(_setting(setting))
+        except ValueError as error:
+            problems.append(f"error: --set {setting}: {error}")
+    if problems:
+        raise _UnusableError("\n".join(problems))
+    source = "wizard:command-line"
+    return (
+        *(Submit(function="assignValue", behavior=behavior, source=source) for behavior in assigned),
+        *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
+        *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
+    )
+
+
+def _setting(text: str) -> str:
+    """`KEY=JSON` as an assignment. Raises ValueError with a sentence."""
+    import json
+
+    from rise_engine.expression import Assignment, ExpressionError
+    from rise_engine.reports import strict_json
+
+    key, equals, value = text.partition("=")
+    key = key.strip()
+    if not equals or not key:
+        raise ValueError("write KEY=JSON, as in task=2 or 'name=\"Anna\"'")
+    try:
+        parsed: Any = strict_json(value)
+    except ValueError as error:
+        bare = value.strip()
+        if not bare or not (bare[0].isalpha() or bare[0] in "_/"):
+            raise ValueError(
+                f"the value is not JSON: {error}; a text stands in double quotes: '{key}=\"...\"'"
+            ) from None
+        click.echo(f"note: --set {key}: {bare} was taken as a text", err=True)
+        parsed = bare
+    behavior = f"{key} = {json.dumps(parsed, ensure_ascii=False)}"
+    try:
+        Assignment.parse(behavior)
+    except ExpressionError as error:
+        raise ValueError(str(error)) from None
+    return behavior
+
+
+def _script(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...], bool]:
+    """The tasks that are known before the session starts, and whether more will come on standard input."""
+    from pathlib import Path
+
+    from rise_engine.script import ScriptError, read_script
+
+    if path is None:
+        return (), False
+    if path == "-" and not virtual:
+        return (), True
+    try:
+        text = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+    except OSError as error:
+        raise _UnusableError(f"error: --tasks {path}: {error.strerror or error}") from None
+    try:
+        return tuple(read_script(text, path)), False
+    except ScriptError as error:
+        raise _UnusableError(str(error)) from None
+
+
+def _number(option: str, text: str, wanted: str, *, least_excluded: bool = False) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0 <= value < float("inf") or (least_excluded and value == 0):
+        _usage(f"{option} {text}: this must be {wanted}")
+    return value
+
+
+def _require_folder(folder: str) -> None:
+    from pathlib import Path
+
+    path = Path(folder)
+    if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
+        return
+    if path.exists():
+        _usage(f"{folder} is no scenario: give a folder, or the path of its scenario.toml")
+    _usage(f"there is no folder {folder}")
+
+
+def _usage(message: str) -> NoReturn:
+    click.echo(f"error: {message}", err=True)
+    sys.exit(2)

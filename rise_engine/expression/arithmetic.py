@@ -1,0 +1,67 @@
+"""Compiled arithmetic on IEEE doubles. Operands are closures that give floats; nothing here can raise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from rise_engine.expression.environment import Env
+from rise_engine.expression.functions import divide, power
+
+Number: TypeAlias = Callable[[Env], float]
+
+
+def chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
+    """A sum or a product, from left to right."""
+    if len(rest) == 1:
+        return _pair(first, *rest[0])
+    steps = [(_STEPS[operator], operand) for operator, operand in rest]
+
+    def run(env: Env) -> float:
+        total = first(env)
+        for step, operand in steps:
+            total = step(total, operand(env))
+        return total
+
+    return run
+
+
+def _pair(left: Number, operator: str, right: Number) -> Number:
+    match operator:
+        case "+":
+            return lambda env: left(env) + right(env)
+        case "-":
+            return lambda env: left(env) - right(env)
+        case "*":
+            return lambda env: left(env) * right(env)
+        case _:
+            return lambda env: divide(left(env), right(env))
+
+
+def raised(base: Number, exponent: Number) -> Number:
+    """`base ^ exponent`."""
+    return lambda env: power(base(env), exponent(env))
+
+
+def negative(operand: Number) -> Number:
+    """Unary minus."""
+    return lambda env: -operand(env)
+
+
+def call(function: Callable[..., float], arguments: list[Number]) -> Number:
+    """A function of numbers."""
+    if len(arguments) == 1:
+        (only,) = arguments
+        return lambda env: function(only(env))
+    if len(arguments) == 2:
+        first, second = arguments
+        return lambda env: function(first(env), second(env))
+    return lambda env: function(*[argument(env) for argument in arguments])
+
+
+_STEPS: dict[str, Callable[[float, float], float]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": divide,
+}

@@ -1,0 +1,204 @@
+"""`assignValue`: `key = expression`, or a JSON object with one key (semantics, 3 and 6; paper, section 4.2.2)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from math import isfinite
+
+from rise_engine.expression.environment import Env, Json, list_index, lookup
+from rise_engine.expression.errors import EvaluationError, ExpressionError
+from rise_engine.expression.expression import Expression
+from rise_engine.expression.strict_json import read_json
+from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED
+from rise_engine.expression.values import named
+
+_BLANKS = re.compile(r"\s*")
+_COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
+
+
+class Assignment:
+    """One value for one key. Immutable; equal when text and key are.
+
+    The right side is an `expression`, or, when that is null, the JSON value `literal`.
+    """
+
+    __slots__ = ("expression", "key", "literal", "text")
+
+    text: str
+    """As written; several assignments can come from one text (`parse_all`)."""
+    key: str
+    """The key that is set, dots included; see `store` for what a dotted key means."""
+    expression: Expression | None
+    literal: Json
+
+    def __init__(self, text: str, key: str, expression: Expression | None, literal: Json = None) -> None:
+        self.text = text
+        self.key = key
+        self.expression = expression
+        self.literal = literal
+
+    @classmethod
+    def parse(cls, text: str) -> Assignment:
+        """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError."""
+        found = cls.parse_all(text)
+        if len(found) > 1:
+            raise ExpressionError(
+                "this object has more than one key", text, text.index("{") + 1, "write one assignment per key"
+            )
+        return found[0]
+
+    @classmethod
+    def parse_all(cls, text: str) -> tuple[Assignment, ...]:
+        """As `parse`, but a JSON object may hold several keys (at least one), assigned in its order."""
+        if len(text) > MAX_LENGTH:
+            raise ExpressionError(f"the assignment is longer than {MAX_LENGTH:,} characters", text[:200], 1)
+        start = _blanks_end(text, 0)
+        if text.startswith("{", start):
+            pairs = read_json(text, start)
+            if not pairs:
+                raise ExpressionError("this object has no key", text, start + 1, 'write {"key": value}')
+            if "" in pairs:
+                raise ExpressionError("a memory key cannot be empty", text, start + 1)
+            return tuple(cls(text, key, None, value) for key, value in pairs.items())
+        key, at = _read_key(text, start)
+        expression, literal = _read_right_side(text, at)
+        return (cls(text, key, expression, literal),)
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """The memory keys that the right side reads (a bare word among them: it may be a key)."""
+        return self.expression.keys if self.expression is not None else frozenset()
+
+    @property
+    def bare_word(self) -> str | None:
+        """The right side when it is one single word: a key, or else a text that its author did not quote."""
+        return self.expression.is_bare_key if self.expression is not None else None
+
+    def evaluate(self, env: Env, known_keys: Collection[str] = frozenset()) -> Json:
+        """The value to store. Raises EvaluationError, also for NaN and infinity, which a memory cannot hold.
+
+        A bare word that is neither in the memory nor among `known_keys` (the keys that anything in the scenario sets)
+        is a text. A known key without a value gives null and is reported as missing.
+        """
+        if self.expression is None:
+            return self.literal
+        word = self.bare_word
+        if (
+            word is not None
+            and word not in known_keys
+            and word.partition(".")[0] not in known_keys
+            and not lookup(env.memory, word)[0]
+        ):
+            return word
+        value = self.expression.native(env)
+        if isinstance(value, float) and not isfinite(value):
+            shown = "no number (NaN)" if value != value else "infinite"
+            raise EvaluationError(f"the result for `{self.key}` is {shown}, which the memory cannot hold", self.text)
+        return value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Assignment) and (self.text, self.key) == (other.text, other.key)
+
+    def __hash__(self) -> int:
+        return hash((self.text, self.key))
+
+    def __repr__(self) -> str:
+        return f"Assignment.parse({self.text!r})"
+
+    def __reduce__(self) -> tuple[Callable[[str, str], Assignment], tuple[str, str]]:
+        return _restore, (self.text, self.key)
+
+
+def store(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
+    """Which top-level key gets which new value when `key` is set. The memory itself is not changed.
+
+    A dotted key sets the flat key of that name, unless there is none and its first part is an object (or a list): then
+    it reaches in, as reading does, and gives a copy with the new value inside; objects on the way are made when they do
+    not exist. Raises EvaluationError when the way leads through another value, or beyond the end of a list.
+    """
+    head, *rest = key.split(".")
+    if key in memory or not rest or not isinstance(memory.get(head), (dict, list)):
+        return key, value
+    top = here = memory[head].copy()
+    way = head
+    for part in rest[:-1]:
+        if isinstance(here, dict) and part not in here:
+            inner: Json = {}
+        else:
+            inner = here[_place(here, part, way, key)]
+            if not isinstance(inner, (dict, list)):
+                raise EvaluationError(f"`{way}.{part}` is {named(inner)}; nothing can be set inside it", key)
+            inner = inner.copy()
+        here[_place(here, part, way, key)] = inner
+        here = inner
+        way += f".{part}"
+    here[_place(here, rest[-1], way, key)] = value
+    return head, top
+
+
+def _place(container: Json, part: str, way: str, key: str) -> str | int:
+    if isinstance(container, dict):
+        return part
+    index = list_index(container, part)
+    if index is None:
+        raise EvaluationError(f"`{way}` is a list of {len(container)} and has no entry `{part}`", key)
+    return index
+
+
+def _restore(text: str, key: str) -> Assignment:
+    return next(assignment for assignment in Assignment.parse_all(text) if assignment.key == key)
+
+
+def _read_key(text: str, start: int) -> tuple[str, int]:
+    """The key on the left and the place behind the `=`."""
+    match = KEY.match(text, start)
+    if match is None:
+        if start == len(text):
+            raise ExpressionError("the assignment is empty", text, 1, "write `key = value`")
+        if text[start] == "=":
+            raise ExpressionError("there is no key before the `=`", text, start + 1, "write `key = value`")
+        raise ExpressionError(
+            f"a key cannot begin with `{text[start]}`", text, start + 1, "begin it with a letter or `_`"
+        )
+    key, end = match[0], match.end()
+    if key in RESERVED:
+        raise ExpressionError(f"`{key}` is a word of the language and cannot be a key", text, start + 1)
+    compound = _COMPOUND.match(text, end)
+    if compound:
+        hint = f"write `{key} = {key} {compound[1]} ...`"
+        raise ExpressionError(f"`{compound[1]}=` is no operator", text, compound.start(1) + 1, hint)
+    at = _blanks_end(text, end)
+    if at == len(text):
+        raise ExpressionError("the `=` is missing", text, at + 1, f"write `{key} = value`")
+    if text.startswith("==", at):
+        raise ExpressionError("`==` compares; it does not assign", text, at + 1, "write a single `=`")
+    if text.startswith(":=", at):
+        raise ExpressionError("`:=` is no operator", text, at + 1, "write a single `=`")
+    if text[at] == "=":
+        return key, at + 1
+    if at == end:
+        hint = "a key has only letters, digits, `_` and dots"
+        raise ExpressionError(f"`{text[at]}` cannot stand in a key", text, at + 1, hint)
+    hint = f"write `{key} = value`; a key has no blanks"
+    raise ExpressionError(f"after the key `{key}` there must be a `=`", text, at + 1, hint)
+
+
+def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
+    at = _blanks_end(text, start)
+    if at == len(text):
+        raise ExpressionError("there is no value after the `=`", text, at + 1, 'write `""` for an empty text')
+    if text[at] in "[{":
+        return None, read_json(text, at)
+    try:
+        return Expression.parse(text[at:].rstrip()), None
+    except ExpressionError as error:
+        hint = error.hint
+        if re.fullmatch(r"[^\W\d]+([ '’\-]+\w+)+[.!?]?", text[at:].strip()):
+            hint = f'put a text in quotes: `"{text[at:].strip()}"`'
+        raise ExpressionError(error.message, text, error.column + at, hint) from None
+
+
+def _blanks_end(text: str, start: int) -> int:
+    match = _BLANKS.match(text, start)
+    return match.end() if match else start

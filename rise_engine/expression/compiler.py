@@ -1,0 +1,228 @@
+"""Turns a tree into closures of one argument, the environment: once at load, then evaluation is plain calls.
+
+An expression can be wanted as a condition, as a number or as a value. Each node is compiled for the way its parent
+reads it, so that no type is looked at twice.
+"""
+
+from __future__ import annotations
+
+from rise_engine.expression import arithmetic, comparisons, logic
+from rise_engine.expression.arithmetic import Number
+from rise_engine.expression.comparisons import Condition, Operand, Refuse
+from rise_engine.expression.environment import MISSING, Env, Json, lookup
+from rise_engine.expression.errors import EvaluationError
+from rise_engine.expression.functions import CONSTANTS, NUMERIC
+from rise_engine.expression.nodes import (
+    Call,
+    Chain,
+    Compare,
+    Constant,
+    Defined,
+    Key,
+    Literal,
+    Logic,
+    Negative,
+    Node,
+    Not,
+    Power,
+    explicit,
+)
+from rise_engine.expression.values import named, native_number, to_double, truth
+
+
+class Compiler:
+    """Compiles the nodes of one expression, whose text goes into its errors."""
+
+    __slots__ = ("text",)
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def condition(self, node: Node) -> Condition:
+        """The truth of a node."""
+        match node:
+            case Logic(operator, operands):
+                return logic.combine(operator, [self.condition(operand) for operand in operands])
+            case Key(name):
+                return logic.key_truth(name)
+            case Compare():
+                return self.comparison(node)
+            case Not(Key(name)):
+                return logic.key_falsehood(name)
+            case Not(operand):
+                return logic.negation(self.condition(operand))
+            case Literal(value):
+                fixed = truth(value)
+                return lambda env: fixed
+            case Defined(name):
+                return lambda env: lookup(env.memory, name)[0]
+            case Chain() | Power() | Negative():
+                number = self.number(node)
+                return lambda env: number(env) > 0
+            case _:
+                read = self.operand(node)
+                return lambda env: truth(read(env))
+
+    def comparison(self, node: Compare) -> Condition:
+        """The fastest closure for a comparison."""
+        operator, left, right = node
+        if isinstance(left, Key) and isinstance(right, Literal):
+            literal = right.value
+            if operator == "==" or operator == "!=":
+                return comparisons.key_equals(left.name, literal, operator == "!=")
+            if operator in ("starts with", "ends with") and isinstance(literal, str):
+                return comparisons.key_affix(operator, left.name, literal, self.refuse(node))
+            if operator in ("<", "<=", ">", ">=") and literal is not None:
+                return comparisons.key_order(operator, left.name, literal, self.refuse(node))
+        a, b = self.operand(left), self.operand(right)
+        if operator == "==" or operator == "!=":
+            return comparisons.equals(a, b, operator == "!=")
+        if operator == "contains":
+            return comparisons.includes(a, b, self.refuse(node))
+        if operator in ("starts with", "ends with"):
+            return comparisons.affix(operator, a, b, self.refuse(node))
+        return comparisons.order(operator, a, b, self.refuse(node))
+
+    def number(self, node: Node) -> Number:
+        """The value of a node as a double: booleans are 1 and 0, a key that does not exist is 0."""
+        match node:
+            case Key(name):
+                return self.key_number(name)
+            case Literal(value) if isinstance(value, (int, float)):
+                fixed = float(value)
+                return lambda env: fixed
+            case Chain(first, rest):
+                return arithmetic.chain(self.number(first), [(sign, self.number(operand)) for sign, operand in rest])
+            case Negative(operand):
+                return arithmetic.negative(self.number(operand))
+            case Power(base, exponent):
+                return arithmetic.raised(self.number(base), self.number(exponent))
+            case Call(function, arguments) if function in NUMERIC:
+                return arithmetic.call(NUMERIC[function], [self.number(argument) for argument in arguments])
+            case Call("rand", arguments):
+                return self.rand([self.number(argument) for argument in arguments])
+            case Call("length", (argument,)):
+                return self.length(argument)
+            case Logic() | Not() | Compare() | Defined():
+                condition = self.condition(node)
+                return lambda env: 1.0 if condition(env) else 0.0
+            case _:
+                return self.checked_number(node)
+
+    def operand(self, node: Node) -> Operand:
+        """The value of a node in its own type; MISSING for a key that does not exist; computed numbers as doubles."""
+        match node:
+            case Key(name):
+
+                def read(env: Env) -> Json:
+                    try:
+                        return env.memory[name]
+                    except KeyError:
+                        return env.absent(name, MISSING)
+
+                return read
+            case Literal(value):
+                return lambda env: value
+            case Constant(name):
+                constant = CONSTANTS[name]
+                return lambda env: env.memory.get(name, constant)
+            case Logic() | Not() | Compare() | Defined():
+                return self.condition(node)
+            case Call("lower", (argument,)):
+                return self.lower(argument)
+            case _:
+                return self.number(node)
+
+    def value(self, node: Node) -> Operand:
+        """The value of a whole expression, as the memory would keep it."""
+        operand = self.operand(node)
+        if isinstance(node, Key):
+
+            def stored(env: Env) -> Json:
+                value = operand(env)
+                return None if value is MISSING else value
+
+            return stored
+        if isinstance(node, (Chain, Negative, Power, Call)):
+
+            def computed(env: Env) -> Json:
+                value = operand(env)
+                return native_number(value) if value.__class__ is float else value
+
+            return computed
+        return operand
+
+    def key_number(self, name: str) -> Number:
+        def run(env: Env) -> float:
+            try:
+                value = env.memory[name]
+            except KeyError:
+                value = env.absent(name, 0)
+            if value.__class__ is float:
+                return value
+            if isinstance(value, (int, float)):
+                return to_double(value)
+            raise self.not_a_number(Key(name), value)
+
+        return run
+
+    def checked_number(self, node: Node) -> Number:
+        operand = self.operand(node)
+
+        def run(env: Env) -> float:
+            value = operand(env)
+            if isinstance(value, (int, float)):
+                return to_double(value)
+            raise self.not_a_number(node, value)
+
+        return run
+
+    def rand(self, bounds: list[Number]) -> Number:
+        """`rand(max)` or `rand(min, max)`: draws exactly one number from the session's source."""
+
+        def run(env: Env) -> float:
+            values = [bound(env) for bound in bounds]
+            if env.rand is None:
+                raise EvaluationError("there is no source of chance here, so `rand` has no value", self.text)
+            low, high = (0.0, *values)[-2:]
+            return low + env.rand() * (high - low)
+
+        return run
+
+    def length(self, node: Node) -> Number:
+        operand = self.operand(node)
+
+        def run(env: Env) -> float:
+            value = operand(env)
+            if value is MISSING:
+                return 0.0
+            if isinstance(value, (str, list, dict)):
+                return float(len(value))
+            raise EvaluationError(f"`{explicit(node)}` is {named(value)}, which has no length", self.text)
+
+        return run
+
+    def lower(self, node: Node) -> Operand:
+        operand = self.operand(node)
+
+        def run(env: Env) -> str:
+            value = operand(env)
+            if value is MISSING:
+                return ""
+            if isinstance(value, str):
+                return value.lower()
+            raise EvaluationError(f"`{explicit(node)}` is {named(value)}, which is not a text", self.text)
+
+        return run
+
+    def refuse(self, node: Compare) -> Refuse:
+        """The error for a comparison whose sides do not fit."""
+
+        def error(left: Json, right: Json) -> EvaluationError:
+            action = "order" if node.operator in ("<", "<=", ">", ">=") else f"use `{node.operator}` on"
+            return EvaluationError(f"cannot {action} {named(left)} and {named(right)} in `{explicit(node)}`", self.text)
+
+        return error
+
+    def not_a_number(self, node: Node, value: Json) -> EvaluationError:
+        return EvaluationError(f"`{explicit(node)}` is {named(value)}, which is not a number", self.text)

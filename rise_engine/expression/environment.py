@@ -1,0 +1,84 @@
+"""What an evaluation sees: the memory, a source of chance, and a place to report keys that do not exist."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, MutableSet
+from typing import Any, Final, TypeAlias
+
+Json: TypeAlias = Any
+"""A JSON value: null, boolean, integer, number, string, array or object."""
+
+
+class Missing:
+    """The type of MISSING, the value of a key that does not exist: false, 0 or "" by context."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __repr__(self) -> str:
+        return "MISSING"
+
+
+MISSING: Final = Missing()
+
+
+class Env:
+    """The argument of a compiled expression. Build one, keep it, and change the memory behind it.
+
+    `memory` is a plain dict in the engine; `rand` gives the next number in [0, 1) (null: `rand()` is an evaluation
+    error); `missing` collects the keys that an evaluation wanted and that do not exist (null: not collected).
+    """
+
+    __slots__ = ("memory", "missing", "rand")
+
+    def __init__(
+        self,
+        memory: Mapping[str, Json],
+        rand: Callable[[], float] | None = None,
+        missing: MutableSet[str] | None = None,
+    ) -> None:
+        self.memory = memory
+        self.rand = rand
+        self.missing = missing
+
+    def absent(self, key: str, default: Json) -> Json:
+        """The value of a key that is no flat key: from within an object, or else `default`, and it is reported."""
+        if "." in key:
+            found, value = lookup(self.memory, key)
+            if found:
+                return value
+        if self.missing is not None:
+            self.missing.add(key)
+        return default
+
+
+def lookup(memory: Mapping[str, Json], key: str) -> tuple[bool, Json]:
+    """Whether a key exists, and its value (else null).
+
+    A flat key comes first: `person.name` may be one key. Otherwise the first part is a key and each further part
+    reaches into its value: a name into an object, a whole number (`list.0`) into a list.
+    """
+    if key in memory:
+        return True, memory[key]
+    head, *rest = key.split(".")
+    if not rest or head not in memory:
+        return False, None
+    value = memory[head]
+    for part in rest:
+        if isinstance(value, dict) and part in value:
+            value = value[part]
+        elif isinstance(value, list) and (index := list_index(value, part)) is not None:
+            value = value[index]
+        else:
+            return False, None
+    return True, value
+
+
+def list_index(items: list[Json], part: str) -> int | None:
+    """The index that a part of a key means within a list, if there is such an entry."""
+    if not (part.isascii() and part.isdigit() and len(part) < 10):
+        return None
+    index = int(part)
+    return index if index < len(items) else None

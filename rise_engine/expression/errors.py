@@ -1,0 +1,45 @@
+"""What can go wrong with an expression: it cannot be read (at load), or it cannot be evaluated (at run time)."""
+
+from __future__ import annotations
+
+
+class LanguageError(ValueError):
+    """Base of both. `message` says what is wrong in one sentence without the remedy; `text` is the source."""
+
+    def __init__(self, message: str, text: str) -> None:
+        super().__init__(message, text)
+        self.message = message
+        self.text = text
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class ExpressionError(LanguageError):
+    """A text that is no expression (or no assignment). Raised when it is parsed, never later.
+
+    `column` counts from 1 within `text`; one past the end means that something is missing there. `hint` is a remedy
+    for the author, or empty.
+    """
+
+    def __init__(self, message: str, text: str, column: int, hint: str = "") -> None:
+        super().__init__(message, text)
+        self.args = (message, text, column, hint)
+        self.column = column
+        self.hint = hint
+
+    def __str__(self) -> str:
+        remedy = f"; {self.hint}" if self.hint else ""
+        return f"{self.message} (column {self.column}){remedy}"
+
+
+class EvaluationError(LanguageError):
+    """A value of this moment does not fit the expression: a text is added, a number has no beginning, ..."""
+
+    def __str__(self) -> str:
+        return f"{self.message} (in `{shortened(self.text)}`)"
+
+
+def shortened(text: str, limit: int = 80) -> str:
+    """A text for a message: cut when it is long."""
+    return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -1,0 +1,107 @@
+"""An expression: a text that has been read once and can be evaluated many times (semantics, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, MutableSet
+from functools import cached_property
+
+from rise_engine.expression import nodes
+from rise_engine.expression.compiler import Compiler
+from rise_engine.expression.environment import Env, Json
+from rise_engine.expression.parser import parse
+from rise_engine.expression.values import native_number
+
+
+class Expression:
+    """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is.
+
+    `condition`, `number` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
+    `Env` and calls them directly. They raise EvaluationError when a value does not fit, and nothing else.
+    """
+
+    text: str
+    """As written."""
+    keys: frozenset[str]
+    """The memory keys that it reads, dotted ones whole."""
+    constants: frozenset[str]
+    """Those of pi, e, r2d and d2r that it uses. A memory key of the same name would hide them, so whoever waits for
+    changes of `keys` waits for these as well; nobody needs to set them, so they are not among `keys`."""
+    root: nodes.Node
+    """The syntax tree."""
+
+    def __init__(self, text: str, root: nodes.Node, keys: frozenset[str], constants: frozenset[str]) -> None:
+        self.text = text
+        self.root = root
+        self.keys = keys
+        self.constants = constants
+
+    @classmethod
+    def parse(cls, text: str) -> Expression:
+        """Read a text. Raises ExpressionError with the column and a remedy."""
+        parsed = parse(text)
+        return cls(text, parsed.root, frozenset(parsed.keys), frozenset(parsed.constants))
+
+    @cached_property
+    def condition(self) -> Callable[[Env], bool]:
+        """Compiled: whether it holds."""
+        return Compiler(self.text).condition(self.root)
+
+    @cached_property
+    def number(self) -> Callable[[Env], int | float]:
+        """Compiled: its number. Booleans are 1 and 0; whole numbers are integers."""
+        double = Compiler(self.text).number(self.root)
+        return lambda env: native_number(double(env))
+
+    @cached_property
+    def native(self) -> Callable[[Env], Json]:
+        """Compiled: its value in its own type. Lists and objects are the memory's own, never to be changed in place."""
+        return Compiler(self.text).value(self.root)
+
+    @cached_property
+    def explicit(self) -> str:
+        """The same expression with all brackets written out."""
+        return nodes.explicit(self.root)
+
+    @property
+    def is_bare_key(self) -> str | None:
+        """The key, when the expression is nothing but one (also in brackets)."""
+        return self.root.name if isinstance(self.root, nodes.Key) else None
+
+    def as_condition(
+        self,
+        memory: Mapping[str, Json],
+        rand: Callable[[], float] | None = None,
+        missing: MutableSet[str] | None = None,
+    ) -> bool:
+        """Whether it holds. `rand` gives numbers in [0, 1); keys that do not exist are added to `missing`."""
+        return self.condition(Env(memory, rand, missing))
+
+    def as_number(
+        self,
+        memory: Mapping[str, Json],
+        rand: Callable[[], float] | None = None,
+        missing: MutableSet[str] | None = None,
+    ) -> int | float:
+        """Its number; can be NaN or infinite. A text, null, list or object is an EvaluationError."""
+        return self.number(Env(memory, rand, missing))
+
+    def value(
+        self,
+        memory: Mapping[str, Json],
+        rand: Callable[[], float] | None = None,
+        missing: MutableSet[str] | None = None,
+    ) -> Json:
+        """Its value in its own type. A bare key that does not exist gives null."""
+        return self.native(Env(memory, rand, missing))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expression) and self.text == other.text
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+    def __repr__(self) -> str:
+        return f"Expression.parse({self.text!r})"
+
+    def __reduce__(self) -> tuple[Callable[[str], Expression], tuple[str]]:
+        return Expression.parse, (self.text,)

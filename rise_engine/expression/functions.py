@@ -1,0 +1,124 @@
+"""The functions of the language: those of RISE's parser, with the results of IEEE arithmetic instead of exceptions.
+
+All take and give doubles. A domain error gives NaN, an overflow infinity, as in the C library. `rand`, `length`,
+`lower` and `defined` need more than numbers; their arity is here, their meaning in the compiler.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from math import copysign, inf, nan
+
+CONSTANTS = {"pi": math.pi, "e": math.e, "r2d": 180 / math.pi, "d2r": math.pi / 180}
+"""`r2d` turns radians into degrees when multiplied, `d2r` the reverse. A memory key of the same name hides them."""
+
+MANY = 1000
+"""Upper bound for functions that take any number of arguments."""
+
+
+def divide(a: float, b: float) -> float:
+    """IEEE division: by zero gives infinity with the proper sign, 0/0 gives NaN."""
+    try:
+        return a / b
+    except ZeroDivisionError:
+        return nan if a == 0 or a != a else copysign(inf, a) * copysign(1.0, b)
+
+
+def power(a: float, b: float) -> float:
+    """IEEE power: never an exception, and never a number longer than a double."""
+    try:
+        return math.pow(a, b)
+    except OverflowError:
+        return -inf if a < 0 and math.fmod(b, 2) else inf
+    except ValueError:
+        # A zero to a negative power, or the root of a negative number.
+        if a != 0:
+            return nan
+        return copysign(inf, a) if math.fmod(b, 2) in (1.0, -1.0) else inf
+
+
+def _total(function: Callable[[float], float]) -> Callable[[float], float]:
+    def total(x: float) -> float:
+        try:
+            return function(x)
+        except ValueError:
+            return nan
+        except OverflowError:
+            return inf
+
+    return total
+
+
+def _logarithm(function: Callable[[float], float]) -> Callable[[float], float]:
+    def logarithm(x: float) -> float:
+        return function(x) if x > 0 else -inf if x == 0 else nan
+
+    return logarithm
+
+
+def _whole(function: Callable[[float], float]) -> Callable[[float], float]:
+    def whole(x: float) -> float:
+        return float(function(x)) if math.isfinite(x) else x
+
+    return whole
+
+
+def _minimum(*numbers: float) -> float:
+    return nan if any(number != number for number in numbers) else min(numbers)
+
+
+def _maximum(*numbers: float) -> float:
+    return nan if any(number != number for number in numbers) else max(numbers)
+
+
+def _lerp(a: float, b: float, t: float) -> float:
+    return a + (b - a) * t
+
+
+def _clamp(x: float, low: float, high: float) -> float:
+    return low if x < low else high if x > high else x
+
+
+def _clamp01(x: float) -> float:
+    return _clamp(x, 0.0, 1.0)
+
+
+NUMERIC: dict[str, Callable[..., float]] = {
+    "sin": _total(math.sin),
+    "cos": _total(math.cos),
+    "tan": _total(math.tan),
+    "asin": _total(math.asin),
+    "acos": _total(math.acos),
+    "atan": math.atan,
+    "atan2": math.atan2,
+    "abs": abs,
+    "floor": _whole(math.floor),
+    "ceil": _whole(math.ceil),
+    "round": _whole(round),
+    "min": _minimum,
+    "max": _maximum,
+    "exp": _total(math.exp),
+    "ln": _logarithm(math.log),
+    "log10": _logarithm(math.log10),
+    "sqrt": _total(math.sqrt),
+    "pow": power,
+    "lerp": _lerp,
+    "clamp": _clamp,
+    "clamp01": _clamp01,
+}
+
+ARITY: dict[str, tuple[int, int]] = {
+    **dict.fromkeys(NUMERIC, (1, 1)),
+    "atan2": (2, 2),
+    "min": (2, MANY),
+    "max": (2, MANY),
+    "pow": (2, 2),
+    "lerp": (3, 3),
+    "clamp": (3, 3),
+    "rand": (1, 2),
+    "length": (1, 1),
+    "lower": (1, 1),
+    "defined": (1, 1),
+}
+"""Every function that an expression can call, with its least and largest number of arguments."""

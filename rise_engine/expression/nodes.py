@@ -1,0 +1,178 @@
+"""The syntax tree. Chains of one level (`a or b or c`, `a + b - c`) are one node, so that long ones stay shallow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import isinf
+from typing import NamedTuple, TypeAlias
+
+
+class Literal(NamedTuple):
+    value: bool | int | float | str | None
+
+
+class Key(NamedTuple):
+    """A memory key, dots included."""
+
+    name: str
+
+
+class Constant(NamedTuple):
+    """`pi`, `e`, `r2d` or `d2r`: a memory key of the same name hides it."""
+
+    name: str
+
+
+class Defined(NamedTuple):
+    """`defined(key)`: true when the key exists, whatever its value."""
+
+    name: str
+
+
+class Not(NamedTuple):
+    operand: Node
+
+
+class Negative(NamedTuple):
+    operand: Node
+
+
+class Logic(NamedTuple):
+    """`operator` is or, xor, and."""
+
+    operator: str
+    operands: tuple[Node, ...]
+
+
+class Compare(NamedTuple):
+    """`operator` is ==, !=, <, <=, >, >=, starts with, ends with, contains."""
+
+    operator: str
+    left: Node
+    right: Node
+
+
+class Chain(NamedTuple):
+    """Sums (+, -) or products (*, /), applied from left to right."""
+
+    first: Node
+    rest: tuple[tuple[str, Node], ...]
+
+
+class Power(NamedTuple):
+    base: Node
+    exponent: Node
+
+
+class Call(NamedTuple):
+    function: str
+    arguments: tuple[Node, ...]
+
+
+Node: TypeAlias = Literal | Key | Constant | Defined | Not | Negative | Logic | Compare | Chain | Power | Call
+
+_ATOMS = (Literal, Key, Constant, Defined, Call)
+
+
+def children(node: Node) -> Iterator[Node]:
+    """The nodes directly below."""
+    match node:
+        case Not(operand) | Negative(operand):
+            yield operand
+        case Logic(_, operands) | Call(_, operands):
+            yield from operands
+        case Compare(_, left, right) | Power(left, right):
+            yield left
+            yield right
+        case Chain(first, rest):
+            yield first
+            for _, operand in rest:
+                yield operand
+
+
+def depth(node: Node) -> int:
+    """Levels of the tree; a leaf has 1. Does not recurse, so any tree can be measured."""
+    deepest = 0
+    waiting = [(node, 1)]
+    while waiting:
+        at, level = waiting.pop()
+        deepest = max(deepest, level)
+        waiting.extend((child, level + 1) for child in children(at))
+    return deepest
+
+
+def rebuild(node: Node, change: Callable[[Node], Node]) -> Node:
+    """The same node with `change` applied to each of its children."""
+    match node:
+        case Not(operand):
+            return Not(change(operand))
+        case Negative(operand):
+            return Negative(change(operand))
+        case Logic(operator, operands):
+            return Logic(operator, tuple(map(change, operands)))
+        case Call(function, arguments):
+            return Call(function, tuple(map(change, arguments)))
+        case Compare(operator, left, right):
+            return Compare(operator, change(left), change(right))
+        case Power(base, exponent):
+            return Power(change(base), change(exponent))
+        case Chain(first, rest):
+            return Chain(change(first), tuple((sign, change(operand)) for sign, operand in rest))
+        case _:
+            return node
+
+
+def explicit(node: Node) -> str:
+    """The expression with brackets around every part, keywords spelt as words and equality as `==`."""
+    match node:
+        case Key(name) | Constant(name):
+            return name
+        case Literal(value):
+            return literal_text(value)
+        case Defined(name):
+            return f"defined({name})"
+        case Not(operand):
+            return f"not {_bracketed(operand)}"
+        case Negative(operand):
+            return f"-{_bracketed(operand)}"
+        case Logic(operator, operands):
+            return f" {operator} ".join(map(_bracketed, operands))
+        case Compare(operator, left, right):
+            return f"{_bracketed(left)} {operator} {_bracketed(right)}"
+        case Chain(first, rest):
+            return _bracketed(first) + "".join(f" {operator} {_bracketed(operand)}" for operator, operand in rest)
+        case Power(base, exponent):
+            return f"{_bracketed(base)} ^ {_bracketed(exponent)}"
+        case Call(function, arguments):
+            return f"{function}({', '.join(map(explicit, arguments))})"
+
+
+def literal_text(value: bool | int | float | str | None) -> str:
+    """A literal as it can be written in an expression."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _quoted(value)
+    return number_text(value)
+
+
+def number_text(value: int | float) -> str:
+    """A number with a point and, where it can be avoided, without exponent sign (which RISE's parser cannot read)."""
+    text = repr(value)
+    if "e-" in text:
+        plain = f"{value:.30f}".rstrip("0")
+        return plain if float(plain) == value else text
+    return "inf" if isinstance(value, float) and isinf(value) else text.replace("e+", "e")
+
+
+def _bracketed(node: Node) -> str:
+    text = explicit(node)
+    return text if isinstance(node, _ATOMS) else f"({text})"
+
+
+def _quoted(value: str) -> str:
+    quote = "'" if '"' in value and "'" not in value else '"'
+    escaped = value.replace("\\", "\\\\").replace("\n", "\\n").replace("\t", "\\t").replace("\r", "\\r")
+    return quote + escaped.replace(quote, "\\" + quote) + quote

@@ -1,0 +1,214 @@
+"""Reads tokens into a tree: a Pratt parser with the precedences of semantics section 4, loosest to tightest:
+or; xor; and; not; equality; ordering and text comparisons; sums; products; unary minus; power; calls and brackets.
+
+Comparisons of one level do not chain. Anything that RISE's own parser would silently drop (text beside a bracket, an
+unknown function, an operator without operand) is refused here.
+"""
+
+from __future__ import annotations
+
+from rise_engine.expression import mistakes
+from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.functions import ARITY, CONSTANTS
+from rise_engine.expression.nodes import (
+    Call,
+    Chain,
+    Compare,
+    Constant,
+    Defined,
+    Key,
+    Literal,
+    Logic,
+    Negative,
+    Node,
+    Not,
+    Power,
+    depth,
+)
+from rise_engine.expression.tokens import Token, tokenize
+
+MAX_NESTING = 250
+"""Brackets and operators within each other, as written."""
+MAX_DEPTH = 100
+"""Levels of the tree that comes out of it: redundant brackets add none. Keeps far from Python's own limit."""
+
+_OR, _XOR, _AND, _EQUALITY, _ORDERING, _SUM, _PRODUCT, _POWER = 1, 2, 3, 5, 6, 7, 8, 10
+_LEVEL = {
+    "or": _OR,
+    "xor": _XOR,
+    "and": _AND,
+    **dict.fromkeys(("==", "!="), _EQUALITY),
+    **dict.fromkeys(("<", "<=", ">", ">="), _ORDERING),
+    **dict.fromkeys(("+", "-"), _SUM),
+    **dict.fromkeys(("*", "/"), _PRODUCT),
+    "^": _POWER,
+}
+_WORD_OPERATORS = frozenset({"starts", "ends", "contains"})
+_VALUES = {"true": Literal(True), "false": Literal(False), "null": Literal(None)}
+
+
+class Parsed:
+    """What parsing finds out: the tree, the keys that it reads, and the constants (which a key may hide)."""
+
+    __slots__ = ("constants", "keys", "root")
+
+    def __init__(self, root: Node, keys: set[str], constants: set[str]) -> None:
+        self.root = root
+        self.keys = keys
+        self.constants = constants
+
+
+def parse(text: str) -> Parsed:
+    """Read an expression. Raises ExpressionError, whatever the text is."""
+    parser = _Parser(text)
+    try:
+        root = parser.whole()
+    except RecursionError:  # the caller's own stack was nearly full
+        raise mistakes.too_deep(text, 0) from None
+    # Too shallow to be too deep: a level of the tree needs at least one token.
+    if len(parser.tokens) > MAX_DEPTH and depth(root) > MAX_DEPTH:
+        raise mistakes.too_deep(text, 0)
+    return Parsed(root, parser.keys, parser.constants)
+
+
+class _Parser:
+    __slots__ = ("at", "constants", "keys", "nesting", "text", "tokens")
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.tokens = tokenize(text)
+        self.at = 0
+        self.nesting = 0
+        self.keys: set[str] = set()
+        self.constants: set[str] = set()
+
+    def whole(self) -> Node:
+        root = self.expression(_OR)
+        if self.tokens[self.at].kind != "end":
+            raise mistakes.stray(self.text, self.tokens, self.at)
+        return root
+
+    def expression(self, loosest: int) -> Node:
+        """An expression of operators that bind at least as tightly as `loosest`."""
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            raise mistakes.too_deep(self.text, self.tokens[self.at].start)
+        left = self.operand(loosest)
+        tokens = self.tokens
+        while True:
+            operator = tokens[self.at].kind
+            level = _LEVEL.get(operator, 0)
+            if not level and operator == "word" and tokens[self.at].value in _WORD_OPERATORS:
+                level, operator = _ORDERING, tokens[self.at].value
+            if level < loosest or not level:
+                self.nesting -= 1
+                return left
+            if level <= _AND:
+                operands = [left]
+                while tokens[self.at].kind == operator:
+                    self.at += 1
+                    operands.append(self.expression(level + 1))
+                left = Logic(operator, tuple(operands))
+            elif level <= _ORDERING:
+                left = self.comparison(left, operator, level)
+            elif level <= _PRODUCT:
+                rest = []
+                while _LEVEL.get(sign := tokens[self.at].kind) == level:
+                    self.at += 1
+                    rest.append((sign, self.expression(level + 1)))
+                left = Chain(left, tuple(rest))
+            else:
+                self.at += 1
+                left = Power(left, self.expression(_POWER))
+
+    def comparison(self, left: Node, operator: str, level: int) -> Node:
+        if operator in _WORD_OPERATORS:
+            operator = self.word_operator()
+        else:
+            self.at += 1
+        result = Compare(operator, left, self.expression(level + 1))
+        following = self.tokens[self.at]
+        again = _LEVEL.get(following.kind) == level
+        if again or (level == _ORDERING and following.kind == "word" and following.value in _WORD_OPERATORS):
+            raise mistakes.chained(self.text, result, following)
+        return result
+
+    def word_operator(self) -> str:
+        """`starts with`, `ends with` or `contains`: operators only where an operator can stand, else plain keys."""
+        word = self.tokens[self.at]
+        self.at += 1
+        if word.value == "contains":
+            return "contains"
+        with_ = self.tokens[self.at]
+        if with_.value != "with" or with_.kind != "word":
+            raise ExpressionError(
+                f"`{word.value}` needs its `with`", self.text, with_.start + 1, f"write `{word.value} with`"
+            )
+        self.at += 1
+        return f"{word.value} with"
+
+    def operand(self, loosest: int) -> Node:
+        token = self.tokens[self.at]
+        kind = token.kind
+        self.at += 1
+        if kind == "word":
+            if self.tokens[self.at].kind == "(":
+                return self.call(token)
+            return self.name(token)
+        if kind == "number" or kind == "text":
+            return Literal(token.value)
+        if kind in _VALUES:
+            return _VALUES[kind]
+        if kind == "(":
+            inner = self.expression(_OR)
+            if self.tokens[self.at].kind != ")":
+                raise mistakes.unclosed(self.text, self.tokens, self.at, token)
+            self.at += 1
+            return inner
+        if kind == "not":
+            # `not` takes its whole comparison, unless it stands inside one: `a == not b`.
+            return Not(self.expression(max(_EQUALITY, loosest)))
+        if kind == "-":
+            return Negative(self.expression(_POWER))
+        raise mistakes.no_operand(self.text, self.tokens, self.at - 1)
+
+    def name(self, token: Token) -> Node:
+        name: str = token.value
+        if name in CONSTANTS:
+            self.constants.add(name)
+            return Constant(name)
+        if mistakes.is_capitalised(name):
+            raise mistakes.capitalised(self.text, token)
+        self.keys.add(name)
+        return Key(name)
+
+    def call(self, token: Token) -> Node:
+        name: str = token.value
+        if name not in ARITY:
+            raise mistakes.unknown_function(self.text, token)
+        first = self.at = self.at + 1
+        if name == "defined":
+            return self.defined(token)
+        arguments: list[Node] = []
+        if self.tokens[self.at].kind != ")":
+            arguments.append(self.expression(_OR))
+            while self.tokens[self.at].kind == ",":
+                self.at += 1
+                arguments.append(self.expression(_OR))
+            if self.tokens[self.at].kind != ")":
+                raise mistakes.unclosed(self.text, self.tokens, self.at, self.tokens[first - 1])
+        least, most = ARITY[name]
+        if not least <= len(arguments) <= most:
+            raise mistakes.wrong_arity(self.text, token, len(arguments), self.tokens[first : self.at])
+        self.at += 1
+        return Call(name, tuple(arguments))
+
+    def defined(self, token: Token) -> Node:
+        key, closing = self.tokens[self.at], self.tokens[min(self.at + 1, len(self.tokens) - 1)]
+        if key.kind != "word" or closing.kind != ")":
+            raise ExpressionError(
+                "`defined` takes one key", self.text, key.start + 1, "write `defined(key)`, without quotes"
+            )
+        self.at += 2
+        self.keys.add(key.value)
+        return Defined(key.value)

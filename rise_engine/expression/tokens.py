@@ -1,0 +1,169 @@
+"""Splits an expression into tokens: words, numbers, texts and operators, each with its place.
+
+Synonyms meet here (`&&` is `and`, `=` is `==`), so the parser knows one spelling of each operator.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+from rise_engine.expression.errors import ExpressionError
+
+MAX_LENGTH = 100_000
+"""Characters. Longer texts are refused: no author writes them."""
+
+RESERVED = frozenset({"or", "xor", "and", "not", "true", "false", "null"})
+"""Words that cannot be keys."""
+
+KEY = re.compile(r"[^\W\d][\w.]*")
+"""A memory key as it can be written in an expression: a letter or `_`, then letters, digits, `_` and dots."""
+
+_TOKEN = re.compile(
+    r"""\s*(?:
+      (?P<word>[^\W\d][\w.]*)
+    | (?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
+    | (?P<operator>&&|\|\||==(?!=)|!=(?!=)|<=(?!>)|>=|=(?![=!])|!(?!=)|<(?!>)|[>()+\-/^,]|\*(?!\*))
+    | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
+    | (?P<end>\Z)
+    | (?P<bad>.)
+    )""",
+    re.VERBOSE | re.DOTALL,
+)
+_SYNONYMS = {"&&": "and", "||": "or", "!": "not", "=": "=="}
+_ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
+_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "/": "/", "\\": "\\", '"': '"', "'": "'"}
+_HINTS = {
+    "%": "there is no remainder operator; the remainder of n by 2 is `n - 2 * floor(n / 2)`",
+    "&": "write `and` or `&&`",
+    "|": "write `or` or `||`",
+    "=": "write `=` or `==`",
+    "!": "write `!=`",
+    "<": "write `!=` for different",
+    "*": "write `^` for powers",
+    ";": "separate arguments by a comma",
+    "{": "braces belong to the parameters of actions; write the key alone",
+    "}": "braces belong to the parameters of actions; write the key alone",
+    "[": "write `list.0` for the first entry of a list",
+    "]": "write `list.0` for the first entry of a list",
+    "≥": "write `>=`",
+    "≤": "write `<=`",
+    "≠": "write `!=`",
+    "×": "write `*`",
+    "·": "write `*`",
+    "÷": "write `/`",
+    "−": "write the plain minus sign `-`",
+    "–": "write the plain minus sign `-`",
+    "¬": "write `not`",
+    "∧": "write `and`",
+    "∨": "write `or`",
+    "²": "write `^2`",
+    "³": "write `^3`",
+    "$": "write the key alone",
+    "?": "choose with `if` and `else` in the rule",
+    ":": "write `=` to compare",
+}
+_TYPOGRAPHIC_QUOTES = "“”„‟‘’‚«»‹›`´"
+
+
+class Token(NamedTuple):
+    """`kind` is word, number, text or end, or else the operator or reserved word itself, in its one spelling."""
+
+    kind: str
+    value: Any
+    start: int
+    end: int
+
+
+def tokenize(text: str) -> list[Token]:
+    """The tokens of a text, closed by one of kind `end`. Raises ExpressionError."""
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"the expression is longer than {MAX_LENGTH:,} characters", text[:200], 1)
+    tokens: list[Token] = []
+    make = Token._make
+    for match in _TOKEN.finditer(text):
+        group = match.lastgroup
+        start, end = match.span(group)  # type: ignore[arg-type]  # every alternative is a named group
+        value: Any = match[group]  # type: ignore[index]
+        if group == "word":
+            if not value.isascii():
+                _check_letters(text, value, start)
+            tokens.append(make((value if value in RESERVED else "word", value, start, end)))
+        elif group == "operator":
+            tokens.append(make((_SYNONYMS.get(value, value), value, start, end)))
+        elif group == "number":
+            tokens.append(make(("number", _number(text, value, start, end), start, end)))
+        elif group == "text":
+            tokens.append(make(("text", unquote(text, value, start), start, end)))
+        elif group == "end":
+            tokens.append(make(("end", "", start, end)))
+            break
+        else:
+            raise _bad_character(text, value, start)
+    return tokens
+
+
+def unquote(text: str, quoted: str, start: int) -> str:
+    """The value of a quoted text, with the escapes of JSON (and `\\'`). `start` is its place within `text`."""
+    if "\\" not in quoted:
+        return quoted[1:-1]
+
+    def replace(match: re.Match[str]) -> str:
+        code, letter = match.groups()
+        if code is not None:
+            return chr(int(code, 16))
+        if letter not in _ESCAPES:
+            raise ExpressionError(
+                f"`\\{letter}` means nothing in a text", text, start + match.start() + 1, "write `\\\\` for a backslash"
+            )
+        return _ESCAPES[letter]
+
+    value = _ESCAPE.sub(replace, quoted)[1:-1]
+    try:
+        # Two \u escapes may form one character; half of such a pair is no character at all.
+        return value.encode("utf-16", "surrogatepass").decode("utf-16")
+    except UnicodeDecodeError:
+        raise ExpressionError("a `\\u` escape here is half a character", text, start + 1) from None
+
+
+def _number(text: str, digits: str, start: int, end: int) -> int | float:
+    if KEY.match(text, end) or text.startswith(".", end):
+        raise ExpressionError(
+            f"`{_word_at(text, start)}` is neither a number nor a key",
+            text,
+            start + 1,
+            "a key begins with a letter or `_`, and a product needs its `*`",
+        )
+    value = float(digits)
+    if value == float("inf"):
+        raise ExpressionError("this number is too large", text, start + 1)
+    # Whole numbers stay integers as long as a double holds them exactly.
+    return int(value) if value.is_integer() and value < 2**53 else value
+
+
+def _word_at(text: str, start: int) -> str:
+    match = re.compile(r"[\w.]+").match(text, start)
+    return match[0][:40] if match else text[start]
+
+
+def _check_letters(text: str, word: str, start: int) -> None:
+    """Superscripts and the like count as word characters for `re`, but a person does not mean them as letters."""
+    for offset, character in enumerate(word):
+        if not ("_" + character).isidentifier() and character != ".":
+            raise _bad_character(text, character, start + offset)
+
+
+def _bad_character(text: str, character: str, start: int) -> ExpressionError:
+    column = start + 1
+    if character in "\"'":
+        return ExpressionError("this text has no closing quote", text, column, f"add {character} at its end")
+    if character in _TYPOGRAPHIC_QUOTES:
+        return ExpressionError(f"`{character}` is no quote here", text, column, "write straight quotes: \" or '")
+    entity = re.compile(r"&(lt|gt|amp|quot|apos);").match(text, start)
+    if entity:
+        return ExpressionError(f"`{entity[0]}` is escaped twice", text, column, "escape it once in the XML file")
+    if text.startswith("=!", start):
+        return ExpressionError("`=!` is no operator", text, column, "write `!=` for different")
+    shown = f"`{character}`" if character.isprintable() else f"The invisible character U+{ord(character):04X}"
+    hint = _HINTS.get(character, "a key has only letters, digits, `_` and dots")
+    return ExpressionError(f"{shown} has no meaning here", text, column, hint)

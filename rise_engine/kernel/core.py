@@ -1,0 +1,155 @@
+"""What all parts of the kernel share while they work on one input: time, numbering, outputs, memory, tasks."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.expression import Env, lookup
+from rise_engine.kernel.chance import Chance
+from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
+from rise_engine.kernel.records import AnyRecord, EventRecord, NoteRecord, TaskRecord, TaskStatus
+from rise_engine.scenario.model import Scenario
+
+
+class Task(Struct):
+    """A DomainTask that has not ended yet."""
+
+    id: int
+    function: str
+    behavior: str
+    calling_type: str
+    source: str
+    ref: str | None = None
+    status: TaskStatus = "PENDING"
+
+
+class TimerTarget(Struct, frozen=True):
+    """What a timer is for. `what`: after, wait, limit, cancel or stop."""
+
+    what: str
+    owner: str = ""
+    """The rule's name, or the task's id."""
+    item: str = ""
+    """The transition's index, or the actionID."""
+
+
+class Core:
+    """Time, numbering and outputs of the current step, and the state that belongs to no part alone."""
+
+    __slots__ = (
+        "chance",
+        "commands",
+        "env",
+        "events",
+        "next_task",
+        "next_timer",
+        "noticed",
+        "records",
+        "scenario",
+        "seq",
+        "step",
+        "t",
+        "timers",
+    )
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self.scenario = scenario
+        self.chance = Chance(seed)
+        self.t = 0.0
+        self.seq = 0
+        self.step = 0
+        """Counts inputs: what happens within one of them happens in one go."""
+        self.records: list[AnyRecord] = []
+        self.commands: list[Command] = []
+        self.events: deque[tuple[str, str, str]] = deque()
+        """Raised and not yet routed: topic for routing, topic for records, source."""
+        self.next_task = 1
+        self.next_timer = 1
+        self.timers: dict[int, TimerTarget] = {}
+        self.noticed: set[str] = set()
+        """Keys whose absence has been recorded; it is said once."""
+        self.env = Env({}, self.chance.fraction, set())
+
+    # --- outputs ---
+
+    def task_record(self, task: Task, reason: str = "", position: int | None = None) -> None:
+        self.seq += 1
+        self.records.append(
+            TaskRecord(
+                self.seq,
+                self.t,
+                "",
+                task.id,
+                task.function,
+                task.behavior,
+                task.calling_type,
+                task.source,
+                task.status,
+                reason,
+                position,
+                task.ref,
+            )
+        )
+
+    def settled(
+        self, function: str, behavior: str, source: str, status: TaskStatus, reason: str = "", ref: str | None = None
+    ) -> None:
+        """The one record of a task that ends at once: everything but starts."""
+        id = self.next_task
+        self.next_task = id + 1
+        self.seq += 1
+        self.records.append(
+            TaskRecord(self.seq, self.t, "", id, function, behavior, "None", source, status, reason, None, ref)
+        )
+
+    def new_task(self, function: str, behavior: str, calling_type: str, source: str, ref: str | None) -> Task:
+        task = Task(self.next_task, function, behavior, calling_type, source, ref)
+        self.next_task += 1
+        return task
+
+    def event_record(self, shown: str, source: str, taken_by: str | None) -> None:
+        self.seq += 1
+        self.records.append(EventRecord(self.seq, self.t, "", shown, source, taken_by))
+
+    def note(self, text: str, source: str = "engine") -> None:
+        self.seq += 1
+        self.records.append(NoteRecord(self.seq, self.t, "", text, source))
+
+    # --- events that the engine itself raises ---
+
+    def raise_if_named(self, topic: str) -> None:
+        """An event of the engine that no rule of the scenario names leaves no record (semantics, section 3)."""
+        if topic in self.scenario.topics:
+            self.events.append((topic, "/" + topic, "engine"))
+
+    # --- timers ---
+
+    def set_timer(self, seconds: float, target: TimerTarget) -> int:
+        timer = self.next_timer
+        self.next_timer += 1
+        self.timers[timer] = target
+        self.commands.append(SetTimer(timer, round(self.t + seconds, 6)))
+        return timer
+
+    def cancel_timer(self, timer: int) -> None:
+        if self.timers.pop(timer, None) is not None:
+            self.commands.append(CancelTimer(timer))
+
+    # --- memory, read ---
+
+    def values_of(self, keys: tuple[str, ...]) -> dict[str, Any]:
+        memory = self.env.memory
+        return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
+
+    def newly_missing(self) -> tuple[str, ...]:
+        """Keys that the last evaluation missed and that have not been reported yet."""
+        missing = self.env.missing
+        if not missing:
+            return ()
+        new = tuple(sorted(missing - self.noticed))
+        self.noticed.update(new)
+        missing.clear()
+        return new

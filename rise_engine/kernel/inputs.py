@@ -1,0 +1,99 @@
+"""Everything that can happen to a session. An input is a fact that arrived, with its time (architecture, "The kernel").
+
+Consoles, adapters, timers and command lines all speak these; there is no other way to change a session's state.
+`t` is seconds on the session's monotonic clock; whoever submits from outside leaves it 0 and the engine stamps it.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+
+TaskFunction: TypeAlias = Literal[
+    "startCommunicationRobotAct",
+    "stopCommunicationRobotAct",
+    "startInteractionRule",
+    "stopInteractionRule",
+    "raiseEventTopic",
+    "assignValue",
+    # Ours, by the same path, so that one log shows everything (docs/decisions):
+    "deleteValue",  # behavior: the memory key
+    "cancelTask",  # behavior: the id of a running or waiting task
+    "moveTask",  # behavior: "<id> <position>", a waiting task's new place, 0 is next
+    "stopAll",  # behavior is empty
+    "releaseStop",  # behavior is empty
+]
+
+
+class Input(Struct, frozen=True, tag_field="input", kw_only=True):
+    t: float = 0.0
+
+
+class Submit(Input, frozen=True, tag="submit", kw_only=True):
+    """A DomainTask: the one path by which anybody asks for anything (semantics, section 5).
+
+    `function` is any text: an unknown one is REJECTED with a reason, as a wrong name is.
+    """
+
+    function: str
+    behavior: str = ""
+    calling_type: str = ""
+    """`Blocking`, `None`, or empty for the act's own default."""
+    source: str = "engine"
+    """`wizard:<name>`, `rule:<name>`, `ros:<node>`, `file` or `engine`."""
+    ref: str | None = None
+    """The submitter's own name for it, echoed in the task's records."""
+
+
+class ActionReport(Input, frozen=True, tag="action", kw_only=True):
+    """The robot's word about an action that it was given. Reports for actions that have ended are ignored."""
+
+    action: str
+    """The goal id of `StartAction`."""
+    status: Literal["accepted", "succeeded", "failed", "canceled", "timed-out", "lost"]
+    reason: str = ""
+
+
+class TimerElapsed(Input, frozen=True, tag="timer", kw_only=True):
+    """A timer that the kernel asked for has run out. One that was cancelled meanwhile is ignored."""
+
+    timer: int
+
+
+class RobotChanged(Input, frozen=True, tag="robot", kw_only=True):
+    """The link to the robot changed. On `lost`, every action that it was running is lost."""
+
+    status: Literal["connected", "degraded", "lost"]
+    detail: str = ""
+
+
+class StopReport(Input, frozen=True, tag="stop_report", kw_only=True):
+    """The robot's answer to stop-all: which of its parts confirmed that they stopped, and which did not."""
+
+    confirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...] = ()
+
+
+class Note(Input, frozen=True, tag="note", kw_only=True):
+    """A remark for the record."""
+
+    text: str
+    source: str = "engine"
+
+
+class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True):
+    """The first input of a session."""
+
+    versions: dict[str, str] = {}
+
+
+class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True):
+    """The last input of a session."""
+
+    reason: str = ""
+
+
+AnyInput: TypeAlias = (
+    Submit | ActionReport | TimerElapsed | RobotChanged | StopReport | Note | SessionStarted | SessionEnded
+)

@@ -1,0 +1,66 @@
+"""The working memory: JSON values by key, every change recorded (semantics, section 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rise_engine.expression import Assignment, store
+from rise_engine.kernel.core import Core
+from rise_engine.kernel.records import MemoryRecord
+
+
+class WorkingMemory:
+    """Writes to the memory. Reading is `core.env`, which conditions are evaluated against."""
+
+    __slots__ = ("_changed", "_core", "_known")
+
+    def __init__(self, core: Core, changed: Callable[[str], None]) -> None:
+        self._core = core
+        self._changed = changed
+        """Called with each key that was written: rules may be watching it."""
+        self._known = core.scenario.known_keys
+
+    def begin(self) -> None:
+        """Take in the scenario's start values, recorded with the source `file`."""
+        for key, value in self._core.scenario.memory.items():
+            self.write(key, value, "file")
+
+    def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
+        """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""
+        core = self._core
+        env = core.env
+        if len(assignments) == 1:
+            written = [store(env.memory, assignments[0].key, assignments[0].evaluate(env, self._known))]
+        else:
+            written = []
+            so_far = dict(env.memory)
+            for assignment in assignments:
+                key, value = store(so_far, assignment.key, assignment.evaluate(env, self._known))
+                so_far[key] = value
+                written.append((key, value))
+        if core.env.missing:
+            for key in core.newly_missing():
+                core.note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
+        return written
+
+    def assign(self, written: list[tuple[str, Any]], source: str) -> None:
+        for key, value in written:
+            self.write(key, value, source)
+
+    def write(self, key: str, value: Any, source: str) -> None:
+        core = self._core
+        memory = core.env.memory
+        created = key not in memory
+        old = memory.get(key)
+        memory[key] = value
+        core.seq += 1
+        core.records.append(MemoryRecord(core.seq, core.t, "", key, value, old, source, False, created))
+        self._changed(key)
+
+    def delete(self, key: str, source: str) -> None:
+        core = self._core
+        old = core.env.memory.pop(key)
+        core.seq += 1
+        core.records.append(MemoryRecord(core.seq, core.t, "", key, None, old, source, True, False))
+        self._changed(key)

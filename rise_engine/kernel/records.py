@@ -1,0 +1,141 @@
+"""The record: one vocabulary for the journal, `run --json`, the socket and ROS (semantics, section 9).
+
+A record says what changed. The stream of records alone rebuilds every view (see `rise_engine.view`). The kernel numbers
+them and gives them session time; `wall` is put on by the engine, because the kernel knows no clock.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct, field
+
+TaskStatus: TypeAlias = Literal["PENDING", "ACTIVE", "SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"]
+ActionStatus: TypeAlias = Literal[
+    "started", "accepted", "succeeded", "failed", "canceled", "timed-out", "lost", "skipped"
+]
+ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
+"""Every action has exactly one record with one of these."""
+FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"})
+"""Every task ends in exactly one of these."""
+
+
+class Record(Struct, tag_field="kind", gc=False):
+    """What every record has."""
+
+    seq: int
+    """1, 2, 3, ... without gaps within a session."""
+    t: float
+    """Seconds on the session's monotonic clock."""
+    wall: str
+    """ISO 8601 with offset: a label, never used for reckoning."""
+
+
+class SessionRecord(Record, tag="session", kw_only=True):
+    status: Literal["started", "recovered", "ended"]
+    scenario: str = ""
+    scenario_hash: str = ""
+    mode: str = ""
+    robot: str = ""
+    seed: int = 0
+    versions: dict[str, str] = field(default_factory=dict)
+    reason: str = ""
+
+
+class TaskRecord(Record, tag="task"):
+    id: int
+    function: str
+    behavior: str
+    calling_type: str
+    source: str
+    status: TaskStatus
+    reason: str = ""
+    position: int | None = None
+    """For a PENDING task: its place among the waiting ones, 0 first."""
+    ref: str | None = None
+    """What the submitter called it (a ROS goal id, a console's own number)."""
+
+
+class ActionRecord(Record, tag="action"):
+    task: int
+    act: str
+    action: str
+    """Its actionID within the act."""
+    type: str
+    parameters: dict[str, Any]
+    status: ActionStatus
+    reason: str = ""
+    sent_as: str | None = None
+    """The action that the robot does instead, when it substitutes one."""
+
+
+class RuleRecord(Record, tag="rule"):
+    name: str
+    status: Literal["started", "entered", "ended", "stopped", "faulted"]
+    state: str | None
+    previous: str | None = None
+    trigger: str | None = None
+    """What led here: an event topic, `after 2s`, a condition, `start`, or who stopped it."""
+    transition: int | None = None
+    """Index of the transition taken, among those of `previous` in document order."""
+    priority: float = 0
+    """On the stack, at this moment (taking a transition raises it)."""
+    reason: str = ""
+
+
+class EventRecord(Record, tag="event"):
+    topic: str
+    source: str
+    taken_by: str | None
+
+
+class ConditionRecord(Record, tag="condition"):
+    rule: str
+    state: str
+    expression: str
+    values: dict[str, Any]
+    """The keys that it read, with their values; a key that does not exist is null and listed in `missing`."""
+    result: bool
+    error: str = ""
+    missing: tuple[str, ...] = ()
+    """Keys that do not exist, the first time that this is noticed."""
+
+
+class MemoryRecord(Record, tag="memory"):
+    key: str
+    value: Any
+    old: Any
+    source: str
+    deleted: bool = False
+    created: bool = False
+
+
+class RobotRecord(Record, tag="robot"):
+    status: Literal["connected", "degraded", "lost"]
+    detail: str = ""
+
+
+class StopRecord(Record, tag="stop"):
+    status: Literal["requested", "latched", "released"]
+    confirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...] = ()
+    source: str = ""
+
+
+class NoteRecord(Record, tag="note"):
+    text: str
+    source: str
+
+
+AnyRecord: TypeAlias = (
+    SessionRecord
+    | TaskRecord
+    | ActionRecord
+    | RuleRecord
+    | EventRecord
+    | ConditionRecord
+    | MemoryRecord
+    | RobotRecord
+    | StopRecord
+    | NoteRecord
+)

@@ -1,0 +1,105 @@
+"""The kernel's whole state as a value: taken between inputs, sent or stored, and brought back to life."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.kernel.acts import ActRun
+from rise_engine.kernel.core import Task, TimerTarget
+
+if TYPE_CHECKING:
+    from rise_engine.kernel.kernel import Kernel
+
+
+class RuleSnapshot(Struct, frozen=True):
+    name: str
+    state: str
+    task: Task
+    priority: float
+    stamp: int
+    timers: dict[int, int]
+    """Timer to index of the transition that it is for."""
+    held: list[int]
+
+
+class Snapshot(Struct, frozen=True):
+    """Plain data through and through: it can be encoded as JSON and decoded again."""
+
+    seed: int
+    t: float
+    seq: int
+    chance: int
+    next_task: int
+    next_timer: int
+    timers: dict[int, TimerTarget]
+    noticed: list[str]
+    memory: dict[str, Any]
+    rules: list[RuleSnapshot]
+    """Bottom of the stack first."""
+    stamp: int
+    waiting: list[Task]
+    acts: list[ActRun]
+    last_pick: dict[str, int]
+    robot_lost: str | None
+    stop: str
+    stop_timer: int | None
+
+
+def take(kernel: Kernel) -> Snapshot:
+    core, runner, rules = kernel.core, kernel.scheduler.runner, kernel.rules
+    snapshot = Snapshot(
+        seed=kernel.seed,
+        t=core.t,
+        seq=core.seq,
+        chance=core.chance.state,
+        next_task=core.next_task,
+        next_timer=core.next_timer,
+        timers=core.timers,
+        noticed=sorted(core.noticed),
+        memory=core.env.memory,
+        rules=[
+            RuleSnapshot(
+                run.name,
+                run.state.id,
+                run.task,
+                run.priority,
+                run.stamp,
+                {timer: transition.index for timer, transition in run.timers.items()},
+                sorted(run.held),
+            )
+            for run in rules.stack.values()
+        ],
+        stamp=rules.stamp,
+        waiting=kernel.scheduler.waiting,
+        acts=list(runner.runs.values()),
+        last_pick=runner.last_pick,
+        robot_lost=runner.robot_lost,
+        stop=kernel.stop,
+        stop_timer=kernel.stop_timer,
+    )
+    return _copy(snapshot)
+
+
+def restore(kernel: Kernel, snapshot: Snapshot) -> None:
+    snapshot = _copy(snapshot)
+    core = kernel.core
+    core.t, core.seq = snapshot.t, snapshot.seq
+    core.chance.state = snapshot.chance
+    core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
+    core.timers = snapshot.timers
+    core.noticed = set(snapshot.noticed)
+    core.env.memory.update(snapshot.memory)
+    for rule in snapshot.rules:
+        kernel.rules.resume(rule.name, rule.state, rule.task, rule.priority, rule.stamp, rule.timers, set(rule.held))
+    kernel.rules.stamp = snapshot.stamp
+    kernel.scheduler.waiting = snapshot.waiting
+    kernel.scheduler.runner.restore(snapshot.acts, snapshot.last_pick, snapshot.robot_lost)
+    kernel.stop, kernel.stop_timer = snapshot.stop, snapshot.stop_timer
+
+
+def _copy(snapshot: Snapshot) -> Snapshot:
+    """By way of JSON, so that what is taken never shares anything with the kernel and can surely be sent."""
+    return msgspec.json.decode(msgspec.json.encode(snapshot), type=Snapshot)

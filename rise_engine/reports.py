@@ -1,0 +1,275 @@
+"""What `rise-engine check`, `eval`, `schema` and `robots` print."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rise_engine.scenario.findings import Finding
+    from rise_engine.scenario.model import ActionSpec, Scenario
+
+
+# --- check ----------------------------------------------------------------------------------------------------------
+
+
+def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool) -> int:
+    """Print every finding; the exit status is 1 when one of them is an error."""
+    scenario, findings = _load(folder, robot, mode)
+    errors = sum(finding.severity == "error" for finding in findings)
+    warnings = len(findings) - errors
+    if as_json:
+        rows = [
+            {
+                "file": finding.place.file,
+                "line": finding.place.line,
+                "column": finding.place.column,
+                "severity": finding.severity,
+                "code": finding.code,
+                "message": finding.message,
+            }
+            for finding in findings
+        ]
+        _print(_json({"errors": errors, "warnings": warnings, "findings": rows}))
+    else:
+        for finding in findings:
+            _print(str(finding))
+        found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "no findings"
+        _print(f"{found}{_content(scenario)}")
+    return 1 if errors else 0
+
+
+def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scenario | None:
+    """The scenario, or None when it is refused; findings go to standard error."""
+    scenario, findings = _load(folder, robot, mode)
+    for finding in findings:
+        sys.stderr.write(f"{finding}\n")
+    if scenario is None:
+        errors = sum(finding.severity == "error" for finding in findings)
+        sys.stderr.write(f"the scenario is refused: {_count(errors, 'error')}\n")
+    return scenario
+
+
+def _load(folder: str, robot: str | None, mode: str | None) -> tuple[Scenario | None, list[Finding]]:
+    from rise_engine.scenario import load
+
+    loaded = load(folder, robot=robot, mode=mode)
+    return loaded.scenario, list(loaded.findings)
+
+
+def _content(scenario: Scenario | None) -> str:
+    if scenario is None:
+        return ""
+    return (
+        f" ({_count(len(scenario.acts), 'act')}, {_count(len(scenario.rules), 'rule')}, "
+        f"{_count(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
+    )
+
+
+# --- eval -----------------------------------------------------------------------------------------------------------
+
+
+class UnusableMemoryError(ValueError):
+    """`--memory` cannot be read; the message is a sentence."""
+
+
+def strict_json(text: str) -> Any:
+    """The value of a JSON text. Raises ValueError with a sentence, also for a key that is there twice."""
+    from rise_engine.scenario.json_reader import JsonError, plain, read_json
+
+    twice: list[str] = []
+    try:
+        value = plain(read_json(text, lambda key, at, first: twice.append(key)))
+    except JsonError as error:
+        raise ValueError(f"{error} (column {error.offset + 1})") from None
+    if twice:
+        raise ValueError(f"the key `{twice[0]}` is there twice")
+    return value
+
+
+def read_memory(text: str) -> dict[str, Any]:
+    """A memory from JSON or from a file, plain or as in the paper's listing 3. Raises UnusableMemoryError."""
+    from pathlib import Path
+
+    source = text.strip()
+    if source.startswith("@") or not source.startswith("{"):
+        path = Path(source.removeprefix("@"))
+        try:
+            source = path.read_text("utf-8-sig")
+        except (OSError, UnicodeDecodeError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise UnusableMemoryError(
+                f"{text} is neither a JSON object, such as '{{\"task\": 2}}', nor a file that can be read ({reason})"
+            ) from None
+    try:
+        value = strict_json(source)
+    except ValueError as error:
+        raise UnusableMemoryError(str(error)) from None
+    if isinstance(value, dict) and isinstance(value.get("WorkingMemory"), list) and len(value) == 1:
+        items = value["WorkingMemory"]
+        if not all(isinstance(item, dict) for item in items):
+            raise UnusableMemoryError('every entry of "WorkingMemory" is an object')
+        value = {key: each for item in items for key, each in item.items()}
+    if not isinstance(value, dict):
+        raise UnusableMemoryError("the memory is a JSON object")
+    return value
+
+
+def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
+    """Print what an expression gives, and how it was read; the exit status is 1 when it gives nothing."""
+    from random import Random
+
+    from rise_engine.expression import EvaluationError, Expression, ExpressionError, differences
+
+    try:
+        expression = Expression.parse(text)
+    except ExpressionError as error:
+        if as_json:
+            told = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
+            _print(_json(told))
+        else:
+            sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
+        return 1
+    missing: set[str] = set()
+    chance = Random(0).random
+    try:
+        value = expression.value(memory, chance, missing)
+    except EvaluationError as error:
+        if as_json:
+            _print(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
+        else:
+            _print(f"read as    {expression.explicit}")
+            sys.stderr.write(f"error: {error}\n")
+        return 1
+    try:
+        holds = str(expression.as_condition(memory, Random(0).random)).lower()
+    except EvaluationError as error:
+        holds = f"error: {error}"
+    otherwise = differences(expression)
+    if as_json:
+        _print(
+            _json(
+                {
+                    "expression": text,
+                    "value": value,
+                    "type": type_name(value),
+                    "condition": holds == "true",
+                    "read_as": expression.explicit,
+                    "keys": sorted(expression.keys),
+                    "missing": sorted(missing),
+                    "rise_differs": otherwise,
+                }
+            )
+        )
+        return 0
+    _print(f"value      {_shown(value)}")
+    _print(f"type       {type_name(value)}")
+    if not isinstance(value, bool):
+        _print(f"condition  {holds}")
+    _print(f"read as    {expression.explicit}")
+    for key in sorted(missing):
+        _print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
+    if otherwise is not None:
+        _print(f"differs    {otherwise}")
+    return 0
+
+
+def type_name(value: Any) -> str:
+    """What a memory value is, in JSON's words (a whole number is an integer)."""
+    if value is None:
+        return "null"
+    names = ((bool, "boolean"), (int, "integer"), (float, "number"), (str, "string"), (list, "array"), (dict, "object"))
+    return next((name for kind, name in names if isinstance(value, kind)), type(value).__name__)
+
+
+# --- schema and robots ----------------------------------------------------------------------------------------------
+
+
+def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
+    """The RELAX NG schema of act (`cra`) or rule files; None when the folder's scenario is refused."""
+    from rise_engine.scenario import schema_for
+
+    if folder is None:
+        return schema_for(kind, None)
+    scenario = load_or_refuse(folder, robot=robot, mode=None)
+    return None if scenario is None else schema_for(kind, scenario.robot)
+
+
+def robots_report(folder: str | None, *, as_json: bool) -> int:
+    """Print every robot that a scenario (in `folder`) can name."""
+    from pathlib import Path
+
+    from rise_engine.robots import drivers
+    from rise_engine.scenario.findings import Findings
+    from rise_engine.scenario.model import Place
+    from rise_engine.scenario.robots import find_profile, read_robot, robot_names
+    from rise_engine.scenario.source import Files
+
+    place = Path(folder or ".")
+    home = (place if place.is_dir() else place.parent).resolve()
+    installed = drivers()
+    rows = []
+    for name in robot_names(home):
+        findings = Findings()
+        profile = read_robot(name, Files(home, findings), Place(f"{name}.toml"))
+        rows.append(
+            {
+                "name": name,
+                "title": profile.title,
+                "from": str(find_profile(name, home) or "built in"),
+                "driver": profile.driver,
+                "installed": profile.driver in installed,
+                "actions": [
+                    _action_row(spec) for spec in profile.actions.values() if spec.supported or spec.substitute
+                ],
+                "findings": [str(finding) for finding in findings.sorted()],
+            }
+        )
+    if as_json:
+        _print(_json({"robots": rows}))
+        return 0
+    for row in rows:
+        missing = "" if row["installed"] else ", NOT INSTALLED"
+        _print(f"{row['name']}  {row['title']}  (driver {row['driver']}{missing})")
+        _print(f"    from {row['from']}")
+        for action in row["actions"]:
+            instead = f" as {action['substitute']}" if action["substitute"] else ""
+            names = f": {', '.join(action['names'])}" if action["names"] else ""
+            _print(f"    {action['name']}{instead}{names}")
+        for finding in row["findings"]:
+            _print(f"    {finding}")
+    return 0
+
+
+def _action_row(spec: ActionSpec) -> dict[str, Any]:
+    names = [name for parameter in spec.parameters.values() for name in (*parameter.codes, *parameter.names)]
+    return {"name": spec.name, "substitute": spec.substitute, "channels": list(spec.channels), "names": names}
+
+
+# --- small things ---------------------------------------------------------------------------------------------------
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+def _json(value: Any) -> str:
+    import msgspec
+
+    return msgspec.json.format(msgspec.json.encode(value), indent=2).decode()
+
+
+def _shown(value: Any) -> str:
+    import json
+
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _one_line(text: str) -> str:
+    """Every character at the column where it was written."""
+    return "".join(" " if character.isspace() else character for character in text)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -1,0 +1,67 @@
+"""The port behind which every robot stands, simulated or real (architecture, "The engine").
+
+An adapter implements `Robot`; the engine finds its class by the entry-point group `rise.drivers` and calls it from its
+own loop only. An adapter with threads of its own hands its reports over through the loop. Nothing here may block: each
+call starts something and returns, and what came of it arrives through `report`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
+
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
+from rise_engine.scenario.model import RobotProfile
+
+RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport
+Report: TypeAlias = Callable[[RobotReport], None]
+
+
+class Timer(Protocol):
+    def cancel(self) -> None: ...
+
+
+class Clock(Protocol):
+    """The session's clock: real (optionally faster) or virtual. Seconds since the session began; never goes back."""
+
+    def now(self) -> float: ...
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        """Run `callback` on the engine's loop at session time `when` (at once, but not inside this call, if past)."""
+        ...
+
+
+class Robot(Protocol):
+    """What a robot adapter must be able to do."""
+
+    def connect(self, report: Report) -> None:
+        """Begin. Answers with `RobotChanged("connected")` when goals can be sent, and again whenever that changes."""
+        ...
+
+    def start(self, goal: StartAction) -> None:
+        """Begin an action. Reports `accepted`, then exactly one ending; `failed` with a reason when it is refused."""
+        ...
+
+    def cancel(self, action: str) -> None:
+        """Stop one action, also one that has only just been started. It then reports its ending (`canceled`)."""
+        ...
+
+    def stop_all(self) -> None:
+        """Stop everything, also what others asked for, and answer with `StopReport`."""
+        ...
+
+    def close(self) -> None:
+        """Let go of everything. No reports after this."""
+        ...
+
+
+class Driver(Protocol):
+    """The callable that an entry point of the group `rise.drivers` names."""
+
+    def __call__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
+        """Make a robot. `faults` are requests of the form that the driver documents (only simulated ones take any).
+
+        Raises ValueError with a sentence for a person when the profile's options or a fault cannot be understood.
+        """
+        ...

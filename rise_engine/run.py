@@ -1,0 +1,301 @@
+"""A headless session: what `rise-engine run` does once its arguments are understood.
+
+In real time it runs on an asyncio loop; with `speed=None` in virtual time, in one plain loop without waiting.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+
+from rise_engine.clock import RealClock, SessionClock, VirtualClock
+from rise_engine.engine import Engine
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.output import Output, ThreadedOutput
+from rise_engine.robots import make_robot, warning_for
+from rise_engine.scenario.model import Scenario
+from rise_engine.script import ScriptError, ScriptReader, ScriptTask, doubt
+
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop
+
+OK, REFUSED, USAGE, UNSUCCESSFUL, ENDLESS, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 3, 4, 70, 130, 141
+"""Exit statuses (docs/reference/rise-engine.md)."""
+
+LIVELOCK = 100_000
+"""Inputs without any progress of virtual time after which a session is given up."""
+ENDLESS_AFTER = 86_400.0
+"""Virtual seconds after the last scripted task: a session that is not idle by then never will be."""
+STOP_SECONDS = 6.0
+"""Real seconds that an interrupted session waits for the robot to confirm that it stopped."""
+
+
+class Plan(Struct, frozen=True):
+    """What to run. `speed` is None for virtual time."""
+
+    scenario: Scenario
+    first: tuple[Submit, ...] = ()
+    """Submitted at time 0, in this order, before the script."""
+    script: tuple[ScriptTask, ...] = ()
+    stream: bool = False
+    """Read further tasks from standard input while the session runs."""
+    speed: float | None = 1.0
+    until: float | None = None
+    """Seconds of session time; None: until nothing happens by itself any more."""
+    seed: int = 0
+    faults: tuple[str, ...] = ()
+    json: bool = False
+    strict: bool = False
+
+
+def run(plan: Plan) -> int:
+    """Run a session to its end and give the exit status.
+
+    Raises rise_engine.robots.DriverError and RobotOptionsError, before anything has started.
+    """
+    if plan.speed is None:
+        return _run_virtual(plan)
+    import asyncio  # only here: virtual time does without
+
+    return asyncio.run(_run_real(plan))
+
+
+class _Session:
+    """What real and virtual time share: the script, the reasons to end, the exit status."""
+
+    def __init__(self, plan: Plan, clock: SessionClock, output: Output) -> None:
+        self.plan = plan
+        scenario = plan.scenario
+        robot = make_robot(scenario.robot, scenario.mode, clock, plan.seed, plan.faults)
+        self.engine = Engine(scenario, robot, clock, plan.seed, sinks=(output, self._watch))
+        self.output = output
+        self.status = OK
+        self._waiting = len(plan.script)
+        self.streaming = plan.stream
+        self._unsuccessful = False
+
+    def start(self) -> None:
+        engine, clock = self.engine, self.engine.clock
+        for task in self.plan.script:
+            doubtful = doubt(task, self.plan.scenario)
+            if doubtful is not None:
+                tell(doubtful)
+        engine.start()
+        warning = warning_for(self.plan.scenario.robot, self.plan.scenario.mode)
+        if warning is not None:
+            tell(f"warning: {warning}")
+            engine.post(Note(text=warning))
+        for submit in self.plan.first:
+            engine.accept(submit)
+        for task in self.plan.script:
+            self._schedule(task)
+        if self.plan.until is not None:
+            clock.call_at(self.plan.until, lambda: engine.end(f"{self.plan.until:g} s are over"))
+
+    def add(self, task: ScriptTask) -> None:
+        """A task that came while the session runs; one whose time is over is submitted at once."""
+        doubtful = doubt(task, self.plan.scenario)
+        if doubtful is not None:
+            tell(doubtful)
+        self._waiting += 1
+        if task.at <= self.engine.clock.now():
+            self._submit(task)
+        else:
+            self._schedule(task)
+
+    def refuse(self, refused: ScriptError) -> None:
+        """A streamed line that cannot be used; the session goes on without it."""
+        tell(str(refused))
+        self.status = USAGE
+
+    def end_if_idle(self) -> None:
+        """With `--until idle`: end when nothing happens by itself any more and nobody has anything left to say."""
+        if self.plan.until is None and not self._waiting and not self.streaming and self.engine.idle:
+            self.engine.end("nothing is left to do")
+
+    def interrupt(self) -> None:
+        self.status = INTERRUPTED
+        self.engine.end("interrupted", stop=True)
+
+    def pipe_broken(self) -> None:
+        self.status = BROKEN_PIPE
+        self.engine.end("nobody reads the output")
+
+    def give_up(self, message: str) -> None:
+        tell(f"error: {message}")
+        self.status = ENDLESS
+        self.engine.end(message, stop=True)
+
+    def exit_status(self) -> int:
+        if self.engine.failure is not None:
+            tell(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
+            return FAILED
+        if self.status == OK and self.plan.strict and self._unsuccessful:
+            return UNSUCCESSFUL
+        return self.status
+
+    def _schedule(self, task: ScriptTask) -> None:
+        self.engine.clock.call_at(task.at, lambda: self._submit(task))
+
+    def _submit(self, task: ScriptTask) -> None:
+        self._waiting -= 1
+        if not self.engine.ended:
+            self.engine.post(task.task)
+
+    def _watch(self, record: AnyRecord) -> None:
+        if isinstance(record, TaskRecord) and record.status in ("REJECTED", "ABORTED"):
+            self._unsuccessful = True
+
+
+# --- virtual time ---------------------------------------------------------------------------------------------------
+
+
+def _run_virtual(plan: Plan) -> int:
+    clock = VirtualClock()
+    session = _Session(plan, clock, Output(json=plan.json))
+    engine = session.engine
+    interrupts: list[int] = []
+
+    def interrupted(number: int, frame: FrameType | None) -> None:
+        if interrupts:
+            os._exit(INTERRUPTED)
+        interrupts.append(number)
+
+    horizon = ENDLESS_AFTER + max((task.at for task in plan.script), default=0.0)
+    with _Signals(interrupted):
+        session.start()
+        moment, inputs = clock.now(), engine.inputs
+        while not engine.ended:
+            session.end_if_idle()
+            if engine.ended or not clock.advance():
+                break
+            if clock.now() > moment:
+                moment, inputs = clock.now(), engine.inputs
+            elif engine.inputs - inputs > LIVELOCK and session.status != ENDLESS:
+                inputs = engine.inputs
+                session.give_up(f"{LIVELOCK:,} inputs in one moment, at {moment:g} s: something goes round in circles")
+            elif engine.inputs - inputs > LIVELOCK:
+                break
+            if plan.until is None and moment > horizon and session.status != ENDLESS:
+                session.give_up(
+                    f"after {moment / 3600:.0f} hours of session time something still goes on by itself; "
+                    "say how long to run: --until SECONDS"
+                )
+            if interrupts and session.status != INTERRUPTED:
+                session.interrupt()
+            if session.output.broken and session.status != BROKEN_PIPE:
+                session.pipe_broken()
+        engine.end_now("nothing is left to do")
+    session.output.close()
+    return session.exit_status()
+
+
+class _Signals:
+    """SIGINT and SIGTERM go to `handler` inside the block. Does nothing outside the main thread."""
+
+    def __init__(self, handler: Callable[[int, FrameType | None], None]) -> None:
+        self._handler = handler
+        self._before: list[tuple[int, object]] = []
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            self._before = [(each, signal.signal(each, self._handler)) for each in (signal.SIGINT, signal.SIGTERM)]
+
+    def __exit__(self, *exception: object) -> None:
+        for each, handler in self._before:
+            signal.signal(each, handler)  # type: ignore[arg-type]
+
+
+# --- real time ------------------------------------------------------------------------------------------------------
+
+
+async def _run_real(plan: Plan) -> int:
+    import asyncio
+
+    loop = asyncio.get_running_loop()
+    assert plan.speed is not None
+    output = ThreadedOutput(json=plan.json)
+    session = _Session(plan, RealClock(loop, plan.speed), output)
+    engine = session.engine
+    ended = asyncio.Event()
+    engine.when_ended(ended.set)
+    engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)
+
+    def broken() -> None:
+        with suppress(RuntimeError):  # the session is over and its loop is closed
+            loop.call_soon_threadsafe(session.pipe_broken)
+
+    output.when_broken = broken
+    interrupts: list[int] = []
+
+    def interrupted() -> None:
+        session.interrupt()
+        loop.call_later(STOP_SECONDS, engine.end_now, "interrupted")
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        if interrupts:
+            os._exit(INTERRUPTED)
+        interrupts.append(number)
+        loop.call_soon_threadsafe(interrupted)
+
+    with _Signals(handler):
+        session.start()
+        if plan.stream:
+            _stream(loop, session)
+        session.end_if_idle()
+        await ended.wait()
+        output.close()
+    return session.exit_status()
+
+
+def _stream(loop: AbstractEventLoop, session: _Session) -> None:
+    """Tasks run as their lines arrive on standard input; its end ends the script."""
+    reader = ScriptReader("-")
+
+    def line(text: bytes) -> None:
+        try:
+            task = reader.read(text)
+        except ScriptError as refused:
+            session.refuse(refused)
+        else:
+            if task is not None:
+                session.add(task)
+
+    def ended() -> None:
+        session.streaming = False
+        session.end_if_idle()
+
+    def read() -> None:
+        # Straight from the descriptor: at the end of the program nothing may be stuck in a lock of sys.stdin.
+        rest = b""
+        try:
+            descriptor = sys.stdin.fileno()
+            while chunk := os.read(descriptor, 65_536):
+                *lines, rest = (rest + chunk).split(b"\n")
+                for text in lines:
+                    loop.call_soon_threadsafe(line, text)
+            if rest:
+                loop.call_soon_threadsafe(line, rest)
+            loop.call_soon_threadsafe(ended)
+        except RuntimeError:  # the session is over and its loop is closed
+            return
+        except (OSError, ValueError):  # no standard input at all
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(ended)
+
+    threading.Thread(target=read, name="rise-stdin", daemon=True).start()
+
+
+def tell(message: str) -> None:
+    """A line for the person who runs this, beside the records."""
+    sys.stderr.write(message + "\n")
+    sys.stderr.flush()

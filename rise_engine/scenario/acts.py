@@ -1,0 +1,338 @@
+"""Reading CommunicationRobotActs (paper, section 4.2.1; semantics, section 2; docs/reference/cra.md)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from rise_engine.scenario.draft import BareKey, Draft, Mention
+from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.graph import cycles
+from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
+from rise_engine.scenario.parameters import convert
+from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
+from rise_engine.scenario.xml import Element, Spot, XmlFile
+
+WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
+COMMON = ("actionID", "waitForActions", "onFailure")
+_SEPARATORS = re.compile(r"[,;\s]+")
+_KEY = re.compile(r"[^\W\d][\w.]*\Z")
+
+
+def read_acts(file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findings) -> None:
+    """Read every act of a file into `draft`."""
+    for element in roots(file, "Dialog", WRAPPERS, findings):
+        reader = _ActReader(file, robot, draft, findings)
+        act = reader.act(element)
+        if act is None:
+            continue
+        if act.name in draft.acts:
+            first = draft.acts[act.name].place
+            findings.error(
+                "duplicate-name",
+                file.value_place(element, "name"),
+                f"there is another act `{act.name}` in {first.file}, line {first.line}",
+            )
+        else:
+            draft.acts[act.name] = act
+
+
+def roots(file: XmlFile, tag: str, wrappers: tuple[str, ...], findings: Findings) -> Iterator[Element]:
+    """The elements called `tag`: the outermost element itself, or the children of a wrapper."""
+    root = file.root
+    if root.tag == tag:
+        yield root
+        return
+    if root.tag not in wrappers:
+        findings.error(
+            "unknown-element",
+            file.place(root),
+            f"`<{root.tag}>` cannot be the outermost element here{suggestion(str(root.tag), (tag, *wrappers))}",
+        )
+        return
+    for name in root.keys():  # noqa: SIM118  # lxml elements are no mappings
+        findings.error("unknown-attribute", file.attribute_place(root, name), f"`<{root.tag}>` has no attributes")
+    no_text(file, root, findings)
+    for child in root:
+        if child.tag == tag:
+            yield child
+        else:
+            findings.error(
+                "unknown-element", file.place(child), f"`<{child.tag}>` cannot stand here; `<{root.tag}>` holds `<{tag}>`"
+            )
+
+
+def no_text(file: XmlFile, element: Element, findings: Findings) -> None:
+    """A finding for text between the children of an element that holds only elements."""
+    stray = element.text
+    if stray and not stray.isspace():
+        place = file.text_place(element, len(stray) - len(stray.lstrip()))
+    else:
+        for child in element:
+            stray = child.tail
+            if stray and not stray.isspace():
+                place = file.place(child)
+                break
+        else:
+            return
+    findings.error("unexpected-text", place, f"text cannot stand here: `{' '.join(stray.split())[:60]}`")
+
+
+class _ActReader:
+    def __init__(self, file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findings) -> None:
+        self.file = file
+        self.robot = robot
+        self.draft = draft
+        self.findings = findings
+        self.waits: dict[str, Element] = {}
+
+    def error(self, code: str, element: Element, message: str) -> None:
+        self.findings.error(code, self.file.place(element), message)
+
+    def act(self, element: Element) -> Act | None:
+        self.attributes(element, ("name",))
+        no_text(self.file, element, self.findings)
+        name = (element.get("name") or "").strip()
+        if not name:
+            self.error("missing-attribute", element, 'an act needs a name: <Dialog name="...">')
+        actions: dict[str, Action] = {}
+        channels: set[str] = set()
+        for child in element:
+            action = self.action(child)
+            if action is None:
+                continue
+            if action.id in actions:
+                first = actions[action.id].place
+                self.error("duplicate-id", child, f"the actionID `{action.id}` is taken already, in line {first.line}")
+                continue
+            actions[action.id] = action
+            for call in action.calls:
+                channels.update(self.robot.actions[call.type].channels)
+        if len(element) == 0:
+            self.findings.warning("empty-act", self.file.place(element), f"the act `{name}` has no actions")
+        self.check_graph(actions)
+        if not name:
+            return None
+        return Act(name, tuple(actions.values()), frozenset(channels), self.file.place(element))
+
+    def check_graph(self, actions: dict[str, Action]) -> None:
+        for action in actions.values():
+            for wanted in action.wait_for:
+                if wanted not in actions:
+                    self.findings.error(
+                        "unknown-id",
+                        self.file.text_place(self.waits[action.id], self._index(action.id, wanted)),
+                        f"there is no action `{wanted}` in this act{suggestion(wanted, actions)}",
+                    )
+        for cycle in cycles({action.id: [w for w in action.wait_for if w in actions] for action in actions.values()}):
+            self.findings.error(
+                "cycle",
+                self.file.text_place(self.waits[cycle[0]], self._index(cycle[0], "")),
+                f"these actions wait for each other: {' -> '.join((*cycle, cycle[0]))}",
+            )
+
+    def _index(self, action: str, word: str) -> int:
+        """Where a word stands in the text of an action's waitForActions."""
+        text = self.waits[action].text or ""
+        found = re.search(rf"(?<![^,;\s]){re.escape(word)}(?![^,;\s])", text) if word else re.search(r"\S", text)
+        return found.start() if found else 0
+
+    def action(self, element: Element) -> Action | None:
+        if element.tag == "Variants":
+            return self.variants(element)
+        spec = self.spec(element)
+        if spec is None:
+            return None
+        self.attributes(element, ())
+        common = {child.tag: child for child in element if child.tag in COMMON}
+        call = self.call(element, spec, COMMON)
+        return self.node(element, common, (call,))
+
+    def variants(self, element: Element) -> Action | None:
+        self.attributes(element, ())
+        no_text(self.file, element, self.findings)
+        common: dict[object, Element] = {}
+        calls: list[Call] = []
+        first: str | None = None
+        for child in element:
+            if child.tag in COMMON:
+                if child.tag in common:
+                    self.error("duplicate-parameter", child, f"`{child.tag}` stands here twice")
+                common.setdefault(child.tag, child)
+                continue
+            spec = self.spec(child)
+            if spec is None:
+                continue
+            self.attributes(child, ())
+            if first is None:
+                first = spec.name
+            elif spec.name != first:
+                self.error("variants", child, f"variants are of one type: the first is `{first}`, this is `{spec.name}`")
+                continue
+            calls.append(self.call(child, spec, ()))
+        if not calls:
+            if first is None and all(child.tag in COMMON for child in element):
+                self.error("variants", element, "`<Variants>` holds the actions of which one is picked; it has none")
+            return None
+        if len(calls) == 1:
+            self.findings.warning("variants", self.file.place(element), "there is only one variant to pick")
+        return self.node(element, common, tuple(calls))
+
+    def spec(self, element: Element) -> ActionSpec | None:
+        """The declaration of an action element; None, after a finding, when this robot has none."""
+        name = str(element.tag)
+        spec = self.robot.actions.get(name)
+        if spec is None:
+            known = [each.name for each in self.robot.actions.values() if each.supported]
+            self.error("unknown-action", element, f"there is no action `{name}`{suggestion(name, (*known, 'Variants'))}")
+            return None
+        if not spec.supported:
+            self.error("robot-cannot", element, f"the robot {self.robot.title} (`{self.robot.name}`) has no `{name}`")
+            return None
+        return spec
+
+    def node(self, element: Element, common: dict[object, Element] | dict[str, Element], calls: tuple[Call, ...]) -> (
+        Action | None
+    ):
+        get = dict(common).get
+        name = self.plain(get("actionID"))
+        if not name:
+            where = get("actionID")
+            self.error(
+                "missing-id",
+                element if where is None else where,
+                f"`<{element.tag}>` needs an <actionID> of its own, such as <actionID>1</actionID>",
+            )
+            return None
+        if _SEPARATORS.search(name):
+            self.error("bad-name", get("actionID", element), f"an actionID is one word or number, not `{name}`")
+            return None
+        wait = get("waitForActions")
+        wait_for: tuple[str, ...] = ()
+        if wait is not None:
+            wait_for = tuple(dict.fromkeys(word for word in _SEPARATORS.split(self.plain(wait)) if word))
+            self.waits.setdefault(name, wait)
+        failure = get("onFailure")
+        proceed = self.plain(failure)
+        if failure is not None and proceed != "continue":
+            self.findings.error(
+                "wrong-value",
+                self.file.text_place(failure),
+                f"onFailure can only be `continue`, not `{proceed}`; without it, a failure ends the act",
+            )
+        return Action(name, calls, wait_for, proceed == "continue", self.file.place(element))
+
+    def plain(self, element: Element | None) -> str:
+        """The text of a child that holds nothing but text."""
+        if element is None:
+            return ""
+        self.attributes(element, ())
+        for child in element:
+            self.error("unknown-element", child, f"`<{element.tag}>` holds only text")
+        return (element.text or "").strip()
+
+    def call(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> Call:
+        no_text(self.file, element, self.findings)
+        parameters: dict[str, Template] = {}
+        seen: dict[str, Element] = {}
+        for child in element:
+            name = str(child.tag)
+            if name in seen:
+                self.error("duplicate-parameter", child, f"`{name}` stands here twice")
+                continue
+            seen[name] = child
+            parameter = spec.parameters.get(name)
+            if parameter is not None:
+                template = self.template(child, parameter)
+                if template is not None:
+                    parameters[name] = template
+            elif name not in besides:
+                self.unknown_parameter(child, spec, besides)
+        for parameter in spec.parameters.values():
+            if parameter.required and parameter.name not in seen:
+                self.error(
+                    "missing-parameter", element, f"`<{spec.name}>` needs `<{parameter.name}>`{_explained(parameter)}"
+                )
+        return Call(spec.name, parameters)
+
+    def unknown_parameter(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> None:
+        name = str(element.tag)
+        if name in COMMON:
+            self.error("unknown-parameter", element, f"`{name}` stands in `<Variants>`, not in its single actions")
+        elif name in self.robot.actions or name == "Variants":
+            self.error("unknown-parameter", element, f"an action cannot stand inside `<{spec.name}>`; close it before")
+        else:
+            known = (*spec.parameters, *besides)
+            self.error("unknown-parameter", element, f"`<{spec.name}>` has no `{name}`{suggestion(name, known)}")
+
+    def template(self, element: Element, parameter: Parameter) -> Template | None:
+        text = self.plain(element)
+        if "\n" in text:
+            text = " ".join(text.split())
+        if not text:
+            if parameter.required or parameter.type != "text":
+                self.error("missing-parameter", element, f"`{parameter.name}` is empty{_explained(parameter)}")
+            return parse_template("")
+        try:
+            template = parse_template(text)
+        except TemplateError as error:
+            place = self.file.text_place(element, _raw_index(element.text or "", error.column - 1))
+            self.findings.error("template", place, str(error))
+            return None
+        constant = template.constant
+        if constant is None:
+            for slot in template.parts:
+                if not isinstance(slot, str) and slot.fallback is None:
+                    index = (element.text or "").find("{" + slot.key)
+                    self.draft.key_reads.append(Mention(slot.key, Spot(self.file, element, None, max(index, 0))))
+            return template
+        if parameter.type == "text":
+            return template
+        try:
+            convert(parameter, constant)
+        except ValueError as error:
+            where = Spot(self.file, element, None, _raw_index(element.text or "", 0))
+            if parameter.type != "name" and _KEY.match(constant):
+                self.draft.bare_keys.append(BareKey(constant, where, str(error)))
+                self.draft.key_reads.append(Mention(constant, where))
+                return key_template(constant)
+            self.findings.error(_code(parameter, error), where.place, str(error))
+            return None
+        return template
+
+    def attributes(self, element: Element, known: tuple[str, ...]) -> None:
+        for name in element.keys():  # noqa: SIM118
+            if name in known:
+                continue
+            message = f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, known)}"
+            spec = self.robot.actions.get(str(element.tag))
+            if spec is not None and (name in spec.parameters or name in COMMON):
+                value = element.get(name)
+                message = f"parameters are elements, not attributes; write <{name}>{value}</{name}> inside `<{spec.name}>`"
+            self.findings.error("unknown-attribute", self.file.attribute_place(element, name), message)
+
+
+def _code(parameter: Parameter, error: ValueError) -> str:
+    if parameter.type == "name":
+        return "unknown-name"
+    return "out-of-range" if "outside" in str(error) else "wrong-type"
+
+
+def _explained(parameter: Parameter) -> str:
+    return f" ({parameter.help.rstrip('.')})" if parameter.help else ""
+
+
+def _raw_index(raw: str, index: int) -> int:
+    """Where the character `index` of a stripped, single-spaced text was before."""
+    at = len(raw) - len(raw.lstrip())
+    if "\n" not in raw.strip():
+        return at + index
+    while index > 0 and at < len(raw):
+        if raw[at].isspace():
+            while at + 1 < len(raw) and raw[at + 1].isspace():
+                at += 1
+        at += 1
+        index -= 1
+    while at < len(raw) and raw[at].isspace():
+        at += 1
+    return at

@@ -1,0 +1,204 @@
+"""Reading what rules do: functions, `if` with its branches, `oneOf` (semantics, section 3)."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from rise_engine.expression import Assignment, Expression, ExpressionError
+from rise_engine.scenario.acts import no_text
+from rise_engine.scenario.conditions import NEVER, expression_message, note_assignment, note_expression
+from rise_engine.scenario.draft import Draft, Mention
+from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
+from rise_engine.scenario.xml import Element, Spot, XmlFile
+
+FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
+MAX_DEPTH = 50
+"""How deep `if` and `oneOf` may nest."""
+_STATEMENTS = ("function", "if", "oneOf")
+_ELSE = ("else", "elseif")
+_PLACES = {
+    "InteractionRule": "is the outermost element",
+    "State": "stands in <InteractionRule>",
+    "onEntry": "stands in <State>",
+    "onExit": "stands in <State>",
+    "transition": "stands in <State>",
+    "function": "stands in <onEntry>, <onExit>, <if>, <else>, <oneOf> or <transition>",
+    "if": "stands in <onEntry>, <onExit>, <else>, <oneOf> or <transition>",
+    "oneOf": "stands in <onEntry>, <onExit>, <if>, <else> or <transition>",
+    "else": "stands last in its <if>, or directly after it",
+    "elseif": "stands in its <if> before <else>, or directly after it",
+}
+
+
+class BlockReader:
+    """Reads the functions of one rule."""
+
+    def __init__(self, file: XmlFile, draft: Draft, findings: Findings) -> None:
+        self.file = file
+        self.draft = draft
+        self.findings = findings
+
+    def error(self, code: str, element: Element, message: str) -> None:
+        self.findings.error(code, self.file.place(element), message)
+
+    def attributes(self, element: Element, known: tuple[str, ...]) -> None:
+        for name in element.keys():  # noqa: SIM118  # lxml elements are no mappings
+            if name not in known:
+                self.findings.error(
+                    "unknown-attribute",
+                    self.file.attribute_place(element, name),
+                    f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, known)}",
+                )
+
+    def misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
+        """What to say about an element that does not belong where it stands."""
+        name = str(element.tag)
+        if name in _PLACES:
+            return f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
+        return f"unknown element `<{name}>` in `<{parent.tag}>`{suggestion(name, known)}"
+
+    def block(self, parent: Element) -> Block:
+        """The statements inside `onEntry`, `onExit` or `transition`."""
+        return self.statements(parent, 0, chain=False)[0]
+
+    def statements(self, parent: Element, depth: int, *, chain: bool) -> tuple[Block, list[Branch]]:
+        """The statements inside an element, in document order.
+
+        With `chain`, the element is an `if` or `elseif`: `else` and `elseif` inside it are further branches of the same
+        `if` (as in the paper's listing 2), and are returned beside. Otherwise they continue the `if` directly before.
+        """
+        no_text(self.file, parent, self.findings)
+        statements: list[Statement] = []
+        later: list[Branch] = []
+        before: list[Branch] | None = None  # the branches of the `if` that stands directly before
+        if depth > MAX_DEPTH:
+            self.error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
+            return (), []
+        for child in parent:
+            tag = str(child.tag)
+            if tag in _ELSE:
+                if chain:
+                    if before is not None:
+                        self.findings.warning(
+                            "ambiguous-else",
+                            self.file.place(child),
+                            f"this `<{tag}>` belongs to the outer `if`, in line {self.file.place(parent).line}; "
+                            "if the inner one is meant, move it inside that",
+                        )
+                        before = None
+                    self.extend(later, child, depth)
+                elif before is not None:
+                    self.extend(before, child, depth)
+                    statements[-1] = If(tuple(before), statements[-1].place)
+                else:
+                    self.error("misplaced", child, f"`<{tag}>` has no `<if>` before it; it {_PLACES[tag]}")
+                continue
+            if later and tag in _STATEMENTS:
+                self.error(
+                    "misplaced",
+                    child,
+                    f"after the first `else` or `elseif` of an `<if>` no `<{tag}>` can follow; "
+                    "move it inside <else>...</else>, or before",
+                )
+            before = None
+            if tag == "function":
+                function = self.function(child)
+                if function is not None:
+                    statements.append(function)
+            elif tag == "if":
+                before = self.branches(child, depth)
+                statements.append(If(tuple(before), self.file.place(child)))
+            elif tag == "oneOf":
+                self.attributes(child, ())
+                choices = self.statements(child, depth + 1, chain=False)[0]
+                if choices:
+                    statements.append(OneOf(choices, self.file.place(child)))
+                elif not len(child):
+                    self.error("no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none")
+            else:
+                self.error("unknown-element", child, self.misplaced(child, parent, _STATEMENTS))
+        return tuple(statements), later
+
+    def branches(self, element: Element, depth: int) -> list[Branch]:
+        """The branches of an `if` or `elseif`, those nested inside it included."""
+        self.attributes(element, ("cond",))
+        text = element.get("cond")
+        if text is None:
+            self.error("missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">')
+        condition = self.condition(element, text) if text is not None else None
+        block, later = self.statements(element, depth + 1, chain=True)
+        return [Branch(condition or NEVER, block), *later]
+
+    def extend(self, branches: list[Branch], element: Element, depth: int) -> None:
+        """Add what an `else` or `elseif` brings to the branches of its `if`."""
+        if branches and branches[-1].condition is None:
+            self.error("misplaced", element, f"`<{element.tag}>` after `<else>`; `<else>` comes last, and once")
+        if element.tag == "elseif":
+            branches += self.branches(element, depth)
+        else:
+            self.attributes(element, ())
+            branches.append(Branch(None, self.statements(element, depth + 1, chain=False)[0]))
+
+    def function(self, element: Element) -> Function | None:
+        """One call. Names that it uses are noted for the checks across files."""
+        for child in element:
+            self.error("unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it")
+        no_text(self.file, element, self.findings)
+        given = element.keys()
+        known = [name for name in FUNCTIONS if name in given]
+        for name in given:
+            if name not in FUNCTIONS:
+                self.findings.error(
+                    "unknown-attribute",
+                    self.file.attribute_place(element, name),
+                    f"there is no function `{name}`{suggestion(name, FUNCTIONS)}",
+                )
+        if len(known) != 1:
+            if known:
+                self.findings.error(
+                    "one-function",
+                    self.file.attribute_place(element, known[1]),
+                    f"a `<function>` does one thing; write another one for `{known[1]}`",
+                )
+            elif not given:
+                self.error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
+            return None
+        name = known[0]
+        argument = (element.get(name) or "").strip()
+        where = Spot(self.file, element, name)
+        assignment: Assignment | None = None
+        if not argument or (name == "raiseEventTopic" and not normal_topic(argument)):
+            self.findings.error("missing-value", where.place, f"`{name}` is empty")
+        elif name == "assignValue":
+            assignment = self.assignment(element, element.get(name) or "")
+        elif name == "raiseEventTopic":
+            self.draft.raises.append(Mention(normal_topic(argument), where))
+        elif name in ("startCommunicationRobotAct", "stopCommunicationRobotAct"):
+            self.draft.act_mentions.append(Mention(argument, where))
+        else:
+            self.draft.rule_mentions.append(Mention(argument, where))
+        return Function(name, argument, assignment, self.file.place(element))
+
+    def condition(self, element: Element, text: str) -> Expression | None:
+        """The condition in the attribute `cond`."""
+        try:
+            expression = Expression.parse(text)
+        except ExpressionError as error:
+            self.findings.error(
+                "condition", self.file.value_place(element, "cond", error.column - 1), expression_message(error)
+            )
+            return None
+        note_expression(expression, Spot(self.file, element, "cond"), self.draft, self.findings)
+        return expression
+
+    def assignment(self, element: Element, text: str) -> Assignment | None:
+        where = Spot(self.file, element, "assignValue")
+        try:
+            assignment = Assignment.parse(text)
+        except ExpressionError as error:
+            place = self.file.value_place(element, "assignValue", error.column - 1)
+            self.findings.error("assignment", place, expression_message(error))
+            return None
+        note_assignment(assignment, where, self.draft)
+        return assignment

@@ -1,0 +1,36 @@
+"""What a scenario's conditions and assignments say: the keys that they read and set, and what RISE would read otherwise."""
+
+from __future__ import annotations
+
+from rise_engine.expression import Assignment, Expression, ExpressionError
+from rise_engine.expression.upstream import differences
+from rise_engine.scenario.draft import Draft, Mention, Where
+from rise_engine.scenario.findings import Findings
+
+NEVER = Expression.parse("false")
+"""Stands for a condition that could not be read; a scenario with one is refused anyway."""
+
+
+def expression_message(error: ExpressionError) -> str:
+    """What is wrong and how to write it, without the column (the finding has the place)."""
+    return f"{error.message}; {error.hint}" if error.hint else error.message
+
+
+def note_expression(expression: Expression, where: Where, draft: Draft, findings: Findings) -> None:
+    """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
+    for key in expression.keys:
+        draft.key_reads.append(Mention(key, where))
+    difference = differences(expression)
+    if difference is not None:
+        findings.warning("reads-differently", where.place, difference)
+
+
+def note_assignment(assignment: Assignment, where: Where, draft: Draft) -> None:
+    """Note the key that an assignment sets and those that it reads."""
+    draft.key_sets.add(assignment.key)
+    word = assignment.bare_word
+    if word is not None:
+        draft.bare_words.append(Mention(word, where))
+        return
+    for key in assignment.keys:
+        draft.key_reads.append(Mention(key, where))

@@ -1,0 +1,57 @@
+"""What the files of a scenario say about each other, collected while they are read and compared afterwards."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from rise_engine.scenario.model import Act, Json, Place, Rule
+
+
+class Where(Protocol):
+    """Something that can tell its place when a finding needs it."""
+
+    @property
+    def place(self) -> Place: ...
+
+
+class At(NamedTuple):
+    """A place that is known already."""
+
+    place: Place
+
+
+class Mention(NamedTuple):
+    """A name and where it stands."""
+
+    name: str
+    where: Where
+
+
+class BareKey(NamedTuple):
+    """A parameter value that can only be meant as a memory key."""
+
+    key: str
+    where: Where
+    sentence: str
+    """What is wrong with it if there is no such key."""
+
+
+class Draft:
+    """A scenario in the making."""
+
+    def __init__(self) -> None:
+        self.acts: dict[str, Act] = {}
+        self.rules: dict[str, Rule] = {}
+        self.memory: dict[str, Json] = {}
+        self.act_mentions: list[Mention] = []
+        self.rule_mentions: list[Mention] = []
+        self.waits: list[Mention] = []
+        """Topics without their slash."""
+        self.raises: list[Mention] = []
+        self.key_reads: list[Mention] = []
+        """Memory keys that conditions and templates read and that have no fallback."""
+        self.key_sets: set[str] = set()
+        """Memory keys that start values, rules and key bindings set."""
+        self.bare_keys: list[BareKey] = []
+        self.bare_words: list[Mention] = []
+        """Right sides of assignments that are one word: a key, or a text without quotation marks."""

@@ -1,0 +1,42 @@
+"""How long an action will probably take, and when it has taken too long."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rise_engine.scenario.model import ActionSpec
+
+CHARACTERS_PER_SECOND = 14.0
+"""Speech: an unhurried voice at rate 1 (about 160 words a minute)."""
+SPEECH_START = 0.3
+"""Seconds before a speech synthesis is heard."""
+SPEECH_MINIMUM = 0.5
+"""The shortest utterance, in seconds."""
+
+
+def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
+    """Seconds that an action with these parameters will probably take.
+
+    Speech by the length of its `message` and its `rate`; others by `duration` (ms), times `repetitions`; otherwise what
+    the action's declaration says.
+    """
+    message = parameters.get("message")
+    if isinstance(message, str) and "duration" not in parameters:
+        rate = _number(parameters.get("rate"), 1.0) or 1.0
+        return max(SPEECH_MINIMUM, SPEECH_START + len(message) / (CHARACTERS_PER_SECOND * rate))
+    repetitions = max(_number(parameters.get("repetitions"), 1.0), 0.0)
+    duration = spec.parameters.get("duration")
+    if "duration" in parameters:
+        factor = 1.0 if duration is not None and duration.unit == "s" else 0.001
+        return max(_number(parameters["duration"], 0.0), 0.0) * factor * repetitions
+    return spec.seconds * repetitions
+
+
+def limit_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
+    """Seconds after which a running action counts as timed out."""
+    return spec.limit if spec.limit is not None else 3 * expected_seconds(spec, parameters) + 10
+
+
+def _number(value: Any, otherwise: float) -> float:
+    return float(value) if isinstance(value, int | float) else otherwise

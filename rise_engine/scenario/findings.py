@@ -1,0 +1,86 @@
+"""What is wrong with a scenario: findings with a place, a stable code and a sentence that says what to do.
+
+Every code is listed in docs/reference/scenario.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.scenario.model import Place
+
+Severity: TypeAlias = Literal["error", "warning"]
+
+
+class Finding(Struct, frozen=True):
+    """One thing to know about a scenario. Errors refuse it, warnings do not."""
+
+    severity: Severity
+    code: str
+    """Short, stable and readable: `unknown-element`."""
+    message: str
+    place: Place
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.severity} {self.code}: {self.message}"
+
+
+class Findings:
+    """Collects findings while a scenario is read; nothing stops at the first one."""
+
+    def __init__(self) -> None:
+        self._found: list[Finding] = []
+        self._errors = 0
+
+    def error(self, code: str, place: Place, message: str) -> None:
+        self._errors += 1
+        self._found.append(Finding("error", code, message, place))
+
+    def warning(self, code: str, place: Place, message: str) -> None:
+        self._found.append(Finding("warning", code, message, place))
+
+    @property
+    def errors(self) -> int:
+        """How many errors there are so far."""
+        return self._errors
+
+    def sorted(self) -> list[Finding]:
+        """All findings in reading order: by file, line and column, each once."""
+        unique = dict.fromkeys(
+            (f.place.file, f.place.line, f.place.column, f.severity, f.code, f.message) for f in self._found
+        )
+        return [
+            Finding(severity, code, message, Place(file, line, column))
+            for file, line, column, severity, code, message in sorted(unique)
+        ]
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
+    from difflib import get_close_matches  # slow to import, and only mistakes need it
+
+    names = list(dict.fromkeys(known))
+    folded: dict[str, str] = {}
+    for name in names:
+        folded.setdefault(name.casefold(), name)
+    matches = get_close_matches(word.casefold(), folded, n=1, cutoff=0.6)
+    return folded[matches[0]] if matches else None
+
+
+def suggestion(word: str, known: Iterable[str], *, limit: int = 12) -> str:
+    """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
+    names = list(dict.fromkeys(known))
+    near = nearest(word, names)
+    if near is not None:
+        return f"; did you mean `{near}`?"
+    if 0 < len(names) <= limit:
+        return f"; known: {listed(names)}"
+    return ""
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in backquotes, separated by commas."""
+    return ", ".join(f"`{name}`" for name in names)

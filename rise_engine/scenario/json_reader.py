@@ -1,0 +1,232 @@
+"""A strict JSON reader that knows where everything stands (RFC 8259, nothing more).
+
+The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and knows no places.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct
+
+MAX_DEPTH = 64
+
+_SPACE = re.compile(r"[ \t\n\r]*")
+_STRING = re.compile(r'"([^"\\\x00-\x1f]*)"')
+_CHUNK = re.compile(r'[^"\\\x00-\x1f]*')
+_NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?(?![\w.])")
+_WORD = re.compile(r"[-+]?\w+|.", re.DOTALL)
+_ESCAPES = {'"': '"', "\\": "\\", "/": "/", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t"}
+_WORDS = {"true": True, "false": False, "null": None}
+
+
+class JsonError(ValueError):
+    """What cannot be read. `offset` counts characters from 0."""
+
+    def __init__(self, message: str, offset: int) -> None:
+        super().__init__(message)
+        self.offset = offset
+
+
+class Member(Struct, frozen=True):
+    """One `"key": value` of an object, with the offset of the key and of the value."""
+
+    key: str
+    value: Any
+    key_at: int
+    value_at: int
+
+
+class JsonObject(dict[str, Any]):
+    """An object that remembers where its members stand."""
+
+    members: tuple[Member, ...] = ()
+    at: int = 0
+
+
+class JsonArray(list[Any]):
+    """An array that remembers where its items stand."""
+
+    items_at: tuple[int, ...] = ()
+    at: int = 0
+
+
+def read_json(text: str, duplicate: Callable[[str, int, int], None]) -> Any:
+    """The value of a JSON text. Objects and arrays know places; `plain` makes ordinary ones.
+
+    `duplicate(key, offset, first_offset)` is called for each key that an object has twice, and reading goes on.
+    Raises JsonError for everything that is not JSON.
+    """
+    reader = _Reader(text, duplicate)
+    value, at = reader.value(reader.skip(0), 0)
+    at = reader.skip(at)
+    if at < len(text):
+        raise JsonError("something follows after the end of the JSON value", at)
+    return value
+
+
+def plain(value: Any) -> Any:
+    """The same value in ordinary dicts and lists."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    return value
+
+
+class _Reader:
+    def __init__(self, text: str, duplicate: Callable[[str, int, int], None]) -> None:
+        self.text = text
+        self.duplicate = duplicate
+
+    def skip(self, at: int) -> int:
+        space = _SPACE.match(self.text, at)
+        return space.end() if space else at
+
+    def value(self, at: int, depth: int) -> tuple[Any, int]:
+        character = self.text[at : at + 1]
+        if character == '"':
+            return self.string(at)
+        if character in ("{", "["):
+            if depth >= MAX_DEPTH:
+                raise JsonError(f"arrays and objects are nested more than {MAX_DEPTH} deep", at)
+            return self.object(at, depth) if character == "{" else self.array(at, depth)
+        number = _NUMBER.match(self.text, at)
+        if number is not None:
+            return self.number(number), number.end()
+        return self.word(at)
+
+    def number(self, found: re.Match[str]) -> int | float:
+        if found.group(1) is None and found.group(2) is None:
+            if found.end() - found.start() > 400:
+                raise JsonError("this number is too long", found.start())
+            return int(found.group())
+        value = float(found.group())
+        if value in (float("inf"), float("-inf")):
+            raise JsonError(f"the number {found.group()} is too large", found.start())
+        return value
+
+    def word(self, at: int) -> tuple[Any, int]:
+        found = _WORD.match(self.text, at)
+        if found is None:
+            raise JsonError("the file ends where a value should stand", at)
+        word = found.group()
+        if word in _WORDS:
+            return _WORDS[word], found.end()
+        if word.lstrip("+-") in ("NaN", "Infinity"):
+            raise JsonError(f"{word} is not a JSON value; write null, or a number", at)
+        if word.lower() in _WORDS:
+            raise JsonError(f"write {word.lower()} in lower case", at)
+        if word == "'":
+            raise JsonError('texts stand in double quotation marks: "..."', at)
+        if word in (",", "]", "}"):
+            raise JsonError(f"a value is missing before `{word}`", at)
+        if word[0].isdigit() or word[0] in "+-.":
+            raise JsonError("this is not a JSON number; write it as 12, -0.5 or 1e3", at)
+        raise JsonError(f"`{word}` is not a JSON value; texts stand in double quotation marks", at)
+
+    def string(self, at: int) -> tuple[str, int]:
+        simple = _STRING.match(self.text, at)
+        if simple is not None:
+            return simple.group(1), simple.end()
+        pieces: list[str] = []
+        position = at + 1
+        while True:
+            chunk = _CHUNK.match(self.text, position)
+            assert chunk is not None
+            pieces.append(chunk.group())
+            position = chunk.end()
+            character = self.text[position : position + 1]
+            if character == '"':
+                return "".join(pieces), position + 1
+            if character == "\\":
+                piece, position = self.escape(position)
+                pieces.append(piece)
+            elif character in ("\n", "\r", ""):
+                raise JsonError("this text has no closing quotation mark", at)
+            else:
+                raise JsonError(f"a control character (U+{ord(character):04X}) must be written as an escape", position)
+
+    def escape(self, at: int) -> tuple[str, int]:
+        letter = self.text[at + 1 : at + 2]
+        if letter in _ESCAPES:
+            return _ESCAPES[letter], at + 2
+        if letter == "u":
+            code = self.unit(at)
+            if 0xD800 <= code < 0xDC00 and self.text.startswith("\\u", at + 6):
+                low = self.unit(at + 6)
+                if 0xDC00 <= low < 0xE000:
+                    return chr(0x10000 + ((code - 0xD800) << 10) + low - 0xDC00), at + 12
+            if 0xD800 <= code < 0xE000:
+                raise JsonError("this escape is one half of a character; write the character itself", at)
+            return chr(code), at + 6
+        raise JsonError("a backslash stands before one of \" \\ / b f n r t u; write \\\\ for itself", at)
+
+    def unit(self, at: int) -> int:
+        digits = self.text[at + 2 : at + 6]
+        if re.fullmatch(r"[0-9A-Fa-f]{4}", digits) is None:
+            raise JsonError("\\u needs four hexadecimal digits", at)
+        return int(digits, 16)
+
+    def object(self, start: int, depth: int) -> tuple[JsonObject, int]:
+        result = JsonObject()
+        result.at = start
+        members: list[Member] = []
+        first: dict[str, int] = {}
+        at = self.skip(start + 1)
+        if self.text.startswith("}", at):
+            return result, at + 1
+        while True:
+            if not self.text.startswith('"', at):
+                if self.text.startswith("}", at):
+                    raise JsonError("no comma before the closing `}`", self.text.rfind(",", 0, at))
+                raise JsonError('here a key in double quotation marks should stand: "key": value', at)
+            key_at = at
+            key, at = self.string(at)
+            at = self.skip(at)
+            if not self.text.startswith(":", at):
+                raise JsonError(f'after the key "{key}" a colon should stand', at)
+            value_at = self.skip(at + 1)
+            value, at = self.value(value_at, depth + 1)
+            if key in first:
+                self.duplicate(key, key_at, first[key])
+            else:
+                first[key] = key_at
+                result[key] = value
+                members.append(Member(key, value, key_at, value_at))
+            at, ended = self.separator(at, "}", "object", start)
+            if ended:
+                result.members = tuple(members)
+                return result, at
+
+    def array(self, start: int, depth: int) -> tuple[JsonArray, int]:
+        result = JsonArray()
+        result.at = start
+        places: list[int] = []
+        at = self.skip(start + 1)
+        if self.text.startswith("]", at):
+            return result, at + 1
+        while True:
+            if self.text.startswith("]", at):
+                raise JsonError("no comma before the closing `]`", self.text.rfind(",", 0, at))
+            places.append(at)
+            value, at = self.value(at, depth + 1)
+            result.append(value)
+            at, ended = self.separator(at, "]", "array", start)
+            if ended:
+                result.items_at = tuple(places)
+                return result, at
+
+    def separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:
+        """Behind a value: the offset after the comma, or after the closing bracket with True."""
+        behind = at
+        at = self.skip(at)
+        if self.text.startswith(closing, at):
+            return at + 1, True
+        if self.text.startswith(",", at):
+            return self.skip(at + 1), False
+        if at >= len(self.text):
+            raise JsonError(f"this {kind} is never closed; `{closing}` is missing", start)
+        raise JsonError(f"a comma or `{closing}` is missing here", behind)

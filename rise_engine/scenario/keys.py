@@ -1,0 +1,177 @@
+"""Keys of the keyboard that a scenario may bind (docs/reference/scenario.md, "Keys").
+
+Names are those of Textual, the console's toolkit: `.` is `full_stop`. The engine does not import it; this table stands
+for it. What terminals, tmux, macOS or editors swallow or confuse is refused, with the reason.
+"""
+
+from __future__ import annotations
+
+PUNCTUATION = {
+    "!": "exclamation_mark",
+    '"': "quotation_mark",
+    "#": "number_sign",
+    "$": "dollar_sign",
+    "%": "percent_sign",
+    "&": "ampersand",
+    "'": "apostrophe",
+    "(": "left_parenthesis",
+    ")": "right_parenthesis",
+    "*": "asterisk",
+    "+": "plus",
+    ",": "comma",
+    "-": "minus",
+    ".": "full_stop",
+    "/": "slash",
+    ":": "colon",
+    ";": "semicolon",
+    "<": "less_than_sign",
+    "=": "equals_sign",
+    ">": "greater_than_sign",
+    "?": "question_mark",
+    "@": "at",
+    "[": "left_square_bracket",
+    "\\": "backslash",
+    "]": "right_square_bracket",
+    "^": "circumflex_accent",
+    "_": "underscore",
+    "`": "grave_accent",
+    "{": "left_curly_bracket",
+    "|": "vertical_line",
+    "}": "right_curly_bracket",
+    "~": "tilde",
+}
+"""ASCII punctuation and Textual's name for each."""
+
+CONSOLE_KEYS: dict[str, str] = {
+    "f2": "the console",
+    "f3": "the console",
+    "f4": "the console",
+    "f8": "the console",
+    "f9": "stop-all",
+    "ctrl+g": "stop-all",
+    "ctrl+j": "the console",
+    "ctrl+l": "the console",
+    "ctrl+o": "the console",
+    "ctrl+r": "the console",
+    "ctrl+y": "the console",
+    "ctrl+p": "the command palette",
+    "ctrl+c": "copying",
+    "ctrl+q": "quitting",
+    "question_mark": "help",
+    "slash": "finding",
+    "colon": "commands",
+    "tab": "moving between panes",
+    "shift+tab": "moving between panes",
+    "enter": "choosing",
+    "space": "choosing",
+    "escape": "leaving",
+    **dict.fromkeys(("up", "down", "left", "right", "home", "end", "pageup", "pagedown"), "moving"),
+    **dict.fromkeys(("delete", "insert", "backspace"), "editing"),
+}
+"""Keys that belong to the console, and what for."""
+
+FREE_FUNCTION_KEYS = ("f5", "f6", "f7", "f12")
+_ALIASES = {
+    "esc": "escape",
+    "return": "enter",
+    "ins": "insert",
+    "del": "delete",
+    "page_up": "pageup",
+    "page_down": "pagedown",
+    "period": "full_stop",
+    "dot": "full_stop",
+    "hyphen": "minus",
+    " ": "space",
+}
+_REFUSED = {
+    "f1": "GNOME Terminal opens its help with F1",
+    "f10": "terminals open their menu with F10",
+    "f11": "terminals and macOS use F11 for the full screen",
+    "ctrl+h": "terminals send the same for ctrl+h and backspace",
+    "ctrl+i": "terminals send the same for ctrl+i and tab",
+    "ctrl+m": "terminals send the same for ctrl+m and enter",
+    "ctrl+left_square_bracket": "terminals send the same for ctrl+[ and escape",
+    "ctrl+space": "terminals send a null character for ctrl+space, and input methods take it",
+    "ctrl+a": "screen takes ctrl+a for its own commands",
+    "ctrl+b": "tmux takes ctrl+b for its own commands",
+    "ctrl+s": "terminals may freeze at ctrl+s",
+    "ctrl+z": "ctrl+z suspends programs",
+    "ctrl+q": "ctrl+q quits the console and thaws frozen terminals",
+}
+_SHIFTED = "write the character that the key types instead: `N`, `!`"
+
+
+class KeyRefused(ValueError):
+    """A key that a scenario cannot bind; says why. `taken` is true when the console has it."""
+
+    def __init__(self, message: str, taken: bool = False) -> None:
+        super().__init__(message)
+        self.taken = taken
+
+
+def normal_key(written: str) -> str:
+    """Textual's name of a key as an author writes it: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+n`.
+
+    Upper and lower case letters are different keys. Raises KeyRefused with the reason.
+    """
+    if len(written) == 1:
+        name = _character(written)
+    else:
+        *modifiers, base = written.split("+") if not written.endswith("++") else [*written[:-2].split("+"), "+"]
+        name = _with_modifiers([modifier.strip().lower() for modifier in modifiers], base.strip(), written)
+    if name in _REFUSED:
+        raise KeyRefused(f"`{written}` cannot be used: {_REFUSED[name]}")
+    if name in CONSOLE_KEYS:
+        raise KeyRefused(f"`{written}` belongs to the console ({CONSOLE_KEYS[name]})", taken=True)
+    return name
+
+
+def _character(character: str) -> str:
+    if character.isalnum():
+        return character
+    if character in PUNCTUATION:
+        return PUNCTUATION[character]
+    if character in _ALIASES:
+        return _ALIASES[character]
+    from unicodedata import name
+
+    known = name(character, "")
+    if not known or not character.isprintable():
+        raise KeyRefused("a key is a letter, a digit, a punctuation mark or a name such as `f5`")
+    return known.lower().replace("-", "_").replace(" ", "_")
+
+
+def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
+    name = _character(base) if len(base) == 1 else _ALIASES.get(base.lower(), base.lower())
+    plain = not modifiers
+    if plain and (name in PUNCTUATION.values() or name in CONSOLE_KEYS or name in FREE_FUNCTION_KEYS):
+        return name
+    if plain and name in _REFUSED:
+        return name
+    unknown = [modifier for modifier in modifiers if modifier not in ("ctrl", "shift", "alt", "super", "meta", "cmd")]
+    if unknown or plain or not base:
+        from rise_engine.scenario.findings import suggestion
+
+        known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+n")
+        raise KeyRefused(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")
+    if modifiers == ["shift"] and name == "tab":
+        return "shift+tab"
+    if name == "enter":
+        raise KeyRefused(f"`{written}` cannot be used: terminals send the same for it and enter")
+    if {"super", "meta", "cmd"} & set(modifiers):
+        raise KeyRefused(f"`{written}` cannot be used: the desktop takes it")
+    if "alt" in modifiers:
+        reason = "terminals send characters of their own for it" if base.isdigit() else "macOS types a character with it"
+        raise KeyRefused(f"`{written}` cannot be used: {reason}, and a slow link takes it apart")
+    if modifiers == ["shift"]:
+        if len(base) == 1:
+            raise KeyRefused(f"`{written}` is not a key of its own; {_SHIFTED}")
+        raise KeyRefused(f"`{written}` cannot be used: not every terminal delivers it")
+    if "shift" in modifiers:
+        raise KeyRefused(f"`{written}` cannot be used: terminals send the same for it and ctrl+{base.lower()}")
+    if len(base) == 1 and base.isdigit():
+        raise KeyRefused(f"`{written}` cannot be used: terminals send the digit, another key or nothing")
+    key = f"ctrl+{name.lower()}"
+    if key in _REFUSED or key in CONSOLE_KEYS or (len(base) == 1 and base.isascii() and base.isalpha()):
+        return key
+    raise KeyRefused(f"`{written}` cannot be used: terminals do not deliver it reliably")

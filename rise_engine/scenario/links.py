@@ -1,0 +1,117 @@
+"""Checks across files: does everything that is named exist, is everything that is waited for ever raised?"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from rise_engine.scenario.draft import Draft, Mention
+from rise_engine.scenario.findings import Findings, suggestion
+
+ACT_ENDINGS = ("_succeeded", "_failed", "_stopped", "_end")
+"""Events that the engine raises when an act ends (semantics, section 3)."""
+RULE_ENDINGS = ("_end",)
+
+
+def check_links(draft: Draft, findings: Findings) -> None:
+    """Compare what the files of a scenario say about each other."""
+    _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", findings)
+    _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", findings)
+    _check_topics(draft, findings)
+    _check_memory(draft, findings)
+
+
+def engine_topics(draft: Draft) -> set[str]:
+    """The topics that the engine itself raises for the acts and rules of a scenario."""
+    topics = {name + ending for name in draft.acts for ending in ACT_ENDINGS}
+    topics.update(name + ending for name in draft.rules for ending in RULE_ENDINGS)
+    return topics
+
+
+def is_set(key: str, keys: Collection[str]) -> bool:
+    """Whether anything sets a key: itself, or the object that it reaches into."""
+    if key in keys:
+        return True
+    at = key.find(".")
+    while at >= 0:
+        if key[:at] in keys:
+            return True
+        at = key.find(".", at + 1)
+    return any(other.startswith(f"{key}.") for other in keys if "." in other)
+
+
+def _check_names(
+    mentions: list[Mention],
+    known: Collection[str],
+    kind: str,
+    others: Collection[str],
+    other_kind: str,
+    findings: Findings,
+) -> None:
+    for mention in mentions:
+        if mention.name in known:
+            continue
+        if mention.name in others:
+            remedy = f"; it is the name of a {other_kind}" if other_kind == "rule" else "; it is the name of an act"
+        else:
+            remedy = suggestion(mention.name, known)
+        findings.error(f"unknown-{kind}", mention.where.place, f"there is no {kind} `{mention.name}`{remedy}")
+
+
+def _check_topics(draft: Draft, findings: Findings) -> None:
+    own = {mention.name for mention in draft.raises}
+    by_engine = engine_topics(draft)
+    awaited = {mention.name for mention in draft.waits}
+    missing_acts = {m.name for m in draft.act_mentions if m.name not in draft.acts}
+    missing_acts.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
+    for mention in draft.waits:
+        name = mention.name
+        if name in own or name in by_engine:
+            continue
+        if any(name == missing + ending for missing in missing_acts for ending in ACT_ENDINGS):
+            continue  # the missing act is a finding already
+        findings.warning(
+            "unraised-event",
+            mention.where.place,
+            f"nothing in this scenario raises the event `{name}`"
+            f"{suggestion(name, own | by_engine, limit=0) or '; something outside must'}",
+        )
+    for mention in draft.raises:
+        if mention.name not in awaited:
+            findings.warning(
+                "unheard-event",
+                mention.where.place,
+                f"no rule waits for the event `{mention.name}`{suggestion(mention.name, awaited, limit=0)}",
+            )
+
+
+def _check_memory(draft: Draft, findings: Findings) -> None:
+    keys = draft.key_sets
+    bare = {id(entry.where) for entry in draft.bare_keys}
+    for entry in draft.bare_keys:
+        if not is_set(entry.key, keys):
+            findings.error(
+                "wrong-type",
+                entry.where.place,
+                f"{entry.sentence}, and nothing in this scenario sets a memory key of that name"
+                f"{suggestion(entry.key, keys, limit=0)}",
+            )
+    seen: dict[str, bool] = {}
+    for mention in draft.key_reads:
+        known = seen.get(mention.name)
+        if known is None:
+            known = seen[mention.name] = is_set(mention.name, keys)
+        if not known and id(mention.where) not in bare:
+            findings.warning(
+                "unset-key",
+                mention.where.place,
+                f"nothing in this scenario sets the memory key `{mention.name}`"
+                f"{suggestion(mention.name, keys, limit=0) or '; something outside must'}",
+            )
+    for mention in draft.bare_words:
+        if not is_set(mention.name, keys):
+            findings.warning(
+                "bare-word",
+                mention.where.place,
+                f"`{mention.name}` is no memory key and is taken as a text; write '{mention.name}' in quotation marks"
+                f"{suggestion(mention.name, keys, limit=0)}",
+            )

@@ -1,0 +1,74 @@
+"""Reading the WorkingMemory's start values (paper, listing 3; semantics, sections 1 and 6)."""
+
+from __future__ import annotations
+
+import re
+
+from rise_engine.scenario.draft import Draft
+from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.json_reader import JsonArray, JsonError, JsonObject, Member, plain, read_json
+from rise_engine.scenario.source import Source
+
+LIST_KEY = "WorkingMemory"
+_WRITABLE = re.compile(r"[^\W\d]\w*(?:\.\w+)*\Z")
+_WORDS = frozenset({"true", "false", "null", "or", "xor", "and", "not", "starts", "ends", "contains", "with"})
+
+
+def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
+    """Read a memory file, in RISE's form or as a plain object, into `draft`."""
+
+    def duplicate(key: str, offset: int, first: int) -> None:
+        findings.error(
+            "duplicate-key",
+            source.place(offset),
+            f'the key "{key}" is given twice; it stands in line {source.place(first).line} already',
+        )
+
+    if not source.text.strip():
+        findings.error("json-syntax", source.place(0), "this file is empty; write {} for a memory without start values")
+        return
+    try:
+        value = read_json(source.text, duplicate)
+    except JsonError as error:
+        findings.error("json-syntax", source.place(error.offset), str(error))
+        return
+    form = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key": value}, ...]}'
+    if not isinstance(value, JsonObject):
+        findings.error("memory-form", source.place(0), form)
+        return
+    members = list(value.members)
+    if len(members) == 1 and members[0].key == LIST_KEY and isinstance(members[0].value, JsonArray):
+        members = _listed(members[0].value, source, findings)
+    elif any(member.key == LIST_KEY and isinstance(member.value, JsonArray) for member in members):
+        other = next(member for member in members if member.key != LIST_KEY)
+        findings.error("memory-form", source.place(other.key_at), f'nothing stands beside "{LIST_KEY}" here; {form}')
+    first: dict[str, int] = {}
+    for member in members:
+        if member.key in first:
+            duplicate(member.key, member.key_at, first[member.key])
+            continue
+        first[member.key] = member.key_at
+        if not member.key.strip():
+            findings.error("bad-name", source.place(member.key_at), "a memory key cannot be empty")
+            continue
+        if not _WRITABLE.match(member.key) or member.key in _WORDS:
+            findings.warning(
+                "unwritable-key",
+                source.place(member.key_at),
+                f'the key "{member.key}" cannot be written in a condition; use letters, digits, `_` and dots',
+            )
+        draft.memory[member.key] = plain(member.value)
+    draft.key_sets.update(draft.memory)
+
+
+def _listed(items: JsonArray, source: Source, findings: Findings) -> list[Member]:
+    """The entries of RISE's form: a list of objects, each with one key."""
+    members: list[Member] = []
+    for item, offset in zip(items, items.items_at, strict=True):
+        if not isinstance(item, JsonObject):
+            findings.error("memory-form", source.place(offset), 'each entry of the list is an object: {"key": value}')
+            continue
+        if not item.members:
+            findings.warning("memory-form", source.place(offset), "this entry is empty")
+        members += item.members
+    return members

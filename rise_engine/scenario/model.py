@@ -1,0 +1,267 @@
+"""What a scenario is once it has been read and checked: plain, immutable values.
+
+The words are the paper's (section 4.2): a CommunicationRobotAct (here `Act`) is a graph of BehaviorActions (`Action`),
+an InteractionRule (`Rule`) is a state machine, the WorkingMemory is a JSON object. Nothing here knows time, robot,
+screen or file system; `rise_engine.scenario.load` builds these values from a folder.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct, field
+
+from rise_engine.expression import Assignment, Expression
+from rise_engine.scenario.template import Template
+
+Json: TypeAlias = Any
+"""A JSON value: null, boolean, integer, number, string, array or object."""
+
+Mode: TypeAlias = Literal["debug", "real"]
+CallingType: TypeAlias = Literal["None", "Blocking"]
+ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name"]
+
+
+class Place(Struct, frozen=True):
+    """Where something stands in a scenario's files. Lines and columns count from 1; the file is relative to the folder."""
+
+    file: str
+    line: int = 1
+    column: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+# --- actions: what robots can do ------------------------------------------------------------------------------------
+
+
+class Parameter(Struct, frozen=True):
+    """One parameter of an action, as declared by the engine's core actions, a robot profile or a scenario."""
+
+    name: str
+    type: ParameterType
+    unit: str = ""
+    """For people and for adapters: `m`, `rad`, `ms`, or empty."""
+    default: Json = None
+    """What a robot assumes when the author leaves the parameter out; null: the robot's own choice."""
+    required: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    codes: dict[str, int] = field(default_factory=dict)
+    """For `name` parameters: the known names with RISE's number for each; either may be written."""
+    names: tuple[str, ...] = ()
+    """For `name` parameters: further names without a number (a robot's own animations)."""
+    help: str = ""
+
+
+class ActionSpec(Struct, frozen=True):
+    """An action that can stand in a CRA: declared as data, never programmed (semantics, section 2)."""
+
+    name: str
+    parameters: dict[str, Parameter]
+    channels: tuple[str, ...] = ()
+    """What of the robot it occupies: speech, gaze, face, body, arms, ... Two acts that share one can conflict."""
+    engine: bool = False
+    """True for `Wait`, which runs in the engine and never reaches the robot."""
+    supported: bool = True
+    """False when the scenario's robot cannot do it."""
+    substitute: str | None = None
+    """The action that this robot does instead (a head without hands points with its gaze)."""
+    seconds: float = 2.0
+    """How long one execution takes when nothing in its parameters tells (see `expected_seconds`)."""
+    limit: float | None = None
+    """Seconds after which a running action counts as timed out; null: derived from its expected duration."""
+    carrier: dict[str, Json] = field(default_factory=dict)
+    """How an adapter carries it (for ROS: action name, type and field mapping). Opaque to the engine."""
+    help: str = ""
+
+
+class RobotProfile(Struct, frozen=True):
+    """A robot as data: which actions it has and which driver reaches it."""
+
+    name: str
+    title: str
+    driver: str
+    actions: dict[str, ActionSpec]
+    """Every action a scenario may use with this robot, by name; unsupported ones are there too, marked."""
+    options: dict[str, Json] = field(default_factory=dict)
+    """Settings that only the driver understands."""
+
+
+# --- CRA ------------------------------------------------------------------------------------------------------------
+
+
+class Call(Struct, frozen=True):
+    """One action with its parameters, as written. Memory values are filled in when it starts."""
+
+    type: str
+    parameters: dict[str, Template]
+
+
+class Action(Struct, frozen=True):
+    """A node of an act's graph: it starts when all of `wait_for` have ended."""
+
+    id: str
+    calls: tuple[Call, ...]
+    """One call; several for `<Variants>`, of which one is picked at each start."""
+    wait_for: tuple[str, ...] = ()
+    continue_on_failure: bool = False
+    place: Place = Place("")
+
+
+class Act(Struct, frozen=True):
+    """A CommunicationRobotAct (paper, section 4.2.1)."""
+
+    name: str
+    actions: tuple[Action, ...]
+    """In file order, which only breaks ties."""
+    channels: frozenset[str] = frozenset()
+    """All channels that its actions occupy on the scenario's robot."""
+    place: Place = Place("")
+
+
+# --- IR -------------------------------------------------------------------------------------------------------------
+
+FunctionName: TypeAlias = Literal[
+    "startCommunicationRobotAct",
+    "stopCommunicationRobotAct",
+    "startInteractionRule",
+    "stopInteractionRule",
+    "raiseEventTopic",
+    "assignValue",
+]
+
+
+class Function(Struct, frozen=True, tag="function"):
+    """One call in a rule: a DomainTask that the rule submits."""
+
+    name: FunctionName
+    argument: str
+    """As written; event topics keep their slash here."""
+    assignment: Assignment | None = None
+    """Only for `assignValue`."""
+    place: Place = Place("")
+
+
+class Branch(Struct, frozen=True):
+    """An arm of an `if`; the last may have no condition (`else`)."""
+
+    condition: Expression | None
+    block: tuple[Statement, ...]
+
+
+class If(Struct, frozen=True, tag="if"):
+    """The first branch whose condition holds is run."""
+
+    branches: tuple[Branch, ...]
+    place: Place = Place("")
+
+
+class OneOf(Struct, frozen=True, tag="oneOf"):
+    """Runs one of its children, picked by the session's seeded random source."""
+
+    choices: tuple[Statement, ...]
+    place: Place = Place("")
+
+
+Statement: TypeAlias = Function | If | OneOf
+Block: TypeAlias = tuple[Statement, ...]
+
+
+class Transition(Struct, frozen=True):
+    """A way out of a state. At most one of `event` and `after` is set; with neither, the condition alone triggers it."""
+
+    event: str | None = None
+    """The topic without its leading slash."""
+    condition: Expression | None = None
+    after: float | None = None
+    """Seconds in the state."""
+    target: str | None = None
+    """The next state; null: the functions run without leaving the state."""
+    block: Block = ()
+    place: Place = Place("")
+
+
+class State(Struct, frozen=True):
+    """A state of a rule. One without transitions ends the rule after its `on_entry`."""
+
+    id: str
+    on_entry: Block = ()
+    on_exit: Block = ()
+    transitions: tuple[Transition, ...] = ()
+    place: Place = Place("")
+
+
+class Rule(Struct, frozen=True):
+    """An InteractionRule (paper, section 4.2.2)."""
+
+    name: str
+    initial: str
+    states: dict[str, State]
+    priority: float = 0
+    """Larger is nearer the top of the stack when the rule starts."""
+    place: Place = Place("")
+
+
+# --- the whole ------------------------------------------------------------------------------------------------------
+
+
+class KeyBinding(Struct, frozen=True):
+    """A key of the scenario and the DomainTask that it submits."""
+
+    key: str
+    """In Textual's spelling: `1`, `n`, `full_stop`, `f2`."""
+    label: str
+    """As written in `scenario.toml`: `.`"""
+    function: FunctionName
+    behavior: str
+    place: Place = Place("")
+
+
+class ActSettings(Struct, frozen=True):
+    """How the console and the scheduler treat one act (`[act.NAME]` in scenario.toml)."""
+
+    hold: bool = False
+    debounce: float = 0.5
+    """Seconds within which a second press of its key counts as the same press."""
+    filler: bool = False
+    calling_type: CallingType = "Blocking"
+    """Used when whoever starts the act does not say."""
+
+
+class Scenario(Struct, frozen=True):
+    """A checked scenario, complete and immutable."""
+
+    title: str
+    folder: str
+    """Absolute path of the folder that it was read from."""
+    mode: Mode
+    robot: RobotProfile
+    acts: dict[str, Act]
+    rules: dict[str, Rule]
+    memory: dict[str, Json]
+    """The start values, in file order."""
+    keys: dict[str, KeyBinding] = field(default_factory=dict)
+    """By Textual key name."""
+    act_settings: dict[str, ActSettings] = field(default_factory=dict)
+    study: dict[str, Json] = field(default_factory=dict)
+    paths: dict[str, str] = field(default_factory=dict)
+    """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
+    known_keys: frozenset[str] = frozenset()
+    """Memory keys that the start values or anything in the scenario can set."""
+    topics: frozenset[str] = frozenset()
+    """Event topics (without slash) that some transition waits for."""
+    hash: str = ""
+    """SHA-256 over every file that was read, in a fixed order: two scenarios with one hash are the same study."""
+
+    def settings_of(self, act: str) -> ActSettings:
+        return self.act_settings.get(act, _DEFAULT_SETTINGS)
+
+
+_DEFAULT_SETTINGS = ActSettings()
+
+
+def normal_topic(topic: str) -> str:
+    """`/A_end` and `A_end` are one topic: topics are compared without their leading slash (semantics, section 3)."""
+    return topic.strip().removeprefix("/")

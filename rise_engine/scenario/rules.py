@@ -1,0 +1,212 @@
+"""Reading InteractionRules (paper, section 4.2.2; semantics, section 3; docs/reference/rules.md)."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from rise_engine.scenario.acts import no_text, roots
+from rise_engine.scenario.blocks import BlockReader
+from rise_engine.scenario.draft import Draft, Mention
+from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.graph import reachable
+from rise_engine.scenario.model import Block, Rule, State, Transition, normal_topic
+from rise_engine.scenario.xml import Element, Spot, XmlFile
+
+WRAPPERS = ("InteractionRules",)
+_AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
+_UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
+_STATE_PARTS = ("onEntry", "onExit", "transition")
+
+
+def read_rules(file: XmlFile, draft: Draft, findings: Findings) -> None:
+    """Read every rule of a file into `draft`."""
+    for element in roots(file, "InteractionRule", WRAPPERS, findings):
+        rule = _RuleReader(file, draft, findings).rule(element)
+        if rule is None:
+            continue
+        if rule.name in draft.rules:
+            first = draft.rules[rule.name].place
+            findings.error(
+                "duplicate-name",
+                file.value_place(element, "name"),
+                f"there is another rule `{rule.name}` in {first.file}, line {first.line}",
+            )
+        else:
+            draft.rules[rule.name] = rule
+
+
+class _RuleReader(BlockReader):
+    def __init__(self, file: XmlFile, draft: Draft, findings: Findings) -> None:
+        super().__init__(file, draft, findings)
+        self.targets: list[tuple[str, Element]] = []
+
+    def rule(self, element: Element) -> Rule | None:
+        self.attributes(element, ("name", "initial", "priority"))
+        no_text(self.file, element, self.findings)
+        name = (element.get("name") or "").strip()
+        if not name:
+            self.error("missing-attribute", element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
+        states: dict[str, State] = {}
+        for child in element:
+            if child.tag != "State":
+                self.error("unknown-element", child, self.misplaced(child, element, ("State",)))
+                continue
+            state = self.state(child)
+            if state is None:
+                continue
+            if state.id in states:
+                self.findings.error(
+                    "duplicate-state",
+                    self.file.value_place(child, "id"),
+                    f"there is another state `{state.id}` in line {states[state.id].place.line}",
+                )
+            else:
+                states[state.id] = state
+        initial = self.initial(element, states)
+        for target, transition in self.targets:
+            if target not in states:
+                self.findings.error(
+                    "unknown-state",
+                    self.file.value_place(transition, "target"),
+                    f"there is no state `{target}` in this rule{suggestion(target, states)}",
+                )
+        if not name or initial is None:
+            return None
+        self.check_reachable(initial, states)
+        return Rule(name, initial, states, self.priority(element), self.file.place(element))
+
+    def initial(self, element: Element, states: dict[str, State]) -> str | None:
+        initial = element.get("initial")
+        if initial is None:
+            example = next(iter(states), "...")
+            self.error("missing-attribute", element, f'a rule says where it begins: initial="{example}"')
+            return None
+        initial = initial.strip()
+        if initial in states:
+            return initial
+        if not states and not any(child.tag == "State" for child in element):
+            self.error("no-states", element, "this rule has no states")
+            return None
+        self.findings.error(
+            "unknown-state",
+            self.file.value_place(element, "initial"),
+            f"there is no state `{initial}` in this rule{suggestion(initial, states)}",
+        )
+        return None
+
+    def priority(self, element: Element) -> float:
+        text = element.get("priority")
+        if text is None:
+            return 0
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            self.findings.error(
+                "wrong-type", self.file.value_place(element, "priority"), f"priority is a number; `{text}` is not"
+            )
+            return 0
+        return int(value) if value.is_integer() else value
+
+    def check_reachable(self, initial: str, states: dict[str, State]) -> None:
+        ways = {name: [t.target for t in state.transitions if t.target in states] for name, state in states.items()}
+        found = reachable(initial, {name: [t for t in targets if t] for name, targets in ways.items()})
+        for name, state in states.items():
+            if name not in found:
+                self.findings.warning(
+                    "unreachable-state", state.place, f"no transition leads to the state `{name}` from `{initial}`"
+                )
+
+    def state(self, element: Element) -> State | None:
+        self.attributes(element, ("id",))
+        no_text(self.file, element, self.findings)
+        name = (element.get("id") or "").strip()
+        if not name:
+            self.error("missing-attribute", element, 'a state needs a name: <State id="...">')
+        blocks: dict[str, Block] = {}
+        transitions: list[Transition] = []
+        always: dict[tuple[str, object], Transition] = {}
+        for child in element:
+            tag = str(child.tag)
+            if tag == "transition":
+                transition = self.transition(child)
+                if transition is not None:
+                    transitions.append(transition)
+                    self.check_order(transition, always)
+            elif tag in ("onEntry", "onExit"):
+                if tag in blocks:
+                    self.error("duplicate-element", child, f"this state has `<{tag}>` twice; join them")
+                self.attributes(child, ())
+                blocks[tag] = blocks.get(tag, ()) + self.block(child)
+            else:
+                self.error("unknown-element", child, self.misplaced(child, element, _STATE_PARTS))
+        if not name:
+            return None
+        return State(
+            name, blocks.get("onEntry", ()), blocks.get("onExit", ()), tuple(transitions), self.file.place(element)
+        )
+
+    def transition(self, element: Element) -> Transition | None:
+        self.attributes(element, ("eventTopic", "target", "cond", "after"))
+        event, condition, after = element.get("eventTopic"), element.get("cond"), element.get("after")
+        if event is not None and after is not None:
+            self.findings.error(
+                "trigger",
+                self.file.attribute_place(element, "after"),
+                "a transition waits for an event or for a time, not for both; write two transitions",
+            )
+        if event is None and condition is None and after is None:
+            self.error("trigger", element, "a transition waits for something: give it eventTopic, cond or after")
+        topic: str | None = None
+        if event is not None:
+            topic = normal_topic(event)
+            if topic:
+                self.draft.waits.append(Mention(topic, Spot(self.file, element, "eventTopic")))
+            else:
+                self.findings.error("trigger", self.file.value_place(element, "eventTopic"), "eventTopic is empty")
+        target = element.get("target")
+        if target is not None:
+            target = target.strip()
+            self.targets.append((target, element))
+        block = self.block(element)
+        if target is None and not block and not len(element):
+            self.findings.warning(
+                "no-effect", self.file.place(element), "this transition has neither a target nor functions"
+            )
+        return Transition(
+            event=topic,
+            condition=self.condition(element, condition) if condition is not None else None,
+            after=self.after(element, after) if after is not None else None,
+            target=target,
+            block=block,
+            place=self.file.place(element),
+        )
+
+    def after(self, element: Element, text: str) -> float | None:
+        found = _AFTER.match(text)
+        if found is not None and len(text) < 40:
+            return float(found.group(1)) * _UNITS[found.group(2)]
+        number = re.match(r"\s*\d+(?:\.\d+)?\s*\Z", text, re.ASCII)
+        remedy = f"; write {text.strip()}ms or {text.strip()}s" if number else "; write 500ms, 2s, 1.5s or 3min"
+        self.findings.error("time", self.file.value_place(element, "after"), f"`{text}` is not a time{remedy}")
+        return None
+
+    def check_order(self, transition: Transition, always: dict[tuple[str, object], Transition]) -> None:
+        """Of two transitions with one trigger, the second is dead when the first has no condition."""
+        trigger: tuple[str, object]
+        if transition.event is not None:
+            trigger = ("event", transition.event)
+        elif transition.after is not None:
+            trigger = ("after", transition.after)
+        else:
+            return
+        if trigger in always:
+            self.findings.warning(
+                "unreachable-transition",
+                transition.place,
+                f"never taken: the transition in line {always[trigger].place.line} has the same trigger and no condition",
+            )
+        elif transition.condition is None:
+            always[trigger] = transition

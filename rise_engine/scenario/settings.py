@@ -1,0 +1,179 @@
+"""Reading scenario.toml (semantics, section 1; docs/reference/scenario.md)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.scenario.actions import unknown_keys
+from rise_engine.scenario.conditions import expression_message, note_assignment
+from rise_engine.scenario.draft import At, Draft, Mention
+from rise_engine.scenario.findings import Findings, listed, suggestion
+from rise_engine.scenario.keys import KeyRefused, normal_key
+from rise_engine.scenario.model import ActSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
+from rise_engine.scenario.toml_places import Table, TomlFile
+
+NAME = "scenario.toml"
+TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "study", "actions")
+BINDINGS: dict[str, FunctionName] = {
+    "act": "startCommunicationRobotAct",
+    "rule": "startInteractionRule",
+    "event": "raiseEventTopic",
+    "set": "assignValue",
+    "stop_act": "stopCommunicationRobotAct",
+    "stop_rule": "stopInteractionRule",
+}
+"""What a key can submit, and the function of the DomainTask that comes of it."""
+_ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
+_CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
+MAX_DEBOUNCE = 60.0
+
+
+class Settings:
+    """What scenario.toml says, checked; everything has a default."""
+
+    def __init__(self, file: TomlFile, draft: Draft, findings: Findings) -> None:
+        self.file = file
+        self.draft = draft
+        self.findings = findings
+        self.table = Table(file, (), file.values)
+        unknown_keys(self.table, TOP_KEYS, findings)
+        self.title = self.text("title", "")
+        self.robot = self.text("robot", "")
+        self.mode: Mode = "real" if self.text("mode", "debug") == "real" else "debug"
+        if self.text("mode", "debug") not in ("debug", "real"):
+            self.error("wrong-value", file.value_place("mode"), "`mode` is \"debug\" or \"real\"")
+        self.places = {key: self.text(key, "") for key in ("acts", "rules", "memory") if key in file.values}
+        study = self.subtable("study")
+        self.study: dict[str, Any] = study.values if study else {}
+        self.keys = self.read_keys()
+        self.act_settings = self.read_acts()
+
+    def error(self, code: str, place: Place, message: str) -> None:
+        self.findings.error(code, place, message)
+
+    def text(self, key: str, otherwise: str) -> str:
+        value = self.file.values.get(key, otherwise)
+        if isinstance(value, str):
+            return value
+        self.error("wrong-type", self.file.value_place(key), f'`{key}` is a text: {key} = "..."')
+        return otherwise
+
+    def subtable(self, key: str) -> Table | None:
+        values = self.file.values.get(key)
+        if values is None:
+            return None
+        if isinstance(values, dict):
+            return Table(self.file, (key,), values)
+        self.error("wrong-type", self.file.place(key), f"`{key}` is a table: [{key}]")
+        return None
+
+    def read_keys(self) -> dict[str, KeyBinding]:
+        table = self.subtable("keys")
+        bindings: dict[str, KeyBinding] = {}
+        for written, value in (table.values if table else {}).items():
+            assert table is not None
+            place = table.place(written)
+            try:
+                key = normal_key(written)
+            except KeyRefused as refused:
+                self.error("key-taken" if refused.taken else "key-refused", place, str(refused))
+                key = ""
+            if key in bindings:
+                first = bindings[key]
+                self.error("key-twice", place, f"`{written}` is the same key as `{first.label}` in line {first.place.line}")
+                key = ""
+            binding = self.binding(table, written, value, key, place)
+            if binding is not None and key:
+                bindings[key] = binding
+        return bindings
+
+    def binding(self, table: Table, written: str, value: Any, key: str, place: Place) -> KeyBinding | None:
+        example = f'write {_toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
+        if not isinstance(value, dict):
+            self.error("binding", table.value_place(written), f"a key submits something; {example}")
+            return None
+        inner = Table(self.file, ("keys", written), value)
+        unknown_keys(inner, tuple(BINDINGS), self.findings)
+        given = [name for name in BINDINGS if name in value]
+        if len(given) != 1:
+            if len(given) > 1 or not value:
+                self.error("binding", place, f"a key submits exactly one thing; {example}")
+            return None
+        name = given[0]
+        where = inner.value_place(name)
+        behavior = value[name]
+        if not isinstance(behavior, str) or not behavior.strip():
+            self.error("wrong-type", where, f'`{name}` is a text: {name} = "..."')
+            return None
+        behavior = behavior.strip()
+        if name in ("act", "stop_act"):
+            self.draft.act_mentions.append(Mention(behavior, At(where)))
+        elif name in ("rule", "stop_rule"):
+            self.draft.rule_mentions.append(Mention(behavior, At(where)))
+        elif name == "event":
+            if not normal_topic(behavior):
+                self.error("missing-value", where, "`event` names no topic")
+                return None
+            self.draft.raises.append(Mention(normal_topic(behavior), At(where)))
+        else:
+            try:
+                note_assignment(Assignment.parse(behavior), At(where), self.draft)
+            except ExpressionError as error:
+                # the column counts in the text, which begins behind the quotation mark
+                column = where.column + error.column
+                self.error("assignment", Place(where.file, where.line, column), expression_message(error))
+                return None
+        return KeyBinding(key, written, BINDINGS[name], behavior, place)
+
+    def read_acts(self) -> dict[str, ActSettings]:
+        table = self.subtable("act")
+        result: dict[str, ActSettings] = {}
+        for name, values in (table.values if table else {}).items():
+            place = self.file.place("act", name)
+            self.draft.act_mentions.append(Mention(name, At(place)))
+            if not isinstance(values, dict):
+                self.error("wrong-type", place, f"settings of an act are a table: [act.{_toml_key(name)}]")
+                continue
+            inner = Table(self.file, ("act", name), values)
+            unknown_keys(inner, _ACT_KEYS, self.findings)
+            calling = values.get("calling_type", "Blocking")
+            if not isinstance(calling, str) or calling.lower() not in _CALLING_TYPES:
+                self.error(
+                    "wrong-value",
+                    inner.value_place("calling_type"),
+                    f"`calling_type` is one of {listed(_CALLING_TYPES.values())}"
+                    + (suggestion(calling, _CALLING_TYPES.values(), limit=0) if isinstance(calling, str) else ""),
+                )
+                calling = "Blocking"
+            result[name] = ActSettings(
+                hold=self.flag(inner, "hold"),
+                debounce=self.debounce(inner),
+                filler=self.flag(inner, "filler"),
+                calling_type="None" if calling.lower() == "none" else "Blocking",
+            )
+        return result
+
+    def flag(self, table: Table, key: str) -> bool:
+        value = table.values.get(key, False)
+        if isinstance(value, bool):
+            return value
+        self.error("wrong-type", table.value_place(key), f"`{key}` is true or false")
+        return False
+
+    def debounce(self, table: Table) -> float:
+        value = table.values.get("debounce", ActSettings().debounce)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.error("wrong-type", table.value_place("debounce"), "`debounce` is a number of seconds")
+        elif not 0 <= value <= MAX_DEBOUNCE:
+            self.error("out-of-range", table.value_place("debounce"), f"`debounce` is from 0 to {MAX_DEBOUNCE:g} seconds")
+        else:
+            return float(value)
+        return ActSettings().debounce
+
+
+def _toml_key(key: str) -> str:
+    bare = key.replace("_", "").replace("-", "")
+    if bare.isascii() and bare.isalnum():
+        return key
+    return '"' + key.replace("\\", "\\\\").replace('"', '\\"') + '"'

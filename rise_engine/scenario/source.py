@@ -1,0 +1,110 @@
+"""A scenario's files as text: read with limits, decoded strictly, and able to say where an offset stands."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from pathlib import Path
+
+from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.model import Place
+
+MAX_BYTES = 10_000_000
+"""Larger files are refused before anything looks into them."""
+
+
+class Source:
+    """One file of a scenario."""
+
+    def __init__(self, name: str, data: bytes, text: str) -> None:
+        self.name = name
+        """Relative to the scenario folder where it lies inside it."""
+        self.data = data
+        self.text = text
+        """Decoded, without byte order mark."""
+        self._line_starts: list[int] | None = None
+
+    def place(self, offset: int) -> Place:
+        """Line and column of an offset in `text`."""
+        starts = self._line_starts
+        if starts is None:
+            starts = self._line_starts = line_starts(self.text)
+        line = bisect_right(starts, offset)
+        return Place(self.name, line, offset - starts[line - 1] + 1)
+
+    def offset(self, line: int, column: int) -> int:
+        """The reverse of `place`, kept within the text."""
+        starts = self._line_starts
+        if starts is None:
+            starts = self._line_starts = line_starts(self.text)
+        line = min(max(line, 1), len(starts))
+        return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
+
+    def line(self, number: int) -> str:
+        """The text of a line, without its end."""
+        start = self.offset(number, 1)
+        end = self.text.find("\n", start)
+        return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
+
+
+def line_starts(text: str) -> list[int]:
+    """Offsets at which lines begin. Lines end with LF or CRLF."""
+    starts = [0]
+    at = text.find("\n")
+    while at >= 0:
+        starts.append(at + 1)
+        at = text.find("\n", at + 1)
+    return starts
+
+
+class Files:
+    """Reads files and remembers what was read, so that a scenario can be identified by its content."""
+
+    def __init__(self, folder: Path, findings: Findings) -> None:
+        self.folder = folder
+        self.findings = findings
+        self.read: list[Source] = []
+
+    def name_of(self, path: Path) -> str:
+        """How findings name a file: relative to the folder if it lies inside."""
+        try:
+            return path.relative_to(self.folder).as_posix()
+        except ValueError:
+            return str(path)
+
+    def source(self, path: Path) -> Source | None:
+        """The file at `path`, or None after a finding."""
+        name = self.name_of(path)
+        place = Place(name)
+        try:
+            if path.stat().st_size > MAX_BYTES:
+                self.findings.error("too-large", place, f"this file is larger than {MAX_BYTES // 1_000_000} MB")
+                return None
+            data = path.read_bytes()
+        except OSError as error:
+            self.findings.error("unreadable", place, f"this file cannot be read: {error.strerror or error}")
+            return None
+        text = decode(name, data, self.findings)
+        if text is None:
+            return None
+        source = Source(name, data, text)
+        self.read.append(source)
+        return source
+
+
+def decode(name: str, data: bytes, findings: Findings) -> str | None:
+    """The text of a UTF-8 file, with or without byte order mark; otherwise None and a finding."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")) or data[:4].count(0) >= 2:
+        findings.error("encoding", Place(name), "this file is UTF-16 or UTF-32; save it as UTF-8")
+        return None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start].decode("utf-8", "replace")  # error.object has no byte order mark
+        place = Source(name, b"", before).place(len(before))
+        findings.error(
+            "encoding",
+            place,
+            f"this file is not UTF-8 (byte 0x{error.object[error.start]:02X}); "
+            "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8",
+        )
+        return None

@@ -1,0 +1,185 @@
+"""XML files, read by a hardened parser, with exact places for every element, attribute and character of a value.
+
+lxml knows only lines, and for a start tag over several lines the wrong one. But documents with a DOCTYPE are refused, so
+the n-th start tag of the text is the n-th element: one quick scan of the text tells where everything stands.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from lxml import etree
+
+from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.model import Place
+from rise_engine.scenario.source import Source
+
+if TYPE_CHECKING:
+    from rise_engine.scenario.xml_repair import Mended
+
+Element: TypeAlias = "etree._Element"
+
+_TAG = re.compile(
+    r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|</[^>]*>|<[^!?/>\"'][^>\"']*(?:\"[^\"]*\"[^>\"']*|'[^']*'[^>\"']*)*>",
+    re.DOTALL,
+)
+_ATTRIBUTE = re.compile(r"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n|.", re.DOTALL)
+_PROLOG = r"\A(?:\s|<\?.*?\?>|<!--.*?-->)*"
+_DOCTYPE = re.compile(_PROLOG + r"<!DOCTYPE", re.DOTALL)
+_DECLARED = re.compile(r"""\A\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
+
+
+class XmlFile:
+    """A well-formed file: its elements and where they stand."""
+
+    def __init__(self, source: Source, root: Element, text: str, mended: Mended | None) -> None:
+        self.source = source
+        self.root = root
+        self._text = text
+        self._mended = mended
+        self._order: dict[Element, int] | None = None
+        self._starts: list[int] = []
+
+    def place(self, element: Element) -> Place:
+        """Where an element's start tag begins."""
+        start = self._start(element)
+        return self._at(start) if start is not None else self._about(element)
+
+    def attribute_place(self, element: Element, name: str) -> Place:
+        """Where an attribute's name stands."""
+        found = self._attribute(element, name)
+        return self._at(found.start(1)) if found else self.place(element)
+
+    def value_place(self, element: Element, name: str, index: int = 0) -> Place:
+        """Where the character number `index` (from 0) of an attribute's value stands in the file."""
+        found = self._attribute(element, name)
+        if found is None:
+            return self.place(element)
+        group = 2 if found.group(2) is not None else 3
+        return self._at(_advance(self._text, found.start(group), found.end(group), index))
+
+    def text_place(self, element: Element, index: int = 0) -> Place:
+        """Where the character number `index` of an element's text (up to its first child) stands in the file."""
+        start = self._start(element)
+        if start is None:
+            return self._about(element)
+        tag = _TAG.match(self._text, start)
+        at = tag.end() if tag else start
+        while True:
+            end = self._text.find("<", at)
+            end = end if end >= 0 else len(self._text)
+            length = len(_UNIT.findall(self._text, at, end))
+            if index < length:
+                return self._at(_advance(self._text, at, end, index))
+            index -= length
+            inner = _TAG.match(self._text, end)
+            if inner is None or not inner.group().startswith(("<!", "<?")):
+                return self._at(end)
+            if inner.group().startswith("<![CDATA["):
+                if index < (length := len(inner.group()) - 12):
+                    return self._at(inner.start() + 9 + index)
+                index -= length
+            at = inner.end()
+
+    def _at(self, offset: int) -> Place:
+        return self.source.place(self._mended.original(offset) if self._mended else offset)
+
+    def _about(self, element: Element) -> Place:
+        return Place(self.source.name, element.sourceline or 1)
+
+    def _start(self, element: Element) -> int | None:
+        if self._order is None:
+            self._order = {each: index for index, each in enumerate(self.root.iter())}
+            self._starts = [
+                tag.start() for tag in _TAG.finditer(self._text) if self._text[tag.start() + 1] not in "!?/"
+            ]
+            if len(self._starts) != len(self._order):
+                self._starts = []  # lines must do
+        index = self._order.get(element)
+        return self._starts[index] if index is not None and self._starts else None
+
+    def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
+        start = self._start(element)
+        tag = _TAG.match(self._text, start) if start is not None else None
+        if tag is None:
+            return None
+        for found in _ATTRIBUTE.finditer(self._text, tag.start(), tag.end()):
+            if found.group(1) == name:
+                return found
+        return None
+
+
+class Spot(NamedTuple):
+    """A place that is worked out only when a finding needs it."""
+
+    file: XmlFile
+    element: Element
+    attribute: str | None = None
+    """None: the element's text, or the element itself when `index` is None too."""
+    index: int | None = None
+
+    @property
+    def place(self) -> Place:
+        if self.attribute is not None:
+            return self.file.value_place(self.element, self.attribute, self.index or 0)
+        if self.index is not None:
+            return self.file.text_place(self.element, self.index)
+        return self.file.place(self.element)
+
+
+def read_xml(source: Source, findings: Findings) -> XmlFile | None:
+    """Parse a file. What is wrong with its form becomes findings; with the common mistakes mended it is read on."""
+    text = source.text
+    if (doctype := _DOCTYPE.match(text)) is not None:
+        findings.error(
+            "doctype", source.place(doctype.end() - 9), "a DOCTYPE is not allowed in scenario files; delete it"
+        )
+        return None
+    declared = _DECLARED.match(text)
+    if declared is not None and declared.group(1).lower() not in ("utf-8", "utf8", "us-ascii"):
+        findings.error(
+            "encoding",
+            source.place(declared.start(1)),
+            f'this file declares the encoding {declared.group(1)}; save it as UTF-8 and declare encoding="UTF-8"',
+        )
+        return None
+    try:
+        return XmlFile(source, _parse(text), text, None)
+    except etree.XMLSyntaxError as error:
+        from rise_engine.scenario.xml_repair import mend
+
+        before = findings.errors
+        mended = mend(source, findings)
+        if findings.errors > before:
+            try:
+                return XmlFile(source, _parse(mended.text), mended.text, mended)
+            except etree.XMLSyntaxError as second:
+                error = second
+        from rise_engine.scenario.xml_syntax import report_syntax
+
+        report_syntax(error, mended, findings)
+        return None
+
+
+def _parse(text: str) -> Element:
+    parser = etree.XMLParser(
+        remove_comments=True,
+        remove_pis=True,
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+    )
+    return etree.fromstring(text.encode(), parser)
+
+
+def _advance(text: str, start: int, end: int, index: int) -> int:
+    """The offset of the character number `index` of a value; an entity counts as one character."""
+    for _ in range(index):
+        unit = _UNIT.match(text, start, end)
+        if unit is None:
+            break
+        start = unit.end()
+    return min(start, end)

@@ -1,0 +1,195 @@
+"""The commonest mistakes in hand-written XML, found and mended in memory so that the rest of the file can be checked.
+
+These are a raw `<` or `&` in a condition or a text, and a double quotation mark inside a value in double quotation
+marks. Each gets a finding of its own with the corrected text.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+
+from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.source import Source
+
+_MARK = re.compile(r"[<&]")
+_REFERENCE = re.compile(r"&(?:(lt|gt|amp|quot|apos)|#[0-9]+|#x[0-9A-Fa-f]+);")
+_NAMED = re.compile(r"&([A-Za-z][A-Za-z0-9]*);")
+_NAME = re.compile(r"[^\W\d][\w.:-]*")
+_SKIP = (("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">"), ("</", ">"))
+_VALUE_ENDS = re.compile(r"\s*(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
+_RUNS_ON = re.compile(r"[\r\n]\s*<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
+
+
+class Mended:
+    """A text after repair, with the way back to the offsets of the original."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.text = source.text
+        self._edits: list[tuple[int, int, str]] = []
+        self._starts: list[int] = []
+
+    def replace(self, start: int, end: int, new: str) -> None:
+        self._edits.append((start, end, new))
+
+    def finish(self) -> bool:
+        """Apply the edits; False when there are none."""
+        self._edits.sort()
+        pieces: list[str] = []
+        at = length = 0
+        for start, end, new in self._edits:
+            pieces += (self.source.text[at:start], new)
+            length += start - at
+            self._starts.append(length)
+            length += len(new)
+            at = end
+        pieces.append(self.source.text[at:])
+        self.text = "".join(pieces)
+        return bool(self._edits)
+
+    def original(self, offset: int) -> int:
+        """Where an offset of `text` was before the repair."""
+        if not self._starts:
+            return offset
+        index = bisect_right(self._starts, offset) - 1
+        if index < 0:
+            return offset
+        start, end, new = self._edits[index]
+        into = offset - self._starts[index]
+        return start + min(into, end - start) if into < len(new) else end + into - len(new)
+
+
+def mend(source: Source, findings: Findings) -> Mended:
+    """Look for the mistakes that this module knows, report each, and return the text without them."""
+    mended = Mended(source)
+    text = source.text
+    at = 0
+    run_start = 0  # where the present stretch of text between tags begins
+    run_bad: list[tuple[int, str]] = []
+    while (mark := _MARK.search(text, at)) is not None:
+        here = mark.start()
+        if text[here] == "&":
+            at = _reference(text, here, run_bad)
+            continue
+        skip = next((closing for opening, closing in _SKIP if text.startswith(opening, here)), None)
+        if skip is None and not _NAME.match(text, here + 1):
+            run_bad.append((here, "&lt;"))
+            at = here + 1
+            continue
+        _report_text(mended, findings, run_start, here, run_bad)
+        if skip is not None:
+            end = text.find(skip, here)
+            at = run_start = end + len(skip) if end >= 0 else len(text)
+        else:
+            at = run_start = _tag(mended, findings, here)
+    _report_text(mended, findings, run_start, len(text), run_bad)
+    mended.finish()
+    return mended
+
+
+def _reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
+    """Step over a `&`; a wrong one is added to `bad`."""
+    if (reference := _REFERENCE.match(text, here)) is not None:
+        return reference.end()
+    bad.append((here, "&amp;"))
+    return here + 1
+
+
+def _tag(mended: Mended, findings: Findings, start: int) -> int:
+    """Read a start tag tolerantly, mending its attribute values. Returns the offset behind it."""
+    text = mended.source.text
+    name = _NAME.match(text, start + 1)
+    at = name.end() if name else start + 1
+    while True:
+        while at < len(text) and text[at].isspace():
+            at += 1
+        if text.startswith(">", at):
+            return at + 1
+        attribute = _NAME.match(text, at)
+        if attribute is None:
+            return at + 1 if text.startswith("/", at) else at
+        at = attribute.end()
+        equals = re.compile(r"\s*=\s*").match(text, at)
+        if equals is None:
+            return at
+        at = equals.end()
+        quote = text[at : at + 1]
+        if quote not in ('"', "'") or not quote:
+            return at
+        end = _value_end(text, at + 1, quote)
+        if end < 0:
+            return at + 1
+        _value(mended, findings, attribute.group(), at, end)
+        at = end + 1
+
+
+def _value_end(text: str, start: int, quote: str) -> int:
+    """The offset of the quotation mark that closes a value, or -1 when it is never closed.
+
+    A mark that is followed by neither the tag's end nor another attribute was meant as part of the value.
+    """
+    first = end = text.find(quote, start)
+    if end < 0 or _RUNS_ON.search(text, start, end):
+        return -1
+    while not _VALUE_ENDS.match(text, end + 1):
+        end = text.find(quote, end + 1)
+        if end < 0 or re.compile(r"[\r\n]").search(text, start, end):
+            return first
+    return end
+
+
+def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int) -> None:
+    text = mended.source.text
+    quote = text[opening]
+    bad: list[tuple[int, str]] = []
+    quotes: list[int] = []
+    at = opening + 1
+    while at < end:
+        if text[at] == "&":
+            at = _reference(text, at, bad)
+            continue
+        if text[at] == "<":
+            bad.append((at, "&lt;"))
+        elif text[at] == quote:
+            quotes.append(at)
+        at += 1
+    escapes = dict(bad)
+    if bad:
+        corrected = "".join(escapes.get(i, text[i]) for i in range(opening + 1, end))
+        if quotes:
+            corrected = corrected.replace(quote, "'" if quote == '"' else '"')
+        _report(mended, findings, bad, f"{name}={quote}{corrected}{quote}", " in an attribute")
+    if quotes:
+        other = "'" if quote == '"' else '"'
+        inner = "".join(escapes.get(i, text[i]) for i in range(opening + 1, end)).replace(quote, other)
+        findings.error(
+            "quotes",
+            mended.source.place(quotes[0]),
+            f"a {quote} inside a value in {quote} marks ends it; write {name}={quote}{inner}{quote}",
+        )
+        for offset in quotes:
+            mended.replace(offset, offset + 1, "&quot;" if quote == '"' else "&apos;")
+
+
+def _report_text(mended: Mended, findings: Findings, start: int, end: int, bad: list[tuple[int, str]]) -> None:
+    """One finding for the wrong characters of one stretch of text."""
+    if bad:
+        escapes = dict(bad)
+        corrected = "".join(escapes.get(i, mended.source.text[i]) for i in range(start, end))
+        _report(mended, findings, bad, " ".join(corrected.split()), "")
+        bad.clear()
+
+
+def _report(mended: Mended, findings: Findings, bad: list[tuple[int, str]], corrected: str, where: str) -> None:
+    text = mended.source.text
+    first = bad[0][0]
+    entity = _NAMED.match(text, first)
+    if entity is not None and entity.group(1) not in ("lt", "gt", "amp", "quot", "apos"):
+        message = f"XML does not know `{entity.group()}`; write the character itself"
+    else:
+        marks = " and ".join(f"`{mark}`" for mark in dict.fromkeys(text[offset] for offset, _ in bad))
+        message = f"{marks} cannot stand as it is{where}; write {corrected}"
+    findings.error("unescaped", mended.source.place(first), message)
+    for offset, new in bad:
+        mended.replace(offset, offset + 1, new)

@@ -1,0 +1,161 @@
+"""Task files: a wizard's whole session as text, one DomainTask per line (JSON).
+
+    {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "Greet", "calling_type": "None", "at": 2.5}
+
+`at` is session time in seconds; without it a task goes together with the one on the line before. `calling_type` may be
+left out, and `source` may say who asks (default `file`). Empty lines and lines that begin with # are skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, get_args
+
+from msgspec import Struct
+
+from rise_engine.kernel.inputs import Submit, TaskFunction
+from rise_engine.scenario.findings import suggestion
+from rise_engine.scenario.json_reader import JsonError, plain, read_json
+from rise_engine.scenario.model import Scenario
+
+FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
+KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
+LATEST = 366 * 86_400.0
+"""Seconds; nothing is planned more than a year ahead."""
+_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop")
+
+
+class ScriptTask(Struct, frozen=True):
+    """One line: a task and when it is submitted."""
+
+    at: float
+    task: Submit
+    file: str
+    line: int
+
+
+class ScriptProblem(Struct, frozen=True):
+    """Why a line cannot be used."""
+
+    file: str
+    line: int
+    message: str
+    column: int | None = None
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.column is None else f"{self.file}:{self.line}:{self.column}"
+        return f"{place}: error: {self.message}"
+
+
+class ScriptError(ValueError):
+    """A task file with mistakes: all of them."""
+
+    def __init__(self, problems: Sequence[ScriptProblem]) -> None:
+        super().__init__("\n".join(str(problem) for problem in problems))
+        self.problems = tuple(problems)
+
+
+class ScriptReader:
+    """Reads a task file line by line, as it comes."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self._line = 0
+        self._at = 0.0
+
+    def read(self, text: bytes | str) -> ScriptTask | None:
+        """The task of the next line, or None for a line without one. Raises ScriptError with all its mistakes."""
+        self._line += 1
+        if isinstance(text, bytes):
+            try:
+                text = text.decode("utf-8-sig" if self._line == 1 else "utf-8")
+            except UnicodeDecodeError as error:
+                raise self._refused(["this is not UTF-8 text"], error.start + 1) from None
+        before = len(text) - len(text.lstrip())
+        text = text.strip()
+        if not text or text.startswith("#"):
+            return None
+        problems: list[str] = []
+        try:
+            value = plain(read_json(text, lambda key, at, first: problems.append(f"`{key}` is there twice")))
+        except JsonError as error:
+            raise self._refused([f"this is not JSON: {error}"], before + error.offset + 1) from None
+        if not isinstance(value, dict):
+            raise self._refused([f'a line is a JSON object such as {{"function_type": "{FUNCTIONS[0]}", ...}}'])
+        problems += _problems_of(value)
+        if problems:
+            raise self._refused(problems)
+        self._at = float(value.get("at", self._at))
+        task = Submit(
+            function=value["function_type"],
+            behavior=value.get("domain_task_behavior", ""),
+            calling_type=value.get("calling_type", ""),
+            source=value.get("source", "file"),
+        )
+        return ScriptTask(self._at, task, self.file, self._line)
+
+    def _refused(self, messages: list[str], column: int | None = None) -> ScriptError:
+        return ScriptError([ScriptProblem(self.file, self._line, message, column) for message in messages])
+
+
+def read_script(text: bytes, file: str) -> list[ScriptTask]:
+    """The tasks of a whole file, by `at`; those of one moment in file order. Raises ScriptError with all mistakes."""
+    reader = ScriptReader(file)
+    tasks: list[ScriptTask] = []
+    problems: list[ScriptProblem] = []
+    for line in text.split(b"\n"):
+        try:
+            task = reader.read(line)
+        except ScriptError as refused:
+            problems.extend(refused.problems)
+        else:
+            if task is not None:
+                tasks.append(task)
+    if problems:
+        raise ScriptError(problems)
+    return sorted(tasks, key=lambda task: task.at)
+
+
+def doubt(task: ScriptTask, scenario: Scenario) -> str | None:
+    """What will probably go wrong: a name that the scenario does not have. The session will reject such a task."""
+    function, name = task.task.function, task.task.behavior
+    if function.endswith("CommunicationRobotAct"):
+        known, what = list(scenario.acts), "act"
+    elif function.endswith("InteractionRule"):
+        known, what = list(scenario.rules), "rule"
+    else:
+        return None
+    if name in known:
+        return None
+    return f"{task.file}:{task.line}: warning: {no_such(what, name, known)}; the task will be rejected"
+
+
+def no_such(what: str, name: str, known: Sequence[str]) -> str:
+    """``there is no act `Gret`; did you mean `Greet`?``"""
+    return f"there is no {what} `{name}`{suggestion(name, known)}"
+
+
+def _problems_of(value: dict[str, Any]) -> list[str]:
+    problems = [f"unknown entry `{key}`{suggestion(key, KEYS)}" for key in value if key not in KEYS]
+    function = value.get("function_type")
+    if "function_type" not in value:
+        problems.append("`function_type` is missing")
+    elif not isinstance(function, str):
+        problems.append("`function_type` must be a text")
+    elif function not in FUNCTIONS:
+        problems.append(f"unknown function_type `{function}`{suggestion(function, FUNCTIONS)}")
+    behavior = value.get("domain_task_behavior", "")
+    if not isinstance(behavior, str):
+        problems.append("`domain_task_behavior` must be a text")
+    elif not behavior.strip() and function in FUNCTIONS and function not in _WITHOUT_BEHAVIOR:
+        problems.append(f"`domain_task_behavior` is missing: {function} needs to know what")
+    calling_type = value.get("calling_type", "")
+    if calling_type not in ("", "None", "Blocking"):
+        problems.append('`calling_type` must be "Blocking" or "None" (a text), or left out')
+    source = value.get("source", "file")
+    if not isinstance(source, str) or not source.strip():
+        problems.append('`source` must be a text such as "wizard:anna"')
+    at = value.get("at", 0.0)
+    if isinstance(at, bool) or not isinstance(at, int | float) or not 0 <= at <= LATEST:
+        problems.append("`at` must be a number of seconds, 0 or more")
+    return problems

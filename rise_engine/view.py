@@ -1,0 +1,246 @@
+"""The state of a session as anybody outside sees it: a fold over records (architecture, "The kernel").
+
+A console, a readable account, a test and later the socket's snapshot all use this one `View`; nobody asks the engine for
+its inner state. `View.apply(record)` for every record since the beginning gives the same value as the snapshot that an
+engine sends to somebody who attaches late.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from msgspec import Struct, field
+
+from rise_engine.kernel.records import (
+    ENDINGS,
+    FINAL,
+    ActionRecord,
+    AnyRecord,
+    EventRecord,
+    MemoryRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+)
+
+TASK_LOG = 100_000
+"""Finished tasks that a view keeps; older ones are in the journal."""
+
+
+class ActionView(Struct):
+    """One action of a running act."""
+
+    action: str
+    type: str
+    parameters: dict[str, Any]
+    status: str
+    since: float
+    ended: float | None = None
+    reason: str = ""
+    sent_as: str | None = None
+
+
+class TaskView(Struct):
+    """A DomainTask and what became of it."""
+
+    id: int
+    function: str
+    behavior: str
+    calling_type: str
+    source: str
+    status: str
+    reason: str
+    submitted: float
+    started: float | None = None
+    ended: float | None = None
+    ref: str | None = None
+    actions: dict[str, ActionView] = field(default_factory=dict)
+    """For a CRA, by actionID, in the order in which they started."""
+
+
+class ActView(Struct):
+    """What is known of one CRA."""
+
+    running: list[int] = field(default_factory=list)
+    """Its ACTIVE tasks, oldest first."""
+    waiting: list[int] = field(default_factory=list)
+    last: TaskView | None = None
+    """Its last task that ended (also a rejected one)."""
+    runs: int = 0
+    """How often it succeeded; `typical` is the mean of those durations."""
+    typical: float | None = None
+
+
+class RuleView(Struct):
+    """What is known of one IR."""
+
+    running: bool = False
+    state: str | None = None
+    since: float = 0.0
+    """When it entered its state, or ended."""
+    previous: str | None = None
+    trigger: str | None = None
+    transition: int | None = None
+    status: str = ""
+    """The last record's status; empty before its first start."""
+    reason: str = ""
+    priority: float = 0
+    entered: int = 0
+    """`seq` of its last move, which orders rules of one priority on the stack."""
+    task: int | None = None
+
+
+class MemoryView(Struct):
+    """One key of the working memory."""
+
+    value: Any
+    old: Any
+    source: str
+    changed: float
+
+
+class StopView(Struct):
+    status: str = "released"
+    since: float = 0.0
+    confirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...] = ()
+    source: str = ""
+
+    @property
+    def latched(self) -> bool:
+        """True from the request until the release: nothing starts."""
+        return self.status != "released"
+
+
+class View(Struct):
+    """Everything that a screen shows."""
+
+    seq: int = 0
+    t: float = 0.0
+    session: SessionRecord | None = None
+    ended: bool = False
+    robot: RobotRecord | None = None
+    stop: StopView = field(default_factory=StopView)
+    acts: dict[str, ActView] = field(default_factory=dict)
+    rules: dict[str, RuleView] = field(default_factory=dict)
+    memory: dict[str, MemoryView] = field(default_factory=dict)
+    running: list[int] = field(default_factory=list)
+    """ACTIVE tasks of acts, oldest first."""
+    waiting: list[int] = field(default_factory=list)
+    """PENDING tasks in the scheduler's order, next first."""
+    tasks: dict[int, TaskView] = field(default_factory=dict)
+    """Every task of the session (up to TASK_LOG), by id, in order of arrival."""
+    unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
+    """The latest events that no rule took."""
+
+    def apply(self, record: AnyRecord) -> None:
+        """Take one record in. Records must come in order and without gaps."""
+        self.seq, self.t = record.seq, record.t
+        match record:
+            case TaskRecord():
+                self._task(record)
+            case ActionRecord():
+                self._action(record)
+            case RuleRecord():
+                self._rule(record)
+            case MemoryRecord(deleted=True):
+                self.memory.pop(record.key, None)
+            case MemoryRecord():
+                self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
+            case EventRecord(taken_by=None):
+                self.unhandled.append(record)
+            case RobotRecord():
+                self.robot = record
+            case StopRecord():
+                self.stop = StopView(
+                    record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
+                )
+            case SessionRecord():
+                if record.status == "ended":
+                    self.ended = True
+                else:
+                    self.session = record
+            case _:
+                pass
+
+    def stack(self) -> list[str]:
+        """The running rules, top of the stack first."""
+        running = [(rule.priority, rule.entered, name) for name, rule in self.rules.items() if rule.running]
+        return [name for _, _, name in sorted(running, reverse=True)]
+
+    def _task(self, record: TaskRecord) -> None:
+        task = self.tasks.get(record.id)
+        if task is None:
+            task = TaskView(
+                record.id,
+                record.function,
+                record.behavior,
+                record.calling_type,
+                record.source,
+                record.status,
+                record.reason,
+                record.t,
+                ref=record.ref,
+            )
+            self.tasks[record.id] = task
+            if len(self.tasks) > TASK_LOG:
+                self._forget_oldest()
+        task.status, task.reason = record.status, record.reason
+        if record.status == "ACTIVE":
+            task.started = record.t
+        elif record.status in FINAL:
+            task.ended = record.t
+        if record.function == "startCommunicationRobotAct":
+            self._act_task(record, task)
+        elif record.function == "startInteractionRule" and record.status == "ACTIVE":
+            self.rules.setdefault(record.behavior, RuleView()).task = record.id
+
+    def _act_task(self, record: TaskRecord, task: TaskView) -> None:
+        act = self.acts.setdefault(record.behavior, ActView())
+        for ids in (self.waiting, self.running, act.waiting, act.running):
+            if record.id in ids:
+                ids.remove(record.id)
+        if record.status == "PENDING":
+            position = len(self.waiting) if record.position is None else record.position
+            self.waiting.insert(position, record.id)
+            act.waiting.append(record.id)
+        elif record.status == "ACTIVE":
+            self.running.append(record.id)
+            act.running.append(record.id)
+        else:
+            act.last = task
+            if record.status == "SUCCEEDED" and task.started is not None:
+                took = record.t - task.started
+                act.typical = took if act.typical is None else act.typical + (took - act.typical) / (act.runs + 1)
+                act.runs += 1
+
+    def _action(self, record: ActionRecord) -> None:
+        task = self.tasks.get(record.task)
+        if task is None:
+            return
+        action = task.actions.get(record.action)
+        if action is None:
+            action = ActionView(record.action, record.type, record.parameters, record.status, record.t)
+            task.actions[record.action] = action
+        action.status, action.reason, action.sent_as = record.status, record.reason, record.sent_as
+        if record.status in ENDINGS:
+            action.ended = record.t
+
+    def _rule(self, record: RuleRecord) -> None:
+        rule = self.rules.setdefault(record.name, RuleView())
+        rule.status, rule.reason = record.status, record.reason
+        rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous
+        rule.transition = record.transition
+        rule.since = record.t
+        rule.running = record.status in ("started", "entered")
+        if rule.running:
+            rule.priority, rule.entered = record.priority, record.seq
+
+    def _forget_oldest(self) -> None:
+        for id, task in self.tasks.items():
+            if task.status in FINAL:
+                del self.tasks[id]
+                return

@@ -1,0 +1,101 @@
+"""Why a rule stands where it stands: what each transition waits for, and what of that the wizard can bring about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from rise_engine.expression import EvaluationError, Expression, lookup
+from rise_engine.scenario.model import Block, Function, If, OneOf, Scenario, Statement, Transition, normal_topic
+from rise_tui.text import value_text
+
+ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
+"""What the engine raises about acts and rules."""
+
+
+class Truth(NamedTuple):
+    """A condition at this moment."""
+
+    text: str
+    values: str
+    """The keys that it reads, with their values: `task is 2`."""
+    holds: bool
+    error: str = ""
+
+
+def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
+    """The condition's value over the present memory."""
+    values = []
+    for key in sorted(expression.keys):
+        found, value = lookup(memory, key)
+        values.append(f"{key} is {value_text(value)}" if found else f"{key} is not set")
+    try:
+        return Truth(expression.text, ", ".join(values), expression.as_condition(memory))
+    except EvaluationError as error:
+        return Truth(expression.text, ", ".join(values), False, str(error))
+
+
+def waits_for(scenario: Scenario, transition: Transition) -> str:
+    """What must happen for a transition, in words."""
+    if transition.after is not None:
+        return f"after {transition.after:g} s"
+    if transition.event is None:
+        return "its condition"
+    for ending, word in ENDINGS.items():
+        name = transition.event.removesuffix(ending)
+        if name != transition.event and (name in scenario.acts or name in scenario.rules):
+            return f"{name} {word}"
+    return f"event {transition.event}"
+
+
+def label_of(transition: Transition) -> str:
+    """A transition's short name: its event, its time, or its condition."""
+    if transition.event is not None:
+        return transition.event
+    if transition.after is not None:
+        return f"after {transition.after:g} s"
+    return transition.condition.text if transition.condition is not None else "at once"
+
+
+class Raisers:
+    """For every topic, the keys by which the wizard can cause it: directly, or by an act or rule that a key starts."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        raised = {name: set(_raised(rule.states.values())) for name, rule in scenario.rules.items()}
+        self._by_topic: dict[str, list[str]] = {}
+        for key in scenario.keys.values():
+            name = key.behavior
+            topics: set[str] = set()
+            if key.function == "raiseEventTopic":
+                topics = {normal_topic(name)}
+            elif key.function == "startInteractionRule":
+                topics = raised.get(name, set()) | {f"{name}_end"}
+            elif key.function == "startCommunicationRobotAct":
+                topics = {name + ending for ending in ENDINGS}
+            for topic in topics:
+                self._by_topic.setdefault(topic, []).append(key.label)
+
+    def keys(self, topic: str | None) -> list[str]:
+        """Labels of the keys, as in the scenario's file."""
+        return self._by_topic.get(topic, []) if topic is not None else []
+
+
+def _raised(states: Any) -> Iterator[str]:
+    for state in states:
+        for block in (state.on_entry, state.on_exit, *(transition.block for transition in state.transitions)):
+            yield from _raised_in(block)
+
+
+def _raised_in(block: Block | tuple[Statement, ...]) -> Iterator[str]:
+    for statement in block:
+        match statement:
+            case Function(name="raiseEventTopic"):
+                yield normal_topic(statement.argument)
+            case If():
+                for branch in statement.branches:
+                    yield from _raised_in(branch.block)
+            case OneOf():
+                yield from _raised_in(statement.choices)
+            case _:
+                pass

@@ -1,0 +1,57 @@
+"""What panes ask of the screen that holds them."""
+
+from __future__ import annotations
+
+from textual.message import Message
+
+from rise_tui.gate import Trigger
+
+
+class TaskAsked(Message):
+    """A task for the engine, at once."""
+
+    def __init__(self, function: str, behavior: str) -> None:
+        super().__init__()
+        self.function = function
+        self.behavior = behavior
+
+
+class StartAsked(Message):
+    """A start by Enter on a row: subject to the same care as a key of the scenario."""
+
+    def __init__(self, trigger: Trigger) -> None:
+        super().__init__()
+        self.trigger = trigger
+
+
+class ActionAsked(Message):
+    """A hint was clicked."""
+
+    def __init__(self, action: str) -> None:
+        super().__init__()
+        self.action = action
+
+
+class PaneAsked(Message):
+    """A tab was clicked."""
+
+    def __init__(self, pane: str) -> None:
+        super().__init__()
+        self.pane = pane
+
+
+class Told(Message):
+    """Something to say to the wizard."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.text = text
+
+
+class SelectionMoved(Message):
+    """The wizard selected another act or rule."""
+
+    def __init__(self, pane: str, name: str) -> None:
+        super().__init__()
+        self.pane = pane
+        self.name = name

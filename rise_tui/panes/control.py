@@ -1,0 +1,148 @@
+"""The control area: acts and rules with their keys and states. A name never changes its place."""
+
+from __future__ import annotations
+
+from textual import on
+
+from rise_tui.gate import Trigger
+from rise_tui.messages import SelectionMoved, StartAsked, TaskAsked, Told
+from rise_tui.panes.pane import ListPane
+from rise_tui.states import act_state, newest, progress, rule_state
+from rise_tui.store import Store
+from rise_tui.text import Line, Row, Span, cell, duration, fit, seconds
+from rise_tui.widgets.rows import RowView
+
+KEY_WIDTH = 3
+STATE_WIDTH = 10
+TIME_WIDTH = 10
+WIDE = 46
+"""From this width on there is room for the progress of an act's actions."""
+
+
+class ControlPane(ListPane):
+    """What the two lists share."""
+
+    FUNCTION: str
+
+    def key_cell(self, name: str) -> Span:
+        binding = self.store.key_of(self.FUNCTION, name)
+        tone = "muted" if self.store.cannot_start() else "key"
+        return (f" {fit(binding.label if binding else '', KEY_WIDTH)}", tone)
+
+    @on(RowView.Moved)
+    def _moved(self, event: RowView.Moved) -> None:
+        event.stop()
+        self.post_message(SelectionMoved(self.PLACE, event.rows.current))
+
+
+class ActsPane(ControlPane):
+    """The acts of the scenario."""
+
+    PLACE = "acts"
+    TITLE = "Acts"
+    TOPICS = frozenset({"acts", "status", "stop"})
+    EMPTY = "this scenario has no acts"
+    FUNCTION = "startCommunicationRobotAct"
+
+    def subtitle(self) -> Line:
+        return ((f"{len(self.store.scenario.acts)}", "muted"),)
+
+    def make_rows(self, width: int) -> list[Row]:
+        extra = 7 if width >= WIDE else 0
+        name_width = width - (1 + KEY_WIDTH) - STATE_WIDTH - TIME_WIDTH - extra - 1
+        return [Row(name, self._line(name, name_width, extra)) for name in self.store.scenario.acts]
+
+    def _line(self, name: str, name_width: int, extra: int) -> Line:
+        state = act_state(self.store, name)
+        running = bool(self.store.act(name).running)
+        spans: list[Span] = [
+            self.key_cell(name),
+            cell(name, name_width - 1, "strong" if running else "plain"),
+            (" ", "plain"),
+            (f"{state.glyph} ", state.tone),
+            cell(state.word, STATE_WIDTH - 2, state.tone),
+        ]
+        if extra:
+            spans.append(cell(self._progress(name), extra, "muted", right=True))
+        spans.append(cell(self._time(name), TIME_WIDTH, "plain" if running else "muted", right=True))
+        return tuple(spans)
+
+    def _progress(self, name: str) -> str:
+        task = newest(self.store, name)
+        if task is not None and task.status == "ACTIVE":
+            done, total = progress(self.store.scenario.acts[name], task)
+            return f"{done}/{total}"
+        settings = self.store.scenario.settings_of(name)
+        return "hold" if settings.hold else "filler" if settings.filler else ""
+
+    def _time(self, name: str) -> str:
+        act, task = self.store.act(name), newest(self.store, name)
+        if task is not None and task.status == "ACTIVE":
+            elapsed = seconds(self.store.now() - (task.started or 0.0))
+            return f"{elapsed}/{seconds(act.typical)}" if act.typical is not None else f"{elapsed} s"
+        if task is not None and task.started is not None and task.ended is not None:
+            return duration(task.ended - task.started)
+        return ""
+
+    def do(self, action: str) -> None:
+        name = self.list.current
+        if not name:
+            self.post_message(Told("no act is selected"))
+        elif action == "acts.start":
+            settings = self.store.scenario.settings_of(name)
+            self.post_message(StartAsked(Trigger(self.FUNCTION, name, settings.debounce, settings.hold)))
+        elif action == "acts.stop":
+            act = self.store.act(name)
+            if not act.running and not act.waiting:
+                self.post_message(Told(f"{name} neither runs nor waits"))
+            elif act.running:
+                self.post_message(TaskAsked("stopCommunicationRobotAct", name))
+            else:
+                self.post_message(TaskAsked("cancelTask", str(act.waiting[0])))
+
+
+class RulesPane(ControlPane):
+    """The rules of the scenario."""
+
+    PLACE = "rules"
+    TITLE = "Rules"
+    TOPICS = frozenset({"rules", "status", "stop"})
+    EMPTY = "this scenario has no rules"
+    FUNCTION = "startInteractionRule"
+
+    def __init__(self, store: Store) -> None:
+        super().__init__(store)
+
+    def subtitle(self) -> Line:
+        return ((f"{len(self.store.view.stack())} of {len(self.store.scenario.rules)} run", "muted"),)
+
+    def make_rows(self, width: int) -> list[Row]:
+        state_width = max(12, (width - KEY_WIDTH) * 2 // 5)
+        name_width = width - (1 + KEY_WIDTH) - STATE_WIDTH - state_width - 2
+        rows = []
+        for name in self.store.scenario.rules:
+            rule, state = self.store.rule(name), rule_state(self.store, name)
+            at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
+            spans: Line = (
+                self.key_cell(name),
+                cell(name, name_width, "strong" if rule.running else "plain"),
+                (" ", "plain"),
+                (f"{state.glyph} ", state.tone),
+                cell(state.word, STATE_WIDTH - 2, state.tone),
+                (" ", "plain"),
+                cell(at, state_width, "plain"),
+            )
+            rows.append(Row(name, spans))
+        return rows
+
+    def do(self, action: str) -> None:
+        name = self.list.current
+        if not name:
+            self.post_message(Told("no rule is selected"))
+        elif action == "rules.start":
+            self.post_message(StartAsked(Trigger(self.FUNCTION, name)))
+        elif action == "rules.stop":
+            if self.store.rule(name).running:
+                self.post_message(TaskAsked("stopInteractionRule", name))
+            else:
+                self.post_message(Told(f"{name} does not run"))

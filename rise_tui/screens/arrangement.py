@@ -1,0 +1,170 @@
+"""Where the lists and panes stand: one, two or all of them beside the control area, by the size of the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Container, Vertical
+
+from rise_tui.panes.act import ActPane
+from rise_tui.panes.control import ActsPane, RulesPane
+from rise_tui.panes.log import LogPane
+from rise_tui.panes.memory import MemoryPane
+from rise_tui.panes.pane import Pane
+from rise_tui.panes.rule import RulePane
+from rise_tui.panes.scheduler import SchedulerPane
+from rise_tui.store import Store
+
+Layout = Literal["one", "two", "all"]
+
+CONTROL = ("acts", "rules")
+UPPER = ("rule", "act", "memory")
+LOWER = ("log", "scheduler")
+MONITORING = (*UPPER, *LOWER)
+
+
+def layout_for(width: int, height: int) -> Layout:
+    """One monitoring pane at 80x24, two at 120x40, all from 180 columns."""
+    if width < 100 or height < 30:
+        return "one"
+    return "all" if width >= 180 else "two"
+
+
+class Arrangement(Container):
+    """The control area at the left, monitoring at the right."""
+
+    DEFAULT_CSS = """
+    Arrangement {
+        layout: horizontal; height: 1fr;
+        #control { width: 38; border-right: vkey $rise-bar; }
+        #rules { height: auto; max-height: 40%; min-height: 4; }
+        #monitoring { width: 1fr; layout: vertical; }
+        #upper { height: 3fr; } #lower { height: 2fr; }
+        &.-two { #control { width: 50; } }
+        &.-all {
+            #control { width: 54; }
+            #monitoring { layout: horizontal; }
+            #upper { width: 1fr; height: 1fr; border-right: vkey $rise-bar; }
+            #lower { width: 1fr; height: 1fr; }
+            #scheduler { height: 2fr; } #log { height: 3fr; }
+        }
+        &.-zoom {
+            #control, #upper { width: 1fr; border-right: none; }
+            #rules { height: 1fr; max-height: 100%; }
+        }
+    }
+    """
+
+    def __init__(self, store: Store) -> None:
+        super().__init__()
+        made = (RulePane, ActPane, MemoryPane, LogPane, SchedulerPane)
+        panes: list[Pane] = [ActsPane(store), RulesPane(store), *(make(store) for make in made)]
+        self.panes: dict[str, Pane] = {pane.PLACE: pane for pane in panes}
+        self._active = {"upper": "rule", "lower": "log"}
+        self._front = "rule"
+        self._layout_kind: Layout = "one"
+        self._zoomed = ""
+        rules = len(store.scenario.rules)
+        self.panes["rules"].styles.height = max(4, rules + 1)
+
+    def compose(self) -> ComposeResult:
+        with Vertical(id="control"):
+            yield from (self.panes[name] for name in CONTROL)
+        with Container(id="monitoring"):
+            with Vertical(id="upper"):
+                yield from (self.panes[name] for name in UPPER)
+            with Vertical(id="lower"):
+                yield from (self.panes[name] for name in reversed(LOWER))
+
+    def on_mount(self) -> None:
+        self._arrange()
+
+    def on_resize(self, event: events.Resize) -> None:
+        size = self.app.size
+        kind = layout_for(size.width, size.height)
+        if kind != self._layout_kind:
+            self._layout_kind = kind
+            self._arrange()
+
+    @property
+    def layout_kind(self) -> Layout:
+        return self._layout_kind
+
+    def focused(self) -> Pane | None:
+        """The list or pane that has the focus."""
+        return next((pane for pane in self.panes.values() if pane.has_focus_within), None)
+
+    def visible(self) -> Iterator[Pane]:
+        """Those that can be seen now."""
+        return (pane for name, pane in self.panes.items() if self._shows(name))
+
+    def go_to(self, name: str) -> None:
+        """Bring a pane to the front and give it the focus."""
+        if name in UPPER:
+            self._active["upper"] = self._front = name
+        elif name in LOWER:
+            self._active["lower"] = self._front = name
+        if self._zoomed:
+            self._zoomed = name
+        self._arrange()
+        self.panes[name].rows.focus()
+
+    def go_to_control(self) -> None:
+        self.go_to("rules" if self.panes["acts"].has_focus_within else "acts")
+
+    def go_to_next(self) -> None:
+        here = self.focused()
+        if here is None or here.PLACE in CONTROL:
+            self.go_to(self._front)
+        else:
+            self.go_to(MONITORING[(MONITORING.index(here.PLACE) + 1) % len(MONITORING)])
+
+    def zoom(self) -> None:
+        """Give the focused pane all the room, or give it back."""
+        here = self.focused()
+        self._zoomed = "" if self._zoomed or here is None else here.PLACE
+        self._arrange()
+
+    @property
+    def zoomed(self) -> bool:
+        return bool(self._zoomed)
+
+    def unzoom(self) -> bool:
+        if not self._zoomed:
+            return False
+        self.zoom()
+        return True
+
+    def _shows(self, name: str) -> bool:
+        if self._zoomed:
+            return name == self._zoomed
+        if name in CONTROL or self._layout_kind == "all":
+            return True
+        if self._layout_kind == "two":
+            return name in self._active.values()
+        return name == self._front
+
+    def _tabs(self, name: str) -> tuple[str, ...]:
+        if self._zoomed or name in CONTROL or self._layout_kind == "all":
+            return (name,)
+        if self._layout_kind == "two":
+            return UPPER if name in UPPER else LOWER
+        return MONITORING
+
+    def _arrange(self) -> None:
+        self.set_class(self._layout_kind == "two", "-two")
+        self.set_class(self._layout_kind == "all", "-all")
+        self.set_class(bool(self._zoomed), "-zoom")
+        for name, pane in self.panes.items():
+            pane.display = self._shows(name)
+            pane.title.show_tabs(tuple((tab, self.panes[tab].TITLE) for tab in self._tabs(name)))
+        for group, names in (("control", CONTROL), ("monitoring", MONITORING), ("upper", UPPER), ("lower", LOWER)):
+            self.query_one(f"#{group}").display = any(self._shows(name) for name in names)
+        self.call_after_refresh(self._repaint_visible)
+
+    def _repaint_visible(self) -> None:
+        for pane in self.visible():
+            pane.repaint()

@@ -1,0 +1,56 @@
+"""A question before something that cannot be undone; Esc leaves it and does nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.widgets import Button, Static
+
+from rise_tui.quiet import QuietModal
+
+
+class Dialog(QuietModal[bool]):
+    """Asks; answers True only for the named key or button."""
+
+    DEFAULT_CSS = """
+    Dialog {
+        align: center middle; background: transparent;
+        #box { width: 64; max-width: 96%; height: auto; max-height: 80%; padding: 0 1; background: $panel;
+               border: round $primary; border-title-color: $foreground; border-title-style: bold; }
+        #said { height: auto; margin: 0 0 1 0; }
+        #buttons { height: 1; align-horizontal: right; }
+        Button { margin: 0 0 0 2; min-width: 12; }
+    }
+    """
+
+    BINDINGS = [
+        Binding("escape", "answer(False)", show=False),
+        Binding("left,up", "app.focus_previous", show=False),
+        Binding("right,down", "app.focus_next", show=False),
+    ]
+
+    def __init__(self, title: str, said: Sequence[str], *, yes: str, key: str, no: str = "Cancel") -> None:
+        super().__init__()
+        self._title, self._said, self._yes, self._key, self._no = title, said, yes, key, no
+        self._bindings.bind(key, "answer(True)", show=False)
+
+    def compose(self) -> ComposeResult:
+        box = Vertical(id="box")
+        box.border_title = f" {self._title} "
+        with box:
+            yield Static("\n".join(self._said), id="said", markup=False)
+            with Horizontal(id="buttons"):
+                yield Button(f"{self._no} (esc)", id="no", compact=True)
+                yield Button(f"{self._yes} ({self._key})", id="yes", compact=True)
+
+    def action_answer(self, yes: bool) -> None:
+        self.dismiss(yes)
+
+    @on(Button.Pressed)
+    def _pressed(self, event: Button.Pressed) -> None:
+        event.stop()
+        self.dismiss(event.button.id == "yes")

@@ -1,0 +1,189 @@
+"""What the console knows: the engine's view, and what it has asked for that the engine has not yet answered.
+
+A read model without any screen. Panes read it; only `Session` and the screens change it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from rise_engine.kernel.records import (
+    AnyRecord,
+    EventRecord,
+    MemoryRecord,
+    NoteRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+)
+from rise_engine.link.client import Hello
+from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_engine.view import ActView, RuleView, View
+
+Topic: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "notice"]
+"""What a batch of records changed; a pane says which of these it shows."""
+
+EVERYTHING: frozenset[Topic] = frozenset({"acts", "rules", "memory", "tasks", "status", "stop", "notice"})
+
+_TOPICS: dict[type, frozenset[Topic]] = {
+    MemoryRecord: frozenset({"memory"}),
+    RuleRecord: frozenset({"rules"}),
+    StopRecord: frozenset({"stop", "status"}),
+    RobotRecord: frozenset({"status"}),
+    SessionRecord: frozenset({"status"}),
+    EventRecord: frozenset(),
+    NoteRecord: frozenset(),
+}
+_ACT_OR_TASK: frozenset[Topic] = frozenset({"acts", "rules", "tasks"})
+
+FUNCTION_WORDS = {
+    "startCommunicationRobotAct": "act",
+    "stopCommunicationRobotAct": "stop act",
+    "startInteractionRule": "rule",
+    "stopInteractionRule": "stop rule",
+    "raiseEventTopic": "event",
+    "assignValue": "set",
+    "deleteValue": "delete",
+    "cancelTask": "cancel",
+    "moveTask": "move",
+    "stopAll": "STOP ALL",
+    "releaseStop": "release",
+}
+"""A task's function in a word or two."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """Something asked for, until the engine's record of it arrives (law 3)."""
+
+    function: str
+    behavior: str
+    at: float
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A sentence for the wizard."""
+
+    text: str
+    level: Literal["info", "wait", "fault"] = "info"
+
+
+@dataclass
+class Store:
+    """One console's knowledge of one session."""
+
+    hello: Hello
+    wizard: str
+    now: Callable[[], float]
+    """Session time in seconds."""
+    view: View = field(init=False)
+    sent: dict[str, Sent] = field(default_factory=dict)
+    """By the console's own reference."""
+    log: list[int] = field(default_factory=list)
+    """Task ids in order of arrival."""
+    notice: Notice | None = None
+    gone: str = ""
+    """Why the engine has ended; empty while it lives."""
+    armed: str = ""
+    """The act whose first of two keys was pressed."""
+    act_shown: str = ""
+    rule_shown: str = ""
+    deleted: tuple[str, Any] | None = None
+    """The memory key that the wizard deleted last, and its value."""
+
+    def __post_init__(self) -> None:
+        self.view = self.hello.view
+        self.log = list(self.view.tasks)
+        self.act_shown = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
+        self.rule_shown = next(iter(self.view.stack()), "")
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.hello.scenario
+
+    @property
+    def memory(self) -> Mapping[str, Any]:
+        """The working memory as expressions and templates read it."""
+        return {key: entry.value for key, entry in self.view.memory.items()}
+
+    @property
+    def stopping(self) -> bool:
+        """True from the press of the stop key on, before the engine has answered."""
+        return any(sent.function == "stopAll" for sent in self.sent.values())
+
+    @property
+    def state(self) -> Literal["LIVE", "STOPPED"]:
+        return "STOPPED" if self.view.stop.latched or self.stopping else "LIVE"
+
+    def unavailable(self) -> str:
+        """Why nothing can be asked of the engine now, or empty."""
+        return f"the engine has ended: {self.gone}" if self.gone else ""
+
+    def cannot_start(self) -> str:
+        """Why nothing can be started now, or empty."""
+        return self.unavailable() or ("STOPPED: ctrl+r releases the stop" if self.state == "STOPPED" else "")
+
+    def act(self, name: str) -> ActView:
+        return self.view.acts.get(name) or ActView()
+
+    def rule(self, name: str) -> RuleView:
+        return self.view.rules.get(name) or RuleView()
+
+    def key_of(self, function: str, behavior: str) -> KeyBinding | None:
+        """The scenario's key that submits this, if there is one."""
+        for binding in self.scenario.keys.values():
+            same = binding.behavior.strip().lstrip("/") == behavior.strip().lstrip("/")
+            if binding.function == function and same:
+                return binding
+        return None
+
+    def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
+        return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
+
+    def apply(self, records: Sequence[AnyRecord]) -> set[Topic]:
+        """Take a batch in; returns what changed."""
+        changed: set[Topic] = set()
+        for record in records:
+            if isinstance(record, TaskRecord):
+                self._task(record)
+            self.view.apply(record)
+            self._tell(record)
+            changed |= _TOPICS.get(type(record), _ACT_OR_TASK)
+        if self.notice is not None:
+            changed.add("notice")
+        return changed
+
+    def _task(self, record: TaskRecord) -> None:
+        if record.id not in self.view.tasks:
+            self.log.append(record.id)
+        if record.ref is not None:
+            self.sent.pop(record.ref, None)
+        if record.status == "ACTIVE" and record.function == "startCommunicationRobotAct":
+            self.act_shown = record.behavior
+        elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.rule_shown:
+            self.rule_shown = record.behavior
+
+    def _tell(self, record: AnyRecord) -> None:
+        match record:
+            case TaskRecord(status="REJECTED"):
+                self.notice = Notice(f"{describe(record.function, record.behavior)} was rejected: {record.reason}", "wait")
+            case TaskRecord(status="ABORTED"):
+                self.notice = Notice(f"{describe(record.function, record.behavior)} failed: {record.reason}", "fault")
+            case RuleRecord(status="faulted"):
+                self.notice = Notice(f"rule {record.name} was stopped by a fault: {record.reason}", "fault")
+            case RobotRecord(status="lost" | "degraded"):
+                self.notice = Notice(f"robot {record.status}: {record.detail}", "fault")
+            case StopRecord(status="released"):
+                self.notice = Notice("the stop is released: LIVE")
+            case _:
+                pass
+
+
+def describe(function: str, behavior: str) -> str:
+    """A task in words."""
+    return f"{FUNCTION_WORDS.get(function, function)} {behavior}".strip()

@@ -1,0 +1,178 @@
+"""Text for a screen: rows of toned pieces, fitted to cells. Pure; knows no widget."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from rich.cells import cell_len, set_cell_size
+
+Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm"]
+"""What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones."""
+
+Span: TypeAlias = tuple[str, Tone]
+Line: TypeAlias = tuple[Span, ...]
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]")
+
+
+class Row(NamedTuple):
+    """One row of a list: what it stands for, and its text."""
+
+    id: str
+    line: Line
+    selectable: bool = True
+
+
+def clean(text: str) -> str:
+    """The text without anything that could move the cursor or hide itself: line ends show as `⏎`, others as `·`."""
+    return _CONTROL.sub(lambda found: "⏎" if found[0] == "\n" else " " if found[0] == "\t" else "·", text)
+
+
+def fit(text: str, width: int, *, right: bool = False) -> str:
+    """The text in exactly `width` cells; what does not fit ends in `…`."""
+    if width <= 0:
+        return ""
+    text = clean(text)
+    if cell_len(text) > width:
+        head = set_cell_size(text, width - 1).rstrip()
+        return head + "…" + " " * (width - 1 - cell_len(head))
+    pad = " " * (width - cell_len(text))
+    return pad + text if right else text + pad
+
+
+def cell(text: str, width: int, tone: Tone = "plain", *, right: bool = False) -> Span:
+    """A piece of fixed width, as one column of a row."""
+    return fit(text, width, right=right), tone
+
+
+def width_of(line: Iterable[Span]) -> int:
+    return sum(cell_len(text) for text, _ in line)
+
+
+def plain(line: Iterable[Span]) -> str:
+    """The characters of a line, for searching and for tests."""
+    return "".join(text for text, _ in line)
+
+
+def crop(line: Line, width: int) -> Line:
+    """The line in at most `width` cells, ending in `…` when something is lost."""
+    if width_of(line) <= width:
+        return line
+    kept: list[Span] = []
+    room = width
+    for text, tone in line:
+        text = clean(text)
+        if cell_len(text) >= room:
+            kept.append((fit(text + " " * room, room), tone))
+            break
+        kept.append((text, tone))
+        room -= cell_len(text)
+    return tuple(kept)
+
+
+def spread(left: Line, right: Line, width: int) -> Line:
+    """Two pieces at the two ends of a row; the left one gives way."""
+    right = crop(right, width)
+    room = width - width_of(right)
+    left = crop(left, max(0, room - 1))
+    return (*left, (" " * (room - width_of(left)), "plain"), *right)
+
+
+def seconds(value: float) -> str:
+    """A duration: `0.4`, `12.3`, `3:05`, `1:02:07`; to a tenth below a minute."""
+    value = max(0.0, value)
+    if value < 59.95:
+        return f"{value:.1f}"
+    whole = round(value)
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
+
+
+def duration(value: float) -> str:
+    """A duration with its unit where it needs one."""
+    return f"{seconds(value)} s" if value < 59.95 else seconds(value)
+
+
+def age(value: float) -> str:
+    """How long ago, in few cells: `3 s`, `12 min`, `2 h`."""
+    value = max(0.0, value)
+    if value < 60:
+        return f"{int(value)} s"
+    return f"{int(value // 60)} min" if value < 3600 else f"{int(value // 3600)} h"
+
+
+def clock(value: float, *, tenths: bool = False) -> str:
+    """Session time: `00:14:32`, or `00:14:32.1`."""
+    value = max(0.0, value)
+    whole = int(value)
+    text = f"{whole // 3600:02}:{whole // 60 % 60:02}:{whole % 60:02}"
+    return f"{text}.{int(value * 10) % 10}" if tenths else text
+
+
+def value_text(value: Any) -> str:
+    """A memory value as it can be typed: JSON, but strings bare where that is unambiguous."""
+    if isinstance(value, str) and type_of_text(value)[1] == "string" and value == value.strip() and value:
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def type_word(value: Any) -> str:
+    """The JSON type of a value, in the words that the console uses."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "boolean"
+        case int():
+            return "integer"
+        case float():
+            return "number"
+        case str():
+            return "string"
+        case list() | tuple():
+            return "array"
+        case _:
+            return "object"
+
+
+def type_of_text(text: str) -> tuple[Any, str, str]:
+    """What a typed text means: value, type, and a remark when it looks like JSON but is none.
+
+    A JSON literal has its own type; anything else is a string as typed.
+    """
+    bare = text.strip()
+    try:
+        value = json.loads(bare, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_unique)
+    except RecursionError:
+        return text, "string", "nested too deeply for JSON"
+    except ValueError as error:
+        looks_json = bare[:1] in ("{", "[", '"')
+        return text, "string", f"not JSON: {_reason(error)}" if looks_json else ""
+    return value, type_word(value), ""
+
+
+def _reason(error: ValueError) -> str:
+    if isinstance(error, json.JSONDecodeError):
+        return f"{error.msg.lower()} at {error.pos + 1}"
+    return str(error)
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if value in (float("inf"), float("-inf")):
+        raise ValueError("the number is too large")
+    return value
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key is given twice")
+    return found

@@ -1,0 +1,143 @@
+"""The console's own bars: status, stop, notice, and key hints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from textual import events
+
+from rise_tui.actions import Action
+from rise_tui.messages import ActionAsked
+from rise_tui.store import Store
+from rise_tui.text import Line, Span, clock, crop, fit, spread, width_of
+from rise_tui.widgets.line import Lines
+
+ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
+
+
+class StatusLine(Lines):
+    """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything."""
+
+    DEFAULT_CSS = """
+    StatusLine { background: $rise-bar; }
+    """
+
+    def draw(self, store: Store) -> None:
+        hello, robot = store.hello, store.view.robot
+        status = robot.status if robot is not None else "no link"
+        tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
+        gap: Span = ("  ", "plain")
+        right: Line = (
+            (hello.mode.upper(), "wait" if hello.mode == "real" else "accent"),
+            gap,
+            (f"{hello.robot} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),  # type: ignore[list-item]
+            gap,
+            (clock(store.now()), "plain"),
+            gap,
+            (" ENDED " if store.gone else f" {store.state} ", "alarm" if store.gone or store.state == "STOPPED" else "strong"),
+            gap,
+            (fit(store.wizard, min(len(store.wizard), 12)), "muted"),
+            (" ", "plain"),
+        )
+        self.show(spread(((f" {store.scenario.title}", "strong"),), right, self.size.width))
+
+
+class AlarmBar(Lines):
+    """Shown while a stop holds or after the engine has ended: what was asked, who confirmed, who did not."""
+
+    DEFAULT_CSS = """
+    AlarmBar { height: 3; background: $error 18%; display: none; }
+    AlarmBar.-on { display: block; }
+    """
+
+    def draw(self, store: Store) -> None:
+        lines = self._lines(store)
+        self.set_class(bool(lines), "-on")
+        width = self.size.width
+        self.show(*(crop(line, width) if width else line for line in lines))
+
+    def _lines(self, store: Store) -> tuple[Line, ...]:
+        if store.gone:
+            return (
+                ((" ✗ ENGINE ENDED ", "alarm"), (f"  {store.gone}", "strong")),
+                (("   keys do nothing any more; what is shown is the last known state", "plain"),),
+                (("   ^C leaves", "plain"),),
+            )
+        stop = store.view.stop
+        if not stop.latched:
+            if not store.stopping:
+                return ()
+            return ((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")), (), ()
+        asked: Line = ((f"  asked {clock(stop.since)} by {stop.source}" if stop.status == "requested" else "  nothing starts until it is released", "strong"),)
+        if stop.status == "requested":
+            return (
+                ((" ■ STOP requested ", "alarm"), *asked),
+                (("   waiting for the robot to confirm", "plain"),),
+                (),
+            )
+        confirmed = ", ".join(stop.confirmed) or "nobody"
+        missing: Line = (
+            (("   NOT CONFIRMED  ", "fault"), (", ".join(stop.unconfirmed), "strong")) if stop.unconfirmed
+            else (("   everything asked has confirmed", "plain"),)
+        )  # fmt: skip
+        return (
+            ((" ■ STOPPED ", "alarm"), *asked, ("   ^R release", "key")),
+            (("   confirmed      ", "plain"), (confirmed, "strong"), (f"   stop by {stop.source}", "muted")),
+            missing,
+        )
+
+    def on_resize(self, event: events.Resize) -> None:
+        super().on_resize(event)
+
+
+class NoticeLine(Lines):
+    """One sentence: a rejection, a fault, an answer to a key."""
+
+    def draw(self, store: Store) -> None:
+        notice = store.notice
+        if notice is None:
+            self.show()
+            return
+        glyph, tone = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}[notice.level]
+        self.show(crop(((f" {glyph} {notice.text}", tone),), self.size.width))  # type: ignore[arg-type]
+
+
+class KeyHints(Lines):
+    """The keys of the focused pane and those that always work; each can be clicked."""
+
+    DEFAULT_CSS = """
+    KeyHints { background: $rise-bar; }
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id)
+        self._places: list[tuple[int, int, str]] = []
+
+    def draw(self, own: Sequence[Action], common: Sequence[Action], store: Store) -> None:
+        spans: list[Span] = []
+        self._places.clear()
+        width = self.size.width
+        for action in (*common[:1], *own, *common[1:]):
+            if not action.hint or not action.keys:
+                continue
+            piece = _hint(action, bool(action.unavailable(store)))
+            start = width_of(spans)
+            if start + width_of(piece) > width:
+                break
+            self._places.append((start, start + width_of(piece) - 1, action.id))
+            spans += piece
+        self.show(tuple(spans))
+
+    def on_click(self, event: events.Click) -> None:
+        for start, end, action in self._places:
+            if start <= event.x < end:
+                self.post_message(ActionAsked(action))
+
+
+def _hint(action: Action, off: bool) -> list[Span]:
+    stop = action.id == "stop"
+    key = "F9/^G" if stop else action.key_label
+    return [
+        (f" {key}", "muted" if off else "fault" if stop else "key"),
+        (f" {action.hint} ", "muted" if off else "fault" if stop else "plain"),
+    ]

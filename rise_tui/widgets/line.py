@@ -1,0 +1,72 @@
+"""Lines of fixed height that change often: a change repaints the cells that differ, without any layout."""
+
+from __future__ import annotations
+
+from textual import events
+from textual.geometry import Region
+from textual.message import Message
+from textual.strip import Strip
+
+from rise_tui.text import Line, plain, width_of
+from rise_tui.widgets.toned import Toned
+
+
+class Lines(Toned):
+    """One or more lines of toned text."""
+
+    DEFAULT_CSS = """
+    Lines { height: 1; width: 1fr; }
+    """
+
+    class Resized(Message):
+        """The width changed: lines that depend on it should be made anew."""
+
+        def __init__(self, lines: Lines) -> None:
+            super().__init__()
+            self.lines = lines
+
+        @property
+        def control(self) -> Lines:
+            return self.lines
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id, classes=classes)
+        self.lines: tuple[Line, ...] = ()
+
+    def show(self, *lines: Line) -> None:
+        """Paint these lines; only what differs is repainted."""
+        old, self.lines = self.lines, lines
+        for y in range(max(len(old), len(lines))):
+            before = old[y] if y < len(old) else ()
+            after = lines[y] if y < len(lines) else ()
+            if before != after and (changed := _difference(before, after)) is not None:
+                self.refresh(Region(changed[0], y, changed[1] - changed[0], 1))
+
+    @property
+    def text(self) -> str:
+        """The characters shown."""
+        return "\n".join(plain(line) for line in self.lines)
+
+    def render_line(self, y: int) -> Strip:
+        return self.paint(self.lines[y] if y < len(self.lines) else (), self.size.width)
+
+    def on_resize(self, event: events.Resize) -> None:
+        self.post_message(self.Resized(self))
+
+
+def _difference(before: Line, after: Line) -> tuple[int, int] | None:
+    """The cells, from and to, in which two lines differ; None when they do not."""
+    start = 0
+    same = 0
+    for one, other in zip(before, after, strict=False):
+        if one != other:
+            break
+        start += width_of((one,))
+        same += 1
+    end = max(width_of(before), width_of(after))
+    if width_of(before) == width_of(after):
+        for one, other in zip(reversed(before[same:]), reversed(after[same:]), strict=False):
+            if one != other:
+                break
+            end -= width_of((one,))
+    return (start, end) if end > start else None

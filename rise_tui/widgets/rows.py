@@ -1,0 +1,190 @@
+"""Lists painted row by row: a changed row costs that row, and a hundred thousand rows cost no more than those in view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from textual import events
+from textual.binding import Binding
+from textual.geometry import Size
+from textual.message import Message
+from textual.strip import Strip
+
+from rise_tui.quiet import QuietScrollView
+from rise_tui.text import Row, plain
+from rise_tui.widgets.toned import Toned
+
+
+class RowView(QuietScrollView, Toned, can_focus=True):
+    """A list with a cursor. Subclasses say how many rows there are and what is in each."""
+
+    DEFAULT_CSS = """
+    RowView {
+        height: 1fr; width: 1fr;
+        overflow-x: hidden; overflow-y: auto; scrollbar-gutter: stable;
+        scrollbar-size-vertical: 1;
+    }
+    """
+
+    BINDINGS = [
+        Binding("up", "step(-1)", show=False),
+        Binding("down", "step(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("home", "edge(-1)", show=False),
+        Binding("end", "edge(1)", show=False),
+    ]
+
+    class Moved(Message):
+        """The wizard moved the cursor."""
+
+        def __init__(self, rows: RowView) -> None:
+            super().__init__()
+            self.rows = rows
+
+        @property
+        def control(self) -> RowView:
+            return self.rows
+
+    class Resized(Message):
+        """The width changed."""
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id, classes=classes)
+        self.cursor = -1
+
+    @property
+    def count(self) -> int:
+        raise NotImplementedError
+
+    def row_at(self, index: int) -> Row:
+        raise NotImplementedError
+
+    @property
+    def current(self) -> str:
+        """The id of the row under the cursor, or empty."""
+        return self.row_at(self.cursor).id if 0 <= self.cursor < self.count else ""
+
+    def render_line(self, y: int) -> Strip:
+        index = y + self.scroll_offset.y
+        width = self.size.width
+        if not 0 <= index < self.count:
+            return self.paint((), width)
+        ground = ""
+        if index == self.cursor:
+            ground = "line--cursor" if self.has_focus else "line--cursor-away"
+        return self.paint(self.row_at(index).line, width, ground)
+
+    def move_to(self, index: int, *, by_wizard: bool = True) -> None:
+        """Put the cursor on a row and bring it into view."""
+        index = min(max(index, -1), self.count - 1)
+        if index != self.cursor:
+            old, self.cursor = self.cursor, index
+            self._refresh_row(old)
+            self._refresh_row(index)
+            if by_wizard:
+                self.post_message(self.Moved(self))
+        if index >= 0:
+            self.bring_into_view(index)
+
+    def bring_into_view(self, index: int) -> None:
+        top, height = self.scroll_offset.y, self.size.height
+        if height and index < top:
+            self.scroll_to(y=index, animate=False)
+        elif height and index >= top + height:
+            self.scroll_to(y=index - height + 1, animate=False)
+
+    def action_step(self, direction: int) -> None:
+        index = self.cursor + direction
+        while 0 <= index < self.count and not self.row_at(index).selectable:
+            index += direction
+        if 0 <= index < self.count:
+            self.move_to(index)
+        else:  # nothing to select further on, but there may be more to read
+            self.scroll_relative(y=direction, animate=False)
+
+    def action_page(self, direction: int) -> None:
+        self._land(self.cursor + direction * max(1, self.size.height - 1), direction)
+
+    def action_edge(self, direction: int) -> None:
+        self._land(0 if direction < 0 else self.count - 1, -direction)
+        self.scroll_to(y=0 if direction < 0 else self.count, animate=False)
+
+    def _land(self, index: int, direction: int) -> None:
+        """The selectable row nearest to `index`, first looking further on, then back."""
+        index = min(max(index, 0), self.count - 1)
+        for step in (direction, -direction):
+            at = index
+            while 0 <= at < self.count:
+                if self.row_at(at).selectable:
+                    self.move_to(at)
+                    return
+                at += step
+
+    def _refresh_row(self, index: int) -> None:
+        if index >= 0:
+            self.refresh_line(index)
+
+    def on_focus(self) -> None:
+        self._refresh_row(self.cursor)
+
+    def on_blur(self) -> None:
+        self._refresh_row(self.cursor)
+
+    def on_click(self, event: events.Click) -> None:
+        index = event.y + self.scroll_offset.y
+        if 0 <= index < self.count and self.row_at(index).selectable:
+            self.move_to(index)
+
+    def on_resize(self, event: events.Resize) -> None:
+        self.post_message(self.Resized())
+
+
+class RowList(RowView):
+    """A list of rows held in memory. The cursor stays on its row when others come and go."""
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id, classes=classes)
+        self._rows: Sequence[Row] = ()
+
+    @property
+    def count(self) -> int:
+        return len(self._rows)
+
+    def row_at(self, index: int) -> Row:
+        return self._rows[index]
+
+    @property
+    def text(self) -> str:
+        """The characters of all rows."""
+        return "\n".join(plain(row.line).rstrip() for row in self._rows)
+
+    def show(self, rows: Sequence[Row]) -> None:
+        """Show these rows; only those that differ are repainted."""
+        old, self._rows = self._rows, rows
+        before, current = self.cursor, old[self.cursor].id if 0 <= self.cursor < len(old) else ""
+        self.cursor = self._find(current, before)
+        self.resize_content(Size(self.row_width, len(rows)))
+        for index in range(max(len(old), len(rows))):
+            if index >= len(old) or index >= len(rows) or old[index].line != rows[index].line:
+                self._refresh_row(index)
+        if self.cursor != before:
+            self._refresh_row(before)
+            self._refresh_row(self.cursor)
+
+    def select(self, row_id: str) -> None:
+        """Put the cursor on a row, if it is there."""
+        for index, row in enumerate(self._rows):
+            if row.id == row_id and row.selectable:
+                self.move_to(index, by_wizard=False)
+                return
+
+    def _find(self, row_id: str, before: int) -> int:
+        if row_id:
+            for index, row in enumerate(self._rows):
+                if row.id == row_id and row.selectable:
+                    return index
+        selectable = [index for index, row in enumerate(self._rows) if row.selectable]
+        if not selectable:
+            return -1
+        return min(selectable, key=lambda index: abs(index - max(before, 0)))

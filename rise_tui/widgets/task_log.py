@@ -1,0 +1,130 @@
+"""The task log's rows: made only when they come into view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from textual.geometry import Size
+from textual.message import Message
+
+from rise_engine.kernel.records import FINAL
+from rise_engine.view import TaskView
+from rise_tui.states import task_state
+from rise_tui.store import FUNCTION_WORDS
+from rise_tui.text import Line, Row, cell, clock, crop, seconds
+from rise_tui.widgets.rows import RowView
+
+CALLING = {"Blocking": "block", "None": "none", "": ""}
+WIDE = 96
+"""From this width on, times have tenths and calling types have a column."""
+
+
+class TaskLog(RowView):
+    """A window on a list of task ids."""
+
+    class FollowChanged(Message):
+        """It follows, or has stopped following, the newest task."""
+
+    def __init__(self, task: Callable[[int], TaskView | None], *, id: str | None = None) -> None:  # noqa: A002
+        super().__init__(id=id)
+        self.following = True
+        self._task = task
+        self._ids: Sequence[int] = ()
+        self._shown = 0
+        self._seen = 0
+        self._lively: dict[int, int] = {}
+        """Rows of tasks that have not ended, by id: the only ones that can still change."""
+
+    @property
+    def count(self) -> int:
+        return self._shown
+
+    @property
+    def unseen(self) -> int:
+        """Tasks that came while it was paused."""
+        return max(0, self._shown - self._seen)
+
+    def row_at(self, index: int) -> Row:
+        task = self._task(self._ids[index])
+        if task is None:
+            return Row(str(self._ids[index]), ((f" task {self._ids[index]} is in the journal only", "muted"),))
+        return Row(str(task.id), self.line_of(task, self.size.width))
+
+    def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
+        """Show these tasks. `ids` is the caller's own list, which only grows; after a filter it is another: `restart`."""
+        self._ids = ids
+        old = 0 if restart else self._shown
+        self._shown = len(ids)
+        for index in list(self._lively.values()):
+            self.refresh_line(index)
+        if restart:
+            self._lively.clear()
+            self.cursor = min(self.cursor, self._shown - 1)
+            self.refresh()
+        self._lively = {id: index for id, index in self._lively.items() if self._lives(id)}
+        self._lively |= {ids[index]: index for index in range(old, self._shown) if self._lives(ids[index])}
+        self.resize_content(Size(self.row_width, self._shown))
+        if self.following:
+            self._to_end()
+        for index in range(max(old, self.scroll_offset.y), min(self._shown, self.scroll_offset.y + self.size.height)):
+            self.refresh_line(index)
+
+    def follow(self) -> None:
+        """Go to the newest task and stay there."""
+        self._set_following(True)
+        self._to_end()
+
+    def _to_end(self) -> None:
+        self._seen = self._shown
+        if self.cursor != self._shown - 1:
+            before, self.cursor = self.cursor, self._shown - 1
+            self._refresh_row(before)
+            self._refresh_row(self.cursor)
+        self.scroll_to(y=max(0, self._shown - self.size.height), animate=False)
+
+    def _lives(self, id: int) -> bool:  # noqa: A002 - the field's word
+        task = self._task(id)
+        return task is not None and task.status not in FINAL
+
+    def move_to(self, index: int, *, by_wizard: bool = True) -> None:
+        super().move_to(index, by_wizard=by_wizard)
+        self._set_following(self.cursor >= self._shown - 1)
+
+    def watch_scroll_y(self, old_value: float, new_value: float) -> None:
+        super().watch_scroll_y(old_value, new_value)
+        if new_value < old_value and round(new_value) < self._shown - self.size.height:
+            self._set_following(False)
+        elif round(new_value) >= self._shown - self.size.height:
+            self._seen = self._shown
+
+    def _set_following(self, following: bool) -> None:
+        if following != self.following:
+            self.following = following
+            self._seen = self._shown
+            self.post_message(self.FollowChanged())
+
+    def line_of(self, task: TaskView, width: int) -> Line:
+        """One task in one line."""
+        wide, state = width >= WIDE, task_state(task)
+        took = seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
+        when = 11 if wide else 9
+        rest = width - when - 36 - (6 if wide else 0)
+        source = min(20, max(7, rest // 3))
+        behavior = min(44, max(9, rest - source - (20 if wide else 0)))
+        calling = (cell(CALLING.get(task.calling_type, task.calling_type), 6, "muted"),) if wide else ()
+        return crop(
+            (
+                (" ", "plain"),
+                cell(clock(task.submitted, tenths=wide), when, "muted"),
+                cell(task.source, source, "muted"),
+                (" ", "plain"),
+                cell(FUNCTION_WORDS.get(task.function, task.function), 10, "fault" if task.function == "stopAll" else "plain"),
+                *calling,
+                cell(task.behavior, behavior, "plain"),
+                (f" {state.glyph} ", state.tone),
+                cell(state.word, 8, state.tone),
+                cell(took, 6, "plain", right=True),
+                (f"  {task.reason}" if task.reason else "", state.tone),
+            ),
+            width,
+        )

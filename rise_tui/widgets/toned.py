@@ -1,0 +1,58 @@
+"""How the tones of `rise_tui.text` look: one place where meaning becomes colour, by theme variables only."""
+
+from __future__ import annotations
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+from textual.widget import Widget
+
+from rise_tui.text import Line, Tone, clean
+
+TONES: tuple[Tone, ...] = ("plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm")
+
+
+class Toned(Widget):
+    """A widget that paints lines of toned text."""
+
+    COMPONENT_CLASSES = {*(f"tone--{tone}" for tone in TONES), "line--cursor", "line--cursor-away"}
+
+    DEFAULT_CSS = """
+    Toned {
+        & > .tone--plain { color: $foreground; }
+        & > .tone--strong { color: $foreground; text-style: bold; }
+        & > .tone--muted { color: $rise-muted; }
+        & > .tone--accent { color: $primary; text-style: bold; }
+        & > .tone--key { color: $primary; }
+        & > .tone--wait { color: $warning; }
+        & > .tone--fault { color: $error; }
+        & > .tone--alarm { color: $rise-on-alarm; background: $error; text-style: bold; }
+        & > .line--cursor { background: $rise-cursor; }
+        & > .line--cursor-away { background: $rise-cursor-away; }
+    }
+    """
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - Textual's name
+        super().__init__(id=id, classes=classes)
+        self._tones: dict[str, Style] = {}
+
+    def notify_style_update(self) -> None:
+        """The theme or a class changed."""
+        self._tones.clear()
+        super().notify_style_update()
+
+    def style_of(self, name: str) -> Style:
+        style = self._tones.get(name)
+        if style is None:
+            style = self._tones[name] = self.get_component_rich_style(name)
+        return style
+
+    def paint(self, line: Line, width: int, background: str = "") -> Strip:
+        """A line in exactly `width` cells. `background` names a component class whose background all of it gets."""
+        ground = Style(bgcolor=self.style_of(background).bgcolor) if background else None
+        segments = []
+        for text, tone in line:
+            style = self.style_of(f"tone--{tone}")
+            segments.append(Segment(clean(text), style + ground if ground is not None and tone != "alarm" else style))
+        fill = self.style_of("tone--plain")
+        return Strip(segments).adjust_cell_length(width, fill + ground if ground is not None else fill)

@@ -1,0 +1,403 @@
+"""What must hold for every scenario and every course of events (issue 2, section 4), over random ones."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import msgspec
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rise_engine.expression import Assignment, Expression
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.commands import CancelTimer, SetTimer, StartAction, StopRobot
+from rise_engine.kernel.inputs import (
+    ActionReport,
+    AnyInput,
+    RobotChanged,
+    SessionStarted,
+    StopReport,
+    Submit,
+    TimerElapsed,
+)
+from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord, EventRecord, RuleRecord, StopRecord, TaskRecord
+from rise_engine.kernel.snapshot import Snapshot
+from rise_engine.scenario.model import (
+    Act,
+    Action,
+    ActionSpec,
+    Branch,
+    Call,
+    Function,
+    If,
+    OneOf,
+    Parameter,
+    RobotProfile,
+    Rule,
+    Scenario,
+    State,
+    Statement,
+    Transition,
+)
+from rise_engine.scenario.template import parse_template
+from rise_engine.view import View
+
+ACTS = ("A0", "A1", "A2", "A3")
+RULES = ("R0", "R1", "R2", "R3")
+STATES = ("s0", "s1", "s2")
+TOPICS = ("e0", "e1", "e2", "A0_end", "A1_failed", "A2_stopped", "R0_end", "R1_end")
+CONDITIONS = ("k0", "not k0", "k1 > 2", "k0 and k1 < 5", "missing", "name > 3", "rand(1) > 0.5", "person.near")
+ASSIGNMENTS = ("k0 = true", "k0 = false", "k1 = k1 + 1", "k1 = 0", "k1 = name + 1", '{"person": {"near": true}}')
+
+text = Parameter("message", "text", required=True)
+milliseconds = Parameter("duration", "number", unit="ms")
+ROBOT = RobotProfile(
+    "test",
+    "Test",
+    "none",
+    {
+        "Speech": ActionSpec("Speech", {"message": text}, ("speech",)),
+        "LookAt": ActionSpec("LookAt", {"message": text}, ("gaze",)),
+        "Wait": ActionSpec("Wait", {"duration": milliseconds}, (), engine=True),
+    },
+)
+
+
+@st.composite
+def calls(draw: st.DrawFn) -> Call:
+    kind = draw(st.sampled_from(["Speech", "LookAt", "Wait"]))
+    if kind == "Wait":
+        return Call("Wait", {"duration": parse_template(str(draw(st.sampled_from([0, 100, 2000]))))})
+    return Call(kind, {"message": parse_template(draw(st.sampled_from(["hi", "{name}", "{missing}", "{missing|x}"])))})
+
+
+@st.composite
+def acts(draw: st.DrawFn, name: str) -> Act:
+    actions: list[Action] = []
+    for n in range(draw(st.integers(1, 4))):
+        waits = draw(st.sets(st.sampled_from([a.id for a in actions]), max_size=2)) if actions else set()
+        picked = tuple(draw(st.lists(calls(), min_size=1, max_size=draw(st.sampled_from([1, 1, 3])))))
+        actions.append(Action(str(n), picked, tuple(sorted(waits)), draw(st.booleans())))
+    used = {c for a in actions for call in a.calls for c in ROBOT.actions[call.type].channels}
+    return Act(name, tuple(actions), frozenset(used))
+
+
+def functions() -> st.SearchStrategy[Statement]:
+    return st.one_of(
+        st.sampled_from(ACTS).map(lambda n: Function("startCommunicationRobotAct", n)),
+        st.sampled_from(ACTS).map(lambda n: Function("stopCommunicationRobotAct", n)),
+        st.sampled_from(RULES).map(lambda n: Function("startInteractionRule", n)),
+        st.sampled_from(RULES).map(lambda n: Function("stopInteractionRule", n)),
+        st.sampled_from(TOPICS).map(lambda n: Function("raiseEventTopic", "/" + n)),
+        st.sampled_from(ASSIGNMENTS).map(lambda a: Function("assignValue", a, Assignment.parse(a))),
+    )
+
+
+def conditions() -> st.SearchStrategy[Expression]:
+    return st.sampled_from(CONDITIONS).map(Expression.parse)
+
+
+def statements() -> st.SearchStrategy[Statement]:
+    block = st.lists(functions(), max_size=2).map(tuple)
+    return st.one_of(
+        functions(),
+        functions(),
+        st.builds(lambda c, a, b: If((Branch(c, a), Branch(None, b))), conditions(), block, block),
+        st.lists(functions(), min_size=1, max_size=3).map(lambda choices: OneOf(tuple(choices))),
+    )
+
+
+def transitions() -> st.SearchStrategy[Transition]:
+    guard = st.none() | conditions()
+    target = st.sampled_from([*STATES, None])
+    block = st.lists(functions(), max_size=1).map(tuple)
+    return st.one_of(
+        st.builds(lambda e, g, t, b: Transition(e, g, None, t, b), st.sampled_from(TOPICS), guard, target, block),
+        st.builds(lambda g, t, b: Transition(None, g, None, t, b), conditions(), target, block),
+        st.builds(lambda s, g, t: Transition(None, g, s, t), st.sampled_from([0.1, 1.0]), guard, target),
+    )
+
+
+@st.composite
+def rules(draw: st.DrawFn, name: str) -> Rule:
+    blocks = st.lists(statements(), max_size=3).map(tuple)
+    states = {
+        id: State(id, draw(blocks), draw(st.lists(functions(), max_size=1).map(tuple)), tuple(draw(st.lists(transitions(), max_size=3))))
+        for id in STATES
+    }
+    return Rule(name, "s0", states, draw(st.sampled_from([0, 1, 2])))
+
+
+@st.composite
+def scenarios(draw: st.DrawFn) -> Scenario:
+    return Scenario(
+        "random",
+        "/",
+        "debug",
+        ROBOT,
+        {name: draw(acts(name)) for name in ACTS},
+        {name: draw(rules(name)) for name in RULES},
+        {"k0": False, "k1": 0, "name": "Ada"},
+        known_keys=frozenset({"k0", "k1", "name", "person"}),
+        topics=frozenset(TOPICS),
+    )
+
+
+Move = tuple[str, Any, Any]
+MOVES: st.SearchStrategy[Move] = st.one_of(
+    st.tuples(st.just("act"), st.sampled_from(ACTS), st.sampled_from(["", "None", "Blocking"])),
+    st.tuples(st.just("rule"), st.sampled_from(RULES), st.just("")),
+    st.tuples(st.just("event"), st.sampled_from(TOPICS), st.just("")),
+    st.tuples(st.just("assign"), st.sampled_from(ASSIGNMENTS), st.just("")),
+    st.tuples(st.just("report"), st.integers(0, 9), st.sampled_from(["accepted", "succeeded", "succeeded", "failed", "canceled"])),
+    st.tuples(st.just("report"), st.integers(0, 9), st.just("succeeded")),
+    st.tuples(st.just("wait"), st.sampled_from([0.05, 1.0, 20.0]), st.just("")),
+    st.tuples(st.just("cancel"), st.integers(1, 20), st.just("")),
+    st.tuples(st.just("move"), st.integers(1, 20), st.integers(0, 3)),
+    st.tuples(st.just("stop"), st.booleans(), st.just("")),
+    st.tuples(st.just("release"), st.just(""), st.just("")),
+    st.tuples(st.just("robot"), st.sampled_from(["lost", "connected"]), st.just("")),
+)
+
+
+class Run:
+    """Plays moves against a kernel and keeps everything that went in and out."""
+
+    def __init__(self, scenario: Scenario, moves: list[Move]) -> None:
+        self.scenario = scenario
+        self.kernel = Kernel(scenario, 7)
+        self.inputs: list[AnyInput] = []
+        self.outputs: list[bytes] = []
+        self.records: list[AnyRecord] = []
+        self.snapshots: list[Snapshot] = []
+        self.goals: dict[str, None] = {}
+        self.timers: dict[int, float] = {}
+        self.t = 0.0
+        self.started_while_latched: list[Any] = []
+        self.view = View()
+        self.do(SessionStarted())
+        for move in moves:
+            self.play(*move)
+
+    def do(self, input: AnyInput) -> None:
+        latched = self.kernel.stop != "released"
+        stamped = msgspec.structs.replace(input, t=self.t)
+        self.inputs.append(stamped)
+        records, commands = self.kernel.handle(stamped)
+        self.outputs.append(msgspec.json.encode([records, commands]))
+        self.records += records
+        for record in records:
+            self.view.apply(record)
+            if isinstance(record, ActionRecord) and record.status in ENDINGS:
+                self.goals.pop(f"{record.task}/{record.action}", None)
+        for command in commands:
+            match command:
+                case StartAction():
+                    self.goals[command.action] = None
+                case SetTimer():
+                    self.timers[command.timer] = command.at
+                case CancelTimer():
+                    del self.timers[command.timer]
+                case StopRobot():
+                    pass
+        if latched and self.kernel.stop != "released":
+            self.started_while_latched += [c for c in commands if isinstance(c, StartAction)]
+            self.started_while_latched += [
+                r
+                for r in records
+                if (isinstance(r, RuleRecord) and r.status in ("started", "entered"))
+                or (isinstance(r, TaskRecord) and r.status == "ACTIVE")
+            ]
+
+    def play(self, what: str, a: Any, b: Any) -> None:
+        match what:
+            case "act":
+                self.do(Submit(function="startCommunicationRobotAct", behavior=a, calling_type=b, source="wizard:w"))
+            case "rule":
+                self.do(Submit(function="startInteractionRule", behavior=a, source="wizard:w"))
+            case "event":
+                self.do(Submit(function="raiseEventTopic", behavior=a, source="wizard:w"))
+            case "assign":
+                self.do(Submit(function="assignValue", behavior=a, source="wizard:w"))
+            case "report":
+                if self.goals:
+                    self.do(ActionReport(action=list(self.goals)[a % len(self.goals)], status=b))
+            case "cancel":
+                self.do(Submit(function="cancelTask", behavior=str(a), source="wizard:w"))
+            case "move":
+                self.do(Submit(function="moveTask", behavior=f"{a} {b}", source="wizard:w"))
+            case "stop":
+                self.do(Submit(function="stopAll", source="wizard:w"))
+                if a:
+                    self.do(StopReport(confirmed=("x",)))
+            case "release":
+                self.do(Submit(function="releaseStop", source="wizard:w"))
+            case "robot":
+                self.do(RobotChanged(status=a))
+            case "wait":
+                self.wait(a)
+        self.snapshots.append(self.kernel.snapshot())
+
+    def wait(self, seconds: float) -> None:
+        until = round(self.t + seconds, 6)
+        for _ in range(200):
+            due = min(self.timers.items(), key=lambda item: (item[1], item[0]), default=None)
+            if due is None or due[1] > until:
+                break
+            del self.timers[due[0]]
+            self.t = max(self.t, due[1])
+            self.do(TimerElapsed(timer=due[0]))
+        self.t = until
+
+
+cases = given(scenarios(), st.lists(MOVES, max_size=25))
+quick = settings(max_examples=150, deadline=None)
+
+
+@quick
+@cases
+def test_same_inputs_same_outputs(scenario: Scenario, moves: list[Move]) -> None:
+    run = Run(scenario, moves)
+    again = Kernel(scenario, 7)
+    assert [msgspec.json.encode(list(again.handle(input))) for input in run.inputs] == run.outputs
+
+
+@quick
+@given(scenarios(), st.lists(MOVES, min_size=1, max_size=25), st.data())
+def test_a_restored_kernel_continues_identically(scenario: Scenario, moves: list[Move], data: st.DataObject) -> None:
+    run = Run(scenario, moves)
+    cut = data.draw(st.integers(0, len(run.inputs) - 1))
+    kernel = Kernel(scenario, 7)
+    for input in run.inputs[:cut]:
+        kernel.handle(input)
+    sent = msgspec.json.decode(msgspec.json.encode(kernel.snapshot()), type=Snapshot)
+    restored = Kernel.restore(scenario, sent)
+    assert [msgspec.json.encode(list(restored.handle(i))) for i in run.inputs[cut:]] == run.outputs[cut:]
+    assert restored.snapshot() == run.kernel.snapshot()
+
+
+@quick
+@cases
+def test_never_two_blocking_acts_at_once(scenario: Scenario, moves: list[Move]) -> None:
+    active: set[int] = set()
+    for record in Run(scenario, moves).records:
+        if isinstance(record, TaskRecord) and record.function == "startCommunicationRobotAct" and record.calling_type == "Blocking":
+            if record.status == "ACTIVE":
+                active.add(record.id)
+            else:
+                active.discard(record.id)
+            assert len(active) <= 1
+
+
+@quick
+@cases
+def test_an_event_moves_one_rule_or_none(scenario: Scenario, moves: list[Move]) -> None:
+    taken: Counter[tuple[str, str]] = Counter()
+    moved: Counter[tuple[str, str]] = Counter()
+    for record in Run(scenario, moves).records:
+        if isinstance(record, EventRecord) and record.taken_by is not None:
+            taken[record.taken_by, record.topic] += 1
+        elif isinstance(record, RuleRecord) and record.trigger is not None and record.trigger.startswith("/"):
+            moved[record.name, record.trigger] += 1
+    # A rule that ends while it leaves its state (its own onExit stops it, or it is faulted) takes without arriving.
+    assert moved <= taken
+
+
+@quick
+@cases
+def test_every_started_action_has_exactly_one_ending(scenario: Scenario, moves: list[Move]) -> None:
+    run = Run(scenario, moves)
+    run.play("stop", True, "")
+    run.wait(100)
+    started: set[tuple[int, str]] = set()
+    ended: Counter[tuple[int, str]] = Counter()
+    for record in run.records:
+        if isinstance(record, ActionRecord):
+            if record.status == "started":
+                started.add((record.task, record.action))
+            elif record.status in ENDINGS:
+                ended[record.task, record.action] += 1
+    assert started <= set(ended)
+    assert set(ended.values()) <= {1}
+
+
+@quick
+@cases
+def test_every_task_has_exactly_one_end_after_a_stop(scenario: Scenario, moves: list[Move]) -> None:
+    run = Run(scenario, moves)
+    run.play("stop", True, "")
+    run.wait(100)
+    tasks: dict[int, list[str]] = {}
+    for record in run.records:
+        if isinstance(record, TaskRecord):
+            tasks.setdefault(record.id, []).append(record.status)
+    for statuses in tasks.values():
+        assert statuses[-1] in ("SUCCEEDED", "ABORTED", "CANCELED", "REJECTED")
+        assert set(statuses[:-1]) <= {"PENDING", "ACTIVE"}
+
+
+@quick
+@cases
+def test_after_a_stop_nothing_starts_and_nothing_runs(scenario: Scenario, moves: list[Move]) -> None:
+    run = Run(scenario, [*moves, ("stop", True, "")])
+    run.wait(100)
+    assert run.started_while_latched == []
+    assert not run.kernel.busy
+    assert not run.kernel.rules.stack
+    assert not run.goals
+    assert not run.timers
+    assert isinstance([r for r in run.records if isinstance(r, StopRecord)][-1], StopRecord)
+
+
+@quick
+@cases
+def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Move]) -> None:
+    run = Run(scenario, moves)
+    view, kernel = run.view, run.kernel
+    assert view.seq == kernel.core.seq
+    assert {key: entry.value for key, entry in view.memory.items()} == kernel.core.env.memory
+    assert view.stack() == list(reversed(kernel.rules.stack))
+    assert {name: rule.state for name, rule in view.rules.items() if rule.running} == {
+        name: r.state.id for name, r in kernel.rules.stack.items()
+    }
+    assert view.waiting == [task.id for task in kernel.scheduler.waiting]
+    assert sorted(view.running) == sorted(kernel.scheduler.runner.runs)
+    assert view.stop.status == kernel.stop
+
+
+@quick
+@cases
+def test_records_are_numbered_without_gaps_and_time_does_not_go_back(scenario: Scenario, moves: list[Move]) -> None:
+    records = Run(scenario, moves).records
+    assert [r.seq for r in records] == list(range(1, len(records) + 1))
+    assert all(a.t <= b.t for a, b in zip(records, records[1:], strict=False))
+
+
+@quick
+@given(scenarios(), st.lists(MOVES, max_size=10))
+def test_a_runaway_rule_is_faulted_alone(scenario: Scenario, moves: list[Move]) -> None:
+    runaway = Rule(
+        "runaway",
+        "s0",
+        {
+            "s0": State("s0", (Function("raiseEventTopic", "/own_ping"),), (), (Transition("own_ping", None, None, "s1"),)),
+            "s1": State("s1", (Function("raiseEventTopic", "/own_pong"),), (), (Transition("own_pong", None, None, "s0"),)),
+        },
+    )
+    calm = Rule("calm", "s0", {"s0": State("s0", (), (), (Transition("calm_event", None, None, "s0"),))})
+    scenario = msgspec.structs.replace(
+        scenario,
+        rules={**scenario.rules, "runaway": runaway, "calm": calm},
+        topics=scenario.topics | {"own_ping", "own_pong", "calm_event"},
+    )
+    run = Run(scenario, moves)
+    run.play("stop", True, "")
+    run.play("release", "", "")
+    run.play("rule", "calm", "")
+    run.play("rule", "runaway", "")
+    faulted = [r.name for r in run.records if isinstance(r, RuleRecord) and r.status == "faulted" and r.name == "runaway"]
+    assert faulted == ["runaway"]
+    assert "calm" in run.kernel.rules.stack
+    run.play("event", "calm_event", "")
+    assert [r.taken_by for r in run.records if isinstance(r, EventRecord)][-1] == "calm"

@@ -1,0 +1,278 @@
+"""Tasks, the scheduler, stop-all, the memory by tasks (semantics, sections 5 and 6)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from .harness import Session, dialog, gaze, pause, read, speech, write
+from .test_rules import do, on, rule, state
+
+ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("C", speech(1)) + dialog("Look", gaze(1)) + dialog("Think", pause(1, 1000))
+
+
+@pytest.fixture
+def s(tmp_path: Path) -> Session:
+    rules = rule("R", state("a", ways=on("e", "a") + on("A_end", "a")))
+    return Session(read(write(tmp_path, acts=ACTS, rules=rules, memory={"n": 4, "name": "Ada"})))
+
+
+def test_blocking_acts_run_one_at_a_time_in_order(s: Session) -> None:
+    for name in "ABC":
+        s.act(name)
+    assert list(s.goals) == ["1/1"]
+    assert s.lines("task") == [
+        "task act A PENDING",
+        "task act A ACTIVE",
+        "task act B PENDING",
+        "task act C PENDING",
+    ]
+    s.report("1/1")
+    assert list(s.goals) == ["2/1"]
+    s.report("2/1", "failed")
+    assert list(s.goals) == ["3/1"], "a failure does not hold up the queue"
+
+
+def test_the_queue_can_be_reordered(s: Session) -> None:
+    for name in "ABC":
+        s.act(name)
+    assert s.submit("moveTask", "3 0").status == "SUCCEEDED"
+    assert s.lines("task")[-1] == "task act C PENDING (moved)"
+    s.report("1/1")
+    assert list(s.goals) == ["3/1"]
+
+
+def test_a_waiting_task_can_be_removed(s: Session) -> None:
+    s.rule("R")
+    s.act("B")
+    s.act("A")
+    s.submit("cancelTask", "3")
+    lines = s.lines("task", "event")
+    assert "task act A CANCELED (cancelled by wizard:w)" in lines
+    assert "event /A_end -> R" in lines, "who waits for its end must not wait for ever"
+    s.report("2/1")
+    assert not s.kernel.busy
+
+
+@pytest.mark.parametrize(
+    ("function", "behavior", "reason"),
+    [
+        ("startCommunicationRobotAct", "a", "there is no act 'a'"),
+        ("startCommunicationRobotAct", "Lock", "there is no act 'Lock'; did you mean 'Look'?"),
+        ("stopCommunicationRobotAct", "A", "A is neither running nor waiting"),
+        ("startInteractionRule", "Q", "there is no rule 'Q'"),
+        ("stopInteractionRule", "R", "rule 'R' is not running"),
+        ("raiseEventTopic", " ", "the event has no name"),
+        ("deleteValue", "nam", "the memory has no key 'nam'; did you mean 'name'?"),
+        ("cancelTask", "99", "no task 99 is running or waiting"),
+        ("moveTask", "1 0", "no task 1 is waiting"),
+        ("moveTask", "1", "write the task's id and its new place, as in `17 0`"),
+        ("releaseStop", "", "nothing is stopped"),
+        ("startComunicationRobotAct", "A", "there is no function 'startComunicationRobotAct'; did you mean 'startCommunicationRobotAct'?"),
+    ],
+)
+def test_what_cannot_be_done_is_rejected_with_the_reason(s: Session, function: str, behavior: str, reason: str) -> None:
+    task = s.submit(function, behavior)
+    assert (task.status, task.reason) == ("REJECTED", reason)
+
+
+def test_an_unknown_calling_type_is_rejected(s: Session) -> None:
+    assert s.act("A", "blocking").status == "REJECTED"
+
+
+# --- None and Blocking ---
+
+
+def test_a_none_act_runs_beside_a_blocking_one_on_other_channels(s: Session) -> None:
+    s.act("A")
+    s.act("Look", "None")
+    assert list(s.goals) == ["1/1", "2/1"]
+
+
+def test_a_none_act_waits_for_the_channel_of_a_blocking_one(s: Session) -> None:
+    s.act("A")
+    s.act("B", "None")
+    assert list(s.goals) == ["1/1"]
+    s.report("1/1")
+    assert list(s.goals) == ["2/1"]
+
+
+def test_a_none_act_is_interrupted_by_a_blocking_one_that_needs_its_channel(s: Session) -> None:
+    s.act("A", "None")
+    s.act("B")
+    assert s.cancels == ["1/1"]
+    assert list(s.goals) == ["1/1"], "the robot is still speaking until it says otherwise"
+    s.report("1/1", "canceled")
+    assert list(s.goals) == ["2/1"]
+    assert "task act A CANCELED (interrupted by B)" in s.lines("task")
+
+
+def test_a_none_act_is_left_alone_by_a_blocking_one_on_other_channels(s: Session) -> None:
+    s.act("Look", "None")
+    s.act("A")
+    assert s.cancels == []
+    assert len(s.goals) == 2
+
+
+def test_a_none_act_does_not_slip_in_between_two_blocking_ones_that_need_its_channel(s: Session) -> None:
+    s.act("A")
+    s.act("B", "None")
+    s.act("C")
+    s.report("1/1")
+    assert list(s.goals) == ["3/1"]
+    s.report("3/1")
+    assert list(s.goals) == ["2/1"]
+
+
+def test_an_act_has_its_own_default_calling_type(tmp_path: Path) -> None:
+    s = Session(read(write(tmp_path, acts=ACTS, toml='[act.Look]\ncalling_type = "None"\n')))
+    s.act("A")
+    task = s.act("Look")
+    assert task.calling_type == "None"
+    assert len(s.goals) == 2
+
+
+def test_stopping_an_act_reaches_all_its_tasks(s: Session) -> None:
+    s.act("A")
+    s.act("B")
+    s.act("A")
+    s.submit("stopCommunicationRobotAct", "A")
+    assert s.lines("task")[-1] == "task act A CANCELED (stopped by wizard:w)"
+    s.report("1/1", "canceled")
+    assert list(s.goals) == ["2/1"]
+
+
+def test_cancel_reaches_an_act_that_was_just_started(s: Session) -> None:
+    s.act("A")
+    s.submit("cancelTask", "1")
+    assert s.cancels == ["1/1"]
+    s.submit("cancelTask", "1")
+    assert s.cancels == ["1/1"], "asking twice sends one cancel"
+
+
+def test_a_rule_task_can_be_cancelled_by_its_id(s: Session) -> None:
+    s.rule("R")
+    s.submit("cancelTask", "1")
+    assert s.states == {}
+    assert s.lines("task")[-1] == "task rule R CANCELED (cancelled by wizard:w)"
+
+
+# --- stop-all ---
+
+
+def test_stop_all_ends_everything_and_latches(s: Session) -> None:
+    s.rule("R")
+    s.act("A")
+    s.act("B")
+    s.act("Think", "None")
+    s.lines()
+    s.submit("stopAll")
+    assert s.robot_stops == 1
+    assert s.states == {}
+    assert s.lines("task", "stop", "rule") == [
+        "task stopAll  SUCCEEDED",
+        "stop requested [] []",
+        "rule R stopped a",
+        "task rule R CANCELED (stop-all by wizard:w)",
+        "task act B CANCELED (stop-all by wizard:w)",
+        "task act Think CANCELED (stop-all by wizard:w)",
+    ]
+    s.report("2/1", "canceled")
+    s.confirm_stop("sim/speech")
+    assert s.lines("task", "stop") == [
+        "task act A CANCELED (stop-all by wizard:w)",
+        "stop latched ['sim/speech'] []",
+    ]
+    assert not s.kernel.busy
+    for task in (s.act("A"), s.rule("R")):
+        assert (task.status, task.reason) == ("REJECTED", "everything is stopped; release the stop first")
+    assert s.assign("n = 5").status == "SUCCEEDED", "the memory can still be edited"
+    assert s.submit("releaseStop").status == "SUCCEEDED"
+    assert s.act("A").status == "PENDING"
+
+
+def test_a_stop_that_the_robot_does_not_answer_says_so(s: Session) -> None:
+    s.act("A")
+    s.submit("stopAll")
+    assert s.submit("releaseStop").reason == "the robot has not answered the stop yet"
+    s.wait(10)
+    assert s.lines("stop") == ["stop requested [] []", "stop latched [] ['generic']"]
+    assert not s.kernel.busy
+
+
+def test_stop_all_can_be_pressed_again(s: Session) -> None:
+    s.submit("stopAll")
+    s.confirm_stop()
+    s.submit("stopAll")
+    assert s.robot_stops == 2
+    s.confirm_stop("a")
+    assert s.lines("stop")[-1] == "stop latched ['a'] []"
+
+
+def test_an_answer_after_the_limit_is_still_recorded(s: Session) -> None:
+    s.submit("stopAll")
+    s.wait(3)
+    s.confirm_stop("late")
+    assert s.lines("stop")[-1] == "stop latched ['late'] []"
+
+
+def test_a_chain_of_events_does_not_survive_a_stop(tmp_path: Path) -> None:
+    rules = rule("R", state("a", ways=on("A_end", "b")), state("b", do("startCommunicationRobotAct", "B"), on("x", "a")))
+    s = Session(read(write(tmp_path, acts=ACTS, rules=rules)))
+    s.rule("R")
+    s.act("A")
+    s.submit("stopAll")
+    s.report("2/1", "canceled")
+    assert s.goals == {}
+
+
+# --- memory ---
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "value"),
+    [
+        ('{"x": 1}', "x", 1),
+        ('{"x": {"a": [1, null]}}', "x", {"a": [1, None]}),
+        ("n = n + 1", "n", 5),
+        ("n = n / 2", "n", 2),
+        ("n = n / 8", "n", 0.5),
+        ("name = 'Bob'", "name", "Bob"),
+        ("name = Bob", "name", "Bob"),
+        ("copy = name", "copy", "Ada"),
+        ("flag = n > 3 and true", "flag", True),
+    ],
+)
+def test_assigning(s: Session, text: str, key: str, value: object) -> None:
+    assert s.assign(text).status == "SUCCEEDED"
+    assert s.memory[key] == value
+    assert type(s.memory[key]) is type(value)
+
+
+@pytest.mark.parametrize("text", ["", "n", "n =", "= 3", '{"x": NaN}', '{"x": 1, "x": 2}', "{x: 1}", "n == 3"])
+def test_an_assignment_that_cannot_be_read_is_rejected(s: Session, text: str) -> None:
+    before = dict(s.memory)
+    assert s.assign(text).status == "REJECTED"
+    assert s.memory == before
+
+
+def test_an_assignment_that_cannot_be_computed_is_aborted(s: Session) -> None:
+    for text in ("n = name + 1", "n = 1 / 0"):
+        assert s.assign(text).status == "ABORTED"
+    assert s.memory["n"] == 4
+
+
+def test_every_change_has_source_old_and_new_value(s: Session) -> None:
+    s.assign("n = 5")
+    s.submit("deleteValue", "n")
+    from rise_engine.kernel.records import MemoryRecord
+
+    changes = [r for r in s.records if isinstance(r, MemoryRecord)]
+    assert [(r.key, r.value, r.old, r.source, r.deleted) for r in changes] == [
+        ("n", 4, None, "file", False),
+        ("name", "Ada", None, "file", False),
+        ("n", 5, 4, "wizard:w", False),
+        ("n", None, 5, "wizard:w", True),
+    ]
+    assert "n" not in s.memory
