@@ -31,13 +31,16 @@ def cpu_seconds(work: Callable[[], object], operations: int) -> float:
 
 
 def interleave(works: dict[str, tuple[Callable[[], object], int]], rounds: int = 7) -> dict[str, Figure]:
-    """Measure several works in turn, round by round, so that a slow moment of the machine hits all of them."""
+    """Measure several works in turn, round by round, so that a slow moment of the machine hits all of them.
+
+    A work that measures itself (another process) has 0 operations and returns its seconds per operation.
+    """
     samples: dict[str, list[float]] = {name: [] for name in works}
     for work, _ in works.values():
         work()  # warm up
     for _ in range(rounds):
         for name, (work, operations) in works.items():
-            samples[name].append(cpu_seconds(work, operations))
+            samples[name].append(cpu_seconds(work, operations) if operations else float(work()))  # type: ignore[arg-type]
     return {name: Figure(statistics.median(s), min(s), max(s)) for name, s in samples.items()}
 
 

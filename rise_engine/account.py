@@ -50,8 +50,8 @@ class Account:
     def __init__(self) -> None:
         self._started: dict[tuple[int, str], float] = {}
         self._tasks: dict[int, float] = {}
-        self._acts: set[int] = set()
-        """Tasks of acts that are running."""
+        self._blocking: set[int] = set()
+        """Tasks of Blocking acts that are running."""
 
     def line(self, record: AnyRecord) -> str | None:
         """The line for a record, without line end; None when it tells a reader nothing new."""
@@ -95,18 +95,18 @@ class Account:
         if record.status == "REJECTED":
             return who, record.behavior, f"REJECTED{by}: {record.reason}"
         if record.status == "PENDING":
-            # Every act is PENDING for a moment; beside nothing that runs it starts at once.
-            if not self._acts or record.function != "startCommunicationRobotAct":
+            # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
+            if not self._blocking or record.function != "startCommunicationRobotAct":
                 return None
             place = f", {record.position} before it" if record.position else ""
-            return who, record.behavior, f"waits{place}{by}"
+            return who, record.behavior, f"waits{place}, asked{by}"
         if record.status == "ACTIVE":
             self._tasks[record.id] = record.t
-            if record.function == "startCommunicationRobotAct":
-                self._acts.add(record.id)
+            if record.calling_type == "Blocking" and record.function == "startCommunicationRobotAct":
+                self._blocking.add(record.id)
             return None if record.function == "startInteractionRule" else (who, record.behavior, f"started{by}")
         began = self._tasks.pop(record.id, None)
-        self._acts.discard(record.id)
+        self._blocking.discard(record.id)
         if record.function == "startInteractionRule" and began is not None:
             return None
         if began is None and record.function in _ELSEWHERE:
@@ -157,7 +157,7 @@ def parameters_text(parameters: dict[str, Any]) -> str:
 
 
 def _rule(record: RuleRecord) -> str:
-    trigger = f" on {record.trigger}" if record.trigger else ""
+    trigger = f" on {record.trigger}" if record.trigger and record.trigger != "start" else ""
     reason = f": {record.reason}" if record.reason else ""
     if record.status == "entered":
         if record.previous is None:

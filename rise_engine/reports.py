@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rise_engine.scenario.findings import Finding
-    from rise_engine.scenario.model import ActionSpec, Scenario
+    from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario
 
 
 # --- check ----------------------------------------------------------------------------------------------------------
@@ -55,7 +57,7 @@ def _load(folder: str, robot: str | None, mode: str | None) -> tuple[Scenario | 
     from rise_engine.scenario import load
 
     loaded = load(folder, robot=robot, mode=mode)
-    return loaded.scenario, list(loaded.findings)
+    return loaded.scenario, loaded.findings
 
 
 def _content(scenario: Scenario | None) -> str:
@@ -187,32 +189,31 @@ def type_name(value: Any) -> str:
 
 
 def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
-    """The RELAX NG schema of act (`cra`) or rule files; None when the folder's scenario is refused."""
-    from rise_engine.scenario import schema_for
+    """The RELAX NG schema of act (`cra`) or rule files; None when the scenario is refused or the robot unknown."""
+    from rise_engine.scenario import act_schema_text, rule_schema_text
 
-    if folder is None:
-        return schema_for(kind, None)
-    scenario = load_or_refuse(folder, robot=robot, mode=None)
-    return None if scenario is None else schema_for(kind, scenario.robot)
+    if kind == "rules":
+        return rule_schema_text()
+    if folder is not None:
+        scenario = load_or_refuse(folder, robot=robot, mode=None)
+        return None if scenario is None else act_schema_text(scenario.robot.actions)
+    profile, findings = _profile(robot or "generic", None)
+    for finding in findings:
+        sys.stderr.write(f"{finding}\n")
+    return None if findings else act_schema_text(profile.actions)
 
 
 def robots_report(folder: str | None, *, as_json: bool) -> int:
     """Print every robot that a scenario (in `folder`) can name."""
-    from pathlib import Path
-
     from rise_engine.robots import drivers
-    from rise_engine.scenario.findings import Findings
-    from rise_engine.scenario.model import Place
-    from rise_engine.scenario.robots import find_profile, read_robot, robot_names
-    from rise_engine.scenario.source import Files
+    from rise_engine.scenario.robots import find_profile, robot_names
 
-    place = Path(folder or ".")
-    home = (place if place.is_dir() else place.parent).resolve()
+    home = _home(folder)
     installed = drivers()
     rows = []
     for name in robot_names(home):
-        findings = Findings()
-        profile = read_robot(name, Files(home, findings), Place(f"{name}.toml"))
+        profile, findings = _profile(name, folder)
+        actions = [_action_row(spec) for spec in profile.actions.values() if spec.supported]
         rows.append(
             {
                 "name": name,
@@ -220,31 +221,58 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
                 "from": str(find_profile(name, home) or "built in"),
                 "driver": profile.driver,
                 "installed": profile.driver in installed,
-                "actions": [
-                    _action_row(spec) for spec in profile.actions.values() if spec.supported or spec.substitute
-                ],
-                "findings": [str(finding) for finding in findings.sorted()],
+                "actions": actions,
+                "findings": [str(finding) for finding in findings],
             }
         )
     if as_json:
         _print(_json({"robots": rows}))
-        return 0
-    for row in rows:
-        missing = "" if row["installed"] else ", NOT INSTALLED"
-        _print(f"{row['name']}  {row['title']}  (driver {row['driver']}{missing})")
-        _print(f"    from {row['from']}")
-        for action in row["actions"]:
-            instead = f" as {action['substitute']}" if action["substitute"] else ""
-            names = f": {', '.join(action['names'])}" if action["names"] else ""
-            _print(f"    {action['name']}{instead}{names}")
-        for finding in row["findings"]:
-            _print(f"    {finding}")
+    else:
+        _print("\n\n".join(_robot_text(row) for row in rows))
     return 0
 
 
+def _home(folder: str | None) -> Path:
+    """The folder whose own robots count."""
+    from pathlib import Path
+
+    path = Path(folder or ".")
+    return (path.parent if path.is_file() else path).resolve()
+
+
+def _profile(name: str, folder: str | None) -> tuple[RobotProfile, list[Finding]]:
+    from rise_engine.scenario.findings import Findings
+    from rise_engine.scenario.model import Place
+    from rise_engine.scenario.robots import read_robot
+    from rise_engine.scenario.source import Files
+
+    findings = Findings()
+    profile = read_robot(name, Files(_home(folder), findings), Place("command line"))
+    return profile, findings.sorted()
+
+
 def _action_row(spec: ActionSpec) -> dict[str, Any]:
-    names = [name for parameter in spec.parameters.values() for name in (*parameter.codes, *parameter.names)]
+    names = {
+        parameter.name: [*parameter.codes, *parameter.names]
+        for parameter in spec.parameters.values()
+        if parameter.type == "name"
+    }
     return {"name": spec.name, "substitute": spec.substitute, "channels": list(spec.channels), "names": names}
+
+
+def _robot_text(row: dict[str, Any]) -> str:
+    from textwrap import wrap
+
+    missing = "" if row["installed"] else ", which is NOT INSTALLED"
+    lines = [f"{row['name']}: {row['title']}, driver {row['driver']}{missing}", f"  {row['from']}"]
+    for action in row["actions"]:
+        instead = f", done as {action['substitute']}" if action["substitute"] else ""
+        lines.append(f"  {action['name']}{instead}")
+        for parameter, names in action["names"].items():
+            known = ", ".join("any other name" if name == "*" else name for name in names) or "any name"
+            lines += wrap(f"{parameter}: {known}", 100, initial_indent="    ", subsequent_indent="      ")
+    lines += [f"  {finding}" for finding in row["findings"]]
+    return "\n".join(lines)
 
 
 # --- small things ---------------------------------------------------------------------------------------------------

@@ -130,7 +130,7 @@ ACTIONS: tuple[Action, ...] = (
            "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "settings"),
     Action("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
-           "", _releasable),
+           "release", _releasable),
     Action("theme", "Next theme", (), "console", "Dark, light, high contrast."),
     Action("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _live),
     Action("acts.stop", "Stop the act", ("delete", "backspace"), "acts",

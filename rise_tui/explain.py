@@ -9,7 +9,7 @@ from rise_engine.expression import EvaluationError, Expression, lookup
 from rise_engine.scenario.model import Block, Function, If, OneOf, Scenario, Statement, Transition, normal_topic
 from rise_tui.text import value_text
 
-ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
+ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
 """What the engine raises about acts and rules."""
 
 
@@ -40,7 +40,7 @@ def waits_for(scenario: Scenario, transition: Transition) -> str:
     if transition.after is not None:
         return f"after {transition.after:g} s"
     if transition.event is None:
-        return "its condition"
+        return "its condition alone"
     for ending, word in ENDINGS.items():
         name = transition.event.removesuffix(ending)
         if name != transition.event and (name in scenario.acts or name in scenario.rules):
@@ -58,7 +58,7 @@ def label_of(transition: Transition) -> str:
 
 
 class Raisers:
-    """For every topic, the keys by which the wizard can cause it: directly, or by an act or rule that a key starts."""
+    """For every topic, the keys by which the wizard can cause it: directly, or by a rule that a key starts."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -70,9 +70,7 @@ class Raisers:
             if key.function == "raiseEventTopic":
                 topics = {normal_topic(name)}
             elif key.function == "startInteractionRule":
-                topics = raised.get(name, set()) | {f"{name}_end"}
-            elif key.function == "startCommunicationRobotAct":
-                topics = {name + ending for ending in ENDINGS}
+                topics = raised.get(name, set())
             for topic in topics:
                 self._by_topic.setdefault(topic, []).append(key.label)
 

@@ -109,6 +109,11 @@ class Gate:
             self._arm(None)
         return was is not None
 
+    def reset(self) -> None:
+        """Forget everything that was pressed and has not fired."""
+        self._drop()
+        self.disarm()
+
     def _wait(self, trigger: Trigger, at: float, wait: float) -> None:
         self._drop()
         self._pending = trigger, self._later(wait, self._settle)

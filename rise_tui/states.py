@@ -86,7 +86,7 @@ def newest(store: Store, name: str) -> TaskView | None:
     """The task of an act that a screen should show: running, else waiting, else the last."""
     act = store.act(name)
     for ids in (act.running[-1:], act.waiting[:1]):
-        for id in ids:  # noqa: A001 - the field's word
+        for id in ids:
             if id in store.view.tasks:
                 return store.view.tasks[id]
     return act.last
@@ -95,27 +95,3 @@ def newest(store: Store, name: str) -> TaskView | None:
 def progress(act: Act, task: TaskView) -> tuple[int, int]:
     """Actions that have ended, and all."""
     return sum(action.status in ENDINGS for action in task.actions.values()), len(act.actions)
-
-
-def levels(act: Act) -> list[list[int]]:
-    """An act's graph by levels: indexes of actions, each level one after all that it waits for."""
-    index = {action.id: at for at, action in enumerate(act.actions)}
-    waits = [{index[one] for one in action.wait_for if one in index} for action in act.actions]
-    depth = [0] * len(act.actions)
-    followers: list[list[int]] = [[] for _ in act.actions]
-    for at, before in enumerate(waits):
-        for one in before:
-            followers[one].append(at)
-    ready = [at for at, before in enumerate(waits) if not before]
-    open_ends = [len(before) for before in waits]
-    while ready:
-        at = ready.pop()
-        for one in followers[at]:
-            depth[one] = max(depth[one], depth[at] + 1)
-            open_ends[one] -= 1
-            if open_ends[one] == 0:
-                ready.append(one)
-    found: list[list[int]] = [[] for _ in range(max(depth, default=-1) + 1)]
-    for at in range(len(act.actions)):
-        found[depth[at]].append(at)
-    return found

@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
 from rise_engine.link.client import Hello
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.view import ActView, RuleView, View
+from rise_tui.graph import estimate
 
 Topic: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "notice"]
 """What a batch of records changed; a pane says which of these it shows."""
@@ -96,6 +97,8 @@ class Store:
     deleted: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
+    _estimates: dict[str, float] = field(default_factory=dict)
+
     def __post_init__(self) -> None:
         self.view = self.hello.view
         self.log = list(self.view.tasks)
@@ -130,6 +133,15 @@ class Store:
 
     def act(self, name: str) -> ActView:
         return self.view.acts.get(name) or ActView()
+
+    def typical(self, name: str) -> float | None:
+        """How long an act takes: the mean of its runs so far, or an estimate before the first."""
+        measured = self.act(name).typical
+        if measured is None and name in self.scenario.acts:
+            if name not in self._estimates:
+                self._estimates[name] = estimate(self.scenario, self.scenario.acts[name])
+            return self._estimates[name]
+        return measured
 
     def rule(self, name: str) -> RuleView:
         return self.view.rules.get(name) or RuleView()
@@ -171,11 +183,15 @@ class Store:
     def _tell(self, record: AnyRecord) -> None:
         match record:
             case TaskRecord(status="REJECTED"):
-                self.notice = Notice(f"{describe(record.function, record.behavior)} was rejected: {record.reason}", "wait")
+                self.notice = Notice(
+                    f"{describe(record.function, record.behavior)} was rejected: {record.reason}", "wait"
+                )
             case TaskRecord(status="ABORTED"):
                 self.notice = Notice(f"{describe(record.function, record.behavior)} failed: {record.reason}", "fault")
             case RuleRecord(status="faulted"):
                 self.notice = Notice(f"rule {record.name} was stopped by a fault: {record.reason}", "fault")
+            case NoteRecord(source="engine"):
+                self.notice = Notice(record.text, "wait")
             case RobotRecord(status="lost" | "degraded"):
                 self.notice = Notice(f"robot {record.status}: {record.detail}", "fault")
             case StopRecord(status="released"):

@@ -10,7 +10,7 @@ from rise_engine.expression.environment import Env, Json, list_index, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.strict_json import read_json
-from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED
+from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_letters
 from rise_engine.expression.values import named
 
 _BLANKS = re.compile(r"\s*")
@@ -162,6 +162,8 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
             f"a key cannot begin with `{text[start]}`", text, start + 1, "begin it with a letter or `_`"
         )
     key, end = match[0], match.end()
+    if not key.isascii():
+        check_letters(text, key, start)
     if key in RESERVED:
         raise ExpressionError(f"`{key}` is a word of the language and cannot be a key", text, start + 1)
     compound = _COMPOUND.match(text, end)

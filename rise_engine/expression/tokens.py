@@ -21,15 +21,16 @@ KEY = re.compile(r"[^\W\d][\w.]*")
 
 _TOKEN = re.compile(
     r"""\s*(?:
-      (?P<word>[^\W\d][\w.]*)
-    | (?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
-    | (?P<operator>&&|\|\||==(?!=)|!=(?!=)|<=(?!>)|>=|=(?![=!])|!(?!=)|<(?!>)|[>()+\-/^,]|\*(?!\*))
-    | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
-    | (?P<end>\Z)
-    | (?P<bad>.)
+      ([^\W\d][\w.]*)
+    | ((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
+    | (&&|\|\||==(?!=)|!=(?!=)|<=(?!>)|>=|=(?![=!])|!(?!=)|<(?!>)|[>()+\-/^,]|\*(?!\*))
+    | ("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
+    | (\Z)
+    | (.)
     )""",
     re.VERBOSE | re.DOTALL,
 )
+_WORD, _NUMBER, _OPERATOR, _TEXT, _END, _BAD = range(1, 7)
 _SYNONYMS = {"&&": "and", "||": "or", "!": "not", "=": "=="}
 _ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "/": "/", "\\": "\\", '"': '"', "'": "'"}
@@ -80,26 +81,26 @@ def tokenize(text: str) -> list[Token]:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH:,} characters", text[:200], 1)
     tokens: list[Token] = []
-    make = Token._make
     for match in _TOKEN.finditer(text):
-        group = match.lastgroup
-        start, end = match.span(group)  # type: ignore[arg-type]  # every alternative is a named group
-        value: Any = match[group]  # type: ignore[index]
-        if group == "word":
+        group = match.lastindex or _BAD
+        start, end = match.span(group)
+        value: Any = match[group]
+        kind = "end"
+        if group == _WORD:
+            kind = value if value in RESERVED else "word"
             if not value.isascii():
-                _check_letters(text, value, start)
-            tokens.append(make((value if value in RESERVED else "word", value, start, end)))
-        elif group == "operator":
-            tokens.append(make((_SYNONYMS.get(value, value), value, start, end)))
-        elif group == "number":
-            tokens.append(make(("number", _number(text, value, start, end), start, end)))
-        elif group == "text":
-            tokens.append(make(("text", unquote(text, value, start), start, end)))
-        elif group == "end":
-            tokens.append(make(("end", "", start, end)))
-            break
-        else:
+                check_letters(text, value, start)
+        elif group == _OPERATOR:
+            kind = _SYNONYMS.get(value, value)
+        elif group == _NUMBER:
+            kind, value = "number", _number(text, value, start, end)
+        elif group == _TEXT:
+            kind, value = "text", unquote(text, value, start)
+        elif group == _BAD:
             raise _bad_character(text, value, start)
+        tokens.append(Token(kind, value, start, end))
+        if kind == "end":
+            break
     return tokens
 
 
@@ -146,7 +147,7 @@ def _word_at(text: str, start: int) -> str:
     return match[0][:40] if match else text[start]
 
 
-def _check_letters(text: str, word: str, start: int) -> None:
+def check_letters(text: str, word: str, start: int) -> None:
     """Superscripts and the like count as word characters for `re`, but a person does not mean them as letters."""
     for offset, character in enumerate(word):
         if not ("_" + character).isidentifier() and character != ".":

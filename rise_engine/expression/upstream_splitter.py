@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 
+from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC
 from rise_engine.expression.nodes import Call, Chain, Compare, Constant, Key, Literal, Logic, Negative, Node, Not, Power
 from rise_engine.expression.tokens import unquote
@@ -43,7 +44,9 @@ class _Splitter:
         self.levels = 0
 
     def start(self, text: str) -> Node:
-        masked = _TEXT.sub(self._hide_text, text)
+        masked = _TEXT.sub(self._hide_text, text) if "\ue000" not in text else "$"
+        if "$" in masked or _CLOSE in masked:
+            raise RefusedError("it has a character that the parser uses for itself")
         return self.truth(masked.replace(" = ", " == "), _BUDGET)
 
     def truth(self, text: str, budget: int) -> Node:
@@ -176,7 +179,10 @@ class _Splitter:
         mark = _TEXT_MARK.fullmatch(text)
         if mark is not None:
             quoted = self.texts[int(mark[1])]
-            return Literal(unquote(quoted, quoted, 0))
+            try:
+                return Literal(unquote(quoted, quoted, 0))
+            except ExpressionError as error:
+                raise RefusedError(error.message) from None
         first = text[:1]
         if text in ("true", "false") or " " in text or not (first == "_" or (first.isascii() and first.isalpha())):
             return None

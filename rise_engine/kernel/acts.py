@@ -105,7 +105,7 @@ class ActRunner:
         state.type = call.type
         spec = core.scenario.robot.actions[call.type]
         try:
-            state.parameters = call_parameters(call, spec, core.env.memory)
+            state.parameters = call_parameters(call, spec, core.memory)
         except (MissingValue, ValueError) as problem:
             state.parameters = {name: template.text for name, template in call.parameters.items()}
             self._end_action(run, id, "failed", str(problem))

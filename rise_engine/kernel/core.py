@@ -44,6 +44,7 @@ class Core:
         "commands",
         "env",
         "events",
+        "memory",
         "next_task",
         "next_timer",
         "noticed",
@@ -71,7 +72,9 @@ class Core:
         self.timers: dict[int, TimerTarget] = {}
         self.noticed: set[str] = set()
         """Keys whose absence has been recorded; it is said once."""
-        self.env = Env({}, self.chance.fraction, set())
+        self.memory: dict[str, Any] = {}
+        self.env = Env(self.memory, self.chance.fraction, set())
+        """What expressions see: the memory, and where they report keys that do not exist."""
 
     # --- outputs ---
 
@@ -141,7 +144,7 @@ class Core:
     # --- memory, read ---
 
     def values_of(self, keys: tuple[str, ...]) -> dict[str, Any]:
-        memory = self.env.memory
+        memory = self.memory
         return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
 
     def newly_missing(self) -> tuple[str, ...]:

@@ -26,11 +26,11 @@ TaskFunction: TypeAlias = Literal[
 ]
 
 
-class Input(Struct, frozen=True, tag_field="input", kw_only=True):
+class Input(Struct, frozen=True, tag_field="input", kw_only=True, gc=False):
     t: float = 0.0
 
 
-class Submit(Input, frozen=True, tag="submit", kw_only=True):
+class Submit(Input, frozen=True, tag="submit", kw_only=True, gc=False):
     """A DomainTask: the one path by which anybody asks for anything (semantics, section 5).
 
     `function` is any text: an unknown one is REJECTED with a reason, as a wrong name is.
@@ -46,7 +46,7 @@ class Submit(Input, frozen=True, tag="submit", kw_only=True):
     """The submitter's own name for it, echoed in the task's records."""
 
 
-class ActionReport(Input, frozen=True, tag="action", kw_only=True):
+class ActionReport(Input, frozen=True, tag="action", kw_only=True, gc=False):
     """The robot's word about an action that it was given. Reports for actions that have ended are ignored."""
 
     action: str
@@ -55,40 +55,40 @@ class ActionReport(Input, frozen=True, tag="action", kw_only=True):
     reason: str = ""
 
 
-class TimerElapsed(Input, frozen=True, tag="timer", kw_only=True):
+class TimerElapsed(Input, frozen=True, tag="timer", kw_only=True, gc=False):
     """A timer that the kernel asked for has run out. One that was cancelled meanwhile is ignored."""
 
     timer: int
 
 
-class RobotChanged(Input, frozen=True, tag="robot", kw_only=True):
+class RobotChanged(Input, frozen=True, tag="robot", kw_only=True, gc=False):
     """The link to the robot changed. On `lost`, every action that it was running is lost."""
 
     status: Literal["connected", "degraded", "lost"]
     detail: str = ""
 
 
-class StopReport(Input, frozen=True, tag="stop_report", kw_only=True):
+class StopReport(Input, frozen=True, tag="stop_report", kw_only=True, gc=False):
     """The robot's answer to stop-all: which of its parts confirmed that they stopped, and which did not."""
 
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
 
 
-class Note(Input, frozen=True, tag="note", kw_only=True):
+class Note(Input, frozen=True, tag="note", kw_only=True, gc=False):
     """A remark for the record."""
 
     text: str
     source: str = "engine"
 
 
-class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True):
+class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc=False):
     """The first input of a session."""
 
     versions: dict[str, str] = {}
 
 
-class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True):
+class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True, gc=False):
     """The last input of a session."""
 
     reason: str = ""

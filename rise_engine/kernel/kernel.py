@@ -8,6 +8,9 @@ for byte. The first record that a `Submit` causes is the record of its own task.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.commands import Command, StopRobot
 from rise_engine.kernel.core import Core, Task, TimerTarget
@@ -44,7 +47,9 @@ class Kernel:
         self.stop = "released"
         """released, requested (the robot has not answered yet) or latched."""
         self.stop_timer: int | None = None
-        self._functions = {
+        self._topics = {form: (topic, "/" + topic) for topic in scenario.topics for form in (topic, "/" + topic)}
+        """Both ways to write a topic, to the one for routing and the one for records."""
+        self._functions: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
             "startInteractionRule": self._start_rule,
@@ -58,6 +63,16 @@ class Kernel:
             "releaseStop": self._release,
         }
 
+        self._inputs: dict[type, Callable[[Any], None]] = {
+            ActionReport: self._action_reported,
+            TimerElapsed: self._timer,
+            RobotChanged: self._robot_changed,
+            StopReport: self._stop_reported,
+            Note: self._note,
+            SessionStarted: self._session_started,
+            SessionEnded: self._session_ended,
+        }
+
     @property
     def busy(self) -> bool:
         """True while an act runs or waits, or a stop is not yet confirmed. Rules that wait do not count."""
@@ -69,32 +84,17 @@ class Kernel:
         core.step += 1
         if input.t > core.t:
             core.t = input.t
-        core.records = records = []
-        core.commands = commands = []
-        match input:
-            case Submit():
-                handler = self._functions.get(input.function)
-                if handler is not None:
-                    handler(input)
-                else:
-                    self._reject(
-                        input, f"there is no function {input.function!r}" + self._near(input.function, self._functions)
-                    )
-            case ActionReport():
-                self.scheduler.runner.report(input.action, input.status, input.reason)
-            case TimerElapsed():
-                self._timer(input.timer)
-            case RobotChanged():
-                self._robot_changed(input)
-            case StopReport():
-                self._stop_reported(input)
-            case Note():
-                core.note(input.text, input.source)
-            case SessionStarted():
-                self._session("started", versions=input.versions)
-                self.rules.memory.begin()
-            case SessionEnded():
-                self._session("ended", reason=input.reason)
+        records: list[AnyRecord] = []
+        commands: list[Command] = []
+        core.records, core.commands = records, commands
+        kind = type(input)
+        if kind is Submit:
+            handler = self._functions.get(input.function)  # type: ignore[union-attr]
+            if handler is None:
+                handler = self._no_such_function
+            handler(input)  # type: ignore[arg-type]
+        else:
+            self._inputs[kind](input)
         self.rules.settle()
         return records, commands
 
@@ -112,6 +112,9 @@ class Kernel:
         return kernel
 
     # --- acts ---
+
+    def _no_such_function(self, input: Submit) -> None:
+        self._reject(input, f"there is no function {input.function!r}" + self._near(input.function, self._functions))
 
     def _start_act(self, input: Submit) -> None:
         name = input.behavior
@@ -172,12 +175,16 @@ class Kernel:
     # --- events and memory ---
 
     def _raise_event(self, input: Submit) -> None:
-        topic = normal_topic(input.behavior)
-        if not topic:
-            self._reject(input, "the event has no name")
-            return
-        self._done(input)
-        self.core.events.append((topic, "/" + topic, input.source))
+        named = self._topics.get(input.behavior)
+        if named is None:
+            topic = normal_topic(input.behavior)
+            if not topic:
+                self._reject(input, "the event has no name")
+                return
+            named = (topic, "/" + topic)
+        topic, shown = named
+        self.core.settled(input.function, input.behavior, input.source, "SUCCEEDED", "", input.ref)
+        self.core.events.append((topic, shown, input.source))
 
     def _assign(self, input: Submit) -> None:
         try:
@@ -191,7 +198,7 @@ class Kernel:
             self.rules.memory.assign(written, input.source)
 
     def _delete(self, input: Submit) -> None:
-        memory = self.core.env.memory
+        memory = self.core.memory
         if input.behavior not in memory:
             self._reject(input, f"the memory has no key {input.behavior!r}" + self._near(input.behavior, memory))
         else:
@@ -270,7 +277,8 @@ class Kernel:
 
     # --- time, robot, session ---
 
-    def _timer(self, timer: int) -> None:
+    def _timer(self, input: TimerElapsed) -> None:
+        timer = input.timer
         target = self.core.timers.pop(timer, None)
         if target is None:
             return
@@ -291,6 +299,19 @@ class Kernel:
             self.scheduler.runner.lose_robot(input.detail or "the link is lost")
         else:
             self.scheduler.runner.robot_lost = None
+
+    def _action_reported(self, input: ActionReport) -> None:
+        self.scheduler.runner.report(input.action, input.status, input.reason)
+
+    def _note(self, input: Note) -> None:
+        self.core.note(input.text, input.source)
+
+    def _session_started(self, input: SessionStarted) -> None:
+        self._session("started", versions=input.versions)
+        self.rules.memory.begin()
+
+    def _session_ended(self, input: SessionEnded) -> None:
+        self._session("ended", reason=input.reason)
 
     def _session(self, status: str, versions: dict[str, str] | None = None, reason: str = "") -> None:
         core = self.core

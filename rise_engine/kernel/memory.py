@@ -31,10 +31,10 @@ class WorkingMemory:
         core = self._core
         env = core.env
         if len(assignments) == 1:
-            written = [store(env.memory, assignments[0].key, assignments[0].evaluate(env, self._known))]
+            written = [store(core.memory, assignments[0].key, assignments[0].evaluate(env, self._known))]
         else:
             written = []
-            so_far = dict(env.memory)
+            so_far = dict(core.memory)
             for assignment in assignments:
                 key, value = store(so_far, assignment.key, assignment.evaluate(env, self._known))
                 so_far[key] = value
@@ -50,7 +50,7 @@ class WorkingMemory:
 
     def write(self, key: str, value: Any, source: str) -> None:
         core = self._core
-        memory = core.env.memory
+        memory = core.memory
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
@@ -60,7 +60,7 @@ class WorkingMemory:
 
     def delete(self, key: str, source: str) -> None:
         core = self._core
-        old = core.env.memory.pop(key)
+        old = core.memory.pop(key)
         core.seq += 1
         core.records.append(MemoryRecord(core.seq, core.t, "", key, None, old, source, True, False))
         self._changed(key)

@@ -11,6 +11,7 @@ thousand deep, is no deeper than the first.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from rise_engine.expression import EvaluationError
 from rise_engine.kernel.core import Core, Task, TimerTarget
@@ -18,20 +19,28 @@ from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.program import (
     ASSIGN,
     CALL,
-    IF,
+    JUMP,
     RAISE,
+    TEST,
     Condition,
     Op,
     RuleCode,
     StateCode,
     TransitionCode,
+    Waiting,
 )
-from rise_engine.kernel.records import ConditionRecord, RuleRecord
+from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 
 STEP_LIMIT = 1_000
 """Transitions that one rule may take in one go before it counts as running away."""
 
+RAN_AWAY = (
+    f"took {STEP_LIMIT:d} transitions in one go without waiting for anything; "
+    "probably two of its states lead to each other by events that they raise themselves"
+)
+
 Rank = tuple[float, int]
+"""Priority and recency: larger is nearer the top of the stack. Unique, because stamps are."""
 
 
 class RuleRun:
@@ -53,34 +62,12 @@ class RuleRun:
         self.steps = 0
         self.steps_seq = -1
 
-    @property
-    def rank(self) -> Rank:
-        """Larger is nearer the top. Unique, because stamps are."""
-        return (self.priority, self.stamp)
 
+BLOCK, ENTERED, ENTER = range(3)
+"""What comes after a frame's block: nothing, the state has been entered, a transition's target is to be entered."""
 
-class _Frame:
-    """A block that is being run."""
-
-    __slots__ = ("at", "enter", "entered", "inner", "ops", "run", "trigger")
-
-    def __init__(
-        self,
-        run: RuleRun,
-        ops: tuple[Op, ...],
-        inner: bool = False,
-        entered: bool = False,
-        enter: TransitionCode | None = None,
-    ) -> None:
-        self.run = run
-        self.ops = ops
-        self.at = 0
-        self.inner = inner
-        """An arm of an `if` or `oneOf`: an error ends the block around it too."""
-        self.entered = entered
-        """Afterwards, the state has been entered."""
-        self.enter = enter
-        """Afterwards, this transition's target is entered."""
+Frame = list[Any]
+"""[run, ops, next op, what comes after, transition]. A list, because one is made at every transition."""
 
 
 class RuleMachine:
@@ -93,6 +80,7 @@ class RuleMachine:
         "_frames",
         "_memory",
         "_submit",
+        "_top",
         "_waiting",
         "_watching",
         "stack",
@@ -104,15 +92,19 @@ class RuleMachine:
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
         self._memory = WorkingMemory(core, self.key_changed)
-        self._codes = {name: RuleCode(rule) for name, rule in core.scenario.rules.items()}
-        self._frames: list[_Frame] = []
+        self._waiting: dict[str, Waiting] = {}
+        self._watching: dict[str, Waiting] = {}
+        self._codes = {
+            name: RuleCode(rule, self._waiting, self._watching) for name, rule in core.scenario.rules.items()
+        }
+        self._frames: list[Frame] = []
         self._dirty: dict[RuleRun, None] = {}
         """Rules whose conditions without event have to be looked at."""
-        self._waiting: dict[str, dict[RuleRun, None]] = {topic: {} for topic in core.scenario.topics}
-        self._watching: dict[str, dict[RuleRun, None]] = {}
         self.stamp = 0
         self.stack: dict[str, RuleRun] = {}
         """The running rules by name, bottom first."""
+        self._top: RuleRun | None = None
+        """The last of the stack."""
 
     @property
     def memory(self) -> WorkingMemory:
@@ -124,17 +116,21 @@ class RuleMachine:
         """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
         code = self._codes[name]
         run = RuleRun(code, code.initial, task)
-        if on_top and self.stack:
-            run.priority = max(run.priority, self._top().priority)
-        self.stamp += 1
-        run.stamp = self.stamp
-        if self.stack and run.rank < self._top().rank:
-            self.stack[name] = run
-            self.stack = {r.name: r for r in sorted(self.stack.values(), key=lambda r: r.rank)}
+        top = self._top
+        if on_top and top is not None:
+            run.priority = max(run.priority, top.priority)
+        self.stamp = run.stamp = self.stamp + 1
+        self.stack[name] = run
+        self._join_lists(run)
+        if top is not None and run.priority < top.priority:
+            self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
+            for line in run.state.lists:
+                _sort(line)
         else:
-            self.stack[name] = run
+            self._top = run
         self._record(run, "started", None, "start", None)
-        self._enter(run, code.initial, None, "start", None)
+        self._record(run, "entered", None, "start", None)
+        self._arrive(run)
 
     def stop(self, name: str, reason: str) -> None:
         """Stop a running rule where it is; no functions run."""
@@ -151,9 +147,12 @@ class RuleMachine:
     def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
         core = self._core
         run.alive = False
-        self._unlist(run)
+        self._leave_lists(run)
+        self._cancel_timers(run)
         self._dirty.pop(run, None)
         del self.stack[run.name]
+        if self._top is run:
+            self._top = self.stack[next(reversed(self.stack))] if self.stack else None
         core.seq += 1
         core.records.append(
             RuleRecord(core.seq, core.t, "", run.name, status, run.state.id, None, None, None, run.priority, reason)  # type: ignore[arg-type]
@@ -170,8 +169,8 @@ class RuleMachine:
         run = RuleRun(code, code.states[state], task)
         run.priority, run.stamp, run.held = priority, stamp, held
         run.timers = {timer: run.state.transitions[index] for timer, index in timers.items()}
-        self.stack[name] = run
-        self._list(run)
+        self.stack[name] = self._top = run
+        self._join_lists(run)
 
     # --- run to completion ---
 
@@ -192,19 +191,23 @@ class RuleMachine:
     def _route(self, topic: str, shown: str, source: str) -> None:
         """Give an event to the highest rule that would take it."""
         core = self._core
-        runs = self._waiting.get(topic)
-        if runs:
+        taker = None
+        if runs := self._waiting.get(topic):
             for run in reversed(runs):
                 for transition in run.state.by_topic[topic]:
                     if transition.condition is None or self._holds(run, transition.condition):
-                        core.event_record(shown, source, run.name)
-                        self._take(run, transition)
-                        return
-        core.event_record(shown, source, None)
+                        taker = run.name
+                        break
+                if taker is not None:
+                    break
+        core.seq = seq = core.seq + 1
+        core.records.append(EventRecord(seq, core.t, "", shown, source, taker))
+        if taker is not None:
+            self._take(run, transition)
 
     def _look_at_conditions(self) -> None:
         """Let the highest of the rules that have something to look at take a transition without event."""
-        run = max(self._dirty, key=lambda r: r.rank) if len(self._dirty) > 1 else next(iter(self._dirty))
+        run = max(self._dirty, key=_rank) if len(self._dirty) > 1 else next(iter(self._dirty))
         del self._dirty[run]
         for transition in run.state.watching:
             if transition.condition is None or self._holds(run, transition.condition):
@@ -231,64 +234,75 @@ class RuleMachine:
 
     def _take(self, run: RuleRun, transition: TransitionCode) -> None:
         core = self._core
-        if run.steps_seq != core.step:
+        if run.steps_seq == core.step:
+            run.steps += 1
+            if run.steps > STEP_LIMIT:
+                self._end(run, "faulted", "ABORTED", RAN_AWAY)
+                return
+        else:
             run.steps_seq = core.step
-            run.steps = 0
-        run.steps += 1
-        if run.steps > STEP_LIMIT:
-            self._end(
-                run,
-                "faulted",
-                "ABORTED",
-                f"took {STEP_LIMIT} transitions in one go without waiting; two of its states probably lead to each other",
-            )
-            return
-        target = transition.target
-        if target is not None and not run.state.exit and not transition.ops:
-            self._enter(run, target, run.state.id, transition.trigger, transition)
-            return
-        if target is None:
+            run.steps = 1
+        if transition.direct:
+            self._enter(run, transition)
+        elif transition.target is None:
+            state = run.state
+            self._leave_lists(run)
+            self.stamp = run.stamp = self.stamp + 1
             self._to_top(run)
-            self._record(run, "entered", run.state.id, transition.trigger, transition.index)
-            self._frames.append(_Frame(run, transition.ops, entered=True))
-            return
-        self._frames.append(_Frame(run, (), enter=transition))
-        if transition.ops:
-            self._frames.append(_Frame(run, transition.ops))
-        if run.state.exit:
-            self._frames.append(_Frame(run, run.state.exit))
+            self._join_lists(run)
+            self._record(run, "entered", state.id, transition.trigger, transition.index)
+            self._frames.append([run, transition.ops, 0, ENTERED, None])
+        else:
+            self._frames.append([run, (), 0, ENTER, transition])
+            self._frames.append([run, transition.ops, 0, BLOCK, None])
+            self._frames.append([run, run.state.exit, 0, BLOCK, None])
 
-    def _enter(
-        self, run: RuleRun, state: StateCode, previous: str | None, trigger: str, transition: TransitionCode | None
-    ) -> None:
-        if transition is not None:
-            self._unlist(run)
-            self._to_top(run, listed=False)
+    def _enter(self, run: RuleRun, transition: TransitionCode) -> None:
+        """Leave the state that a rule is in and enter the transition's target. The inner part of what an event costs."""
+        previous = run.state
+        state = transition.target
+        assert state is not None
         run.state = state
+        for line in previous.lists:
+            del line[run]
+        if run.timers:
+            self._cancel_timers(run)
         if run.held:
             run.held.clear()
-        self._list(run)
+        self.stamp = run.stamp = self.stamp + 1
+        if self._top is not run:
+            self._to_top(run)
+        for line in state.lists:
+            line[run] = None
         core = self._core
-        core.seq += 1
+        core.seq = seq = core.seq + 1
         core.records.append(
             RuleRecord(
-                core.seq,
+                seq,
                 core.t,
                 "",
                 run.name,
                 "entered",
                 state.id,
-                previous,
-                trigger,
-                None if transition is None else transition.index,
+                previous.id,
+                transition.trigger,
+                transition.index,
                 run.priority,
             )
         )
+        if not state.quiet:
+            self._arrive(run)
+        elif state.entry:
+            self._frames.append([run, state.entry, 0, BLOCK, None])
+
+    def _arrive(self, run: RuleRun) -> None:
+        """What entering a state sets going besides waiting for its events."""
+        state = run.state
         for timed in state.timed:
-            timer = core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
+            timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
             run.timers[timer] = timed
         if state.entry:
-            self._frames.append(_Frame(run, state.entry, entered=True))
+            self._frames.append([run, state.entry, 0, ENTERED, None])
         else:
             self._entered(run)
 
@@ -301,132 +315,106 @@ class RuleMachine:
     # --- functions ---
 
     def _drive(self) -> None:
+        """Run the innermost block to its end, then the one around it, until none is left."""
         frames = self._frames
         core = self._core
         while frames:
             frame = frames[-1]
-            run = frame.run
-            ops = frame.ops
+            run, ops, at, after, transition = frame
             if not run.alive:
                 frames.pop()
                 continue
-            if frame.at == len(ops):
+            end = len(ops)
+            while at < end:
+                op = ops[at]
+                at += 1
+                kind = op.kind
+                if kind == TEST:
+                    if not self._holds(run, op.condition):
+                        at = op.target
+                elif kind == RAISE:
+                    source = run.code.source
+                    task = core.next_task
+                    core.next_task = task + 1
+                    core.seq = seq = core.seq + 1
+                    core.records.append(
+                        TaskRecord(seq, core.t, "", task, "raiseEventTopic", op.argument, "None", source, "SUCCEEDED")
+                    )
+                    core.events.append((op.topic, op.shown, source))
+                elif kind == JUMP:
+                    at = op.target
+                elif kind == ASSIGN:
+                    if not self._assign(run, op):
+                        at = end  # an error in a function skips the rest of its block
+                elif kind == CALL:
+                    frame[2] = at
+                    self._submit(op.function, op.argument, run.code.source)
+                    if frames[-1] is not frame or not run.alive:
+                        break  # it started a rule, whose functions come first, or stopped this one
+                else:
+                    at = op.targets[core.chance.below(len(op.targets))]
+            else:
                 frames.pop()
-                if frame.entered:
+                if after == ENTERED:
                     self._entered(run)
-                elif frame.enter is not None and frame.enter.target is not None:
-                    self._enter(run, frame.enter.target, run.state.id, frame.enter.trigger, frame.enter)
-                continue
-            op = ops[frame.at]
-            frame.at += 1
-            kind = op.kind
-            if kind == RAISE:
-                core.settled("raiseEventTopic", op.argument, run.code.source, "SUCCEEDED")
-                core.events.append((op.topic, op.shown, run.code.source))
-            elif kind == IF:
-                for condition, block in op.branches:
-                    if condition is None or self._holds(run, condition):
-                        if block:
-                            frames.append(_Frame(run, block, inner=True))
-                        break
-            elif kind == ASSIGN:
-                self._assign(run, op)
-            elif kind == CALL:
-                self._submit(op.function, op.argument, run.code.source)
-            elif op.choices:
-                frames.append(_Frame(run, op.choices[core.chance.below(len(op.choices))], inner=True))
+                elif after == ENTER:
+                    self._enter(run, transition)
 
-    def _assign(self, run: RuleRun, op: Op) -> None:
+    def _assign(self, run: RuleRun, op: Op) -> bool:
+        """False when the value could not be computed."""
         core = self._core
         source = run.code.source
         try:
             written = self._memory.compute(op.assignments)
         except EvaluationError as error:
             core.settled("assignValue", op.argument, source, "ABORTED", str(error))
-            self._skip_rest_of_block()
-        else:
-            core.settled("assignValue", op.argument, source, "SUCCEEDED")
-            self._memory.assign(written, source)
-
-    def _skip_rest_of_block(self) -> None:
-        """An error in a function skips the rest of that block, whichever arm of an `if` it stands in."""
-        while True:
-            frame = self._frames[-1]
-            frame.at = len(frame.ops)
-            if not frame.inner:
-                return
-            self._frames.pop()
+            return False
+        core.settled("assignValue", op.argument, source, "SUCCEEDED")
+        self._memory.assign(written, source)
+        return True
 
     def _holds(self, run: RuleRun, condition: Condition) -> bool:
         """Evaluate a condition and record how it came out. An error makes it false (semantics, section 4)."""
         core = self._core
+        env = core.env
         error = ""
         try:
-            result = condition.test(core.env)
+            result = condition.test(env)
         except EvaluationError as problem:
             result, error = False, str(problem)
-        core.seq += 1
-        core.records.append(
-            ConditionRecord(
-                core.seq,
-                core.t,
-                "",
-                run.name,
-                run.state.id,
-                condition.text,
-                core.values_of(condition.keys),
-                result,
-                error,
-                core.newly_missing() if core.env.missing else (),
-            )
-        )
+        memory = core.memory
+        key = condition.only_key
+        values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
+        core.seq = seq = core.seq + 1
+        record = ConditionRecord(seq, core.t, "", run.name, run.state.id, condition.text, values, result, error)
+        if env.missing:
+            record.missing = core.newly_missing()
+        core.records.append(record)
         return result
 
     # --- the stack and the lists ---
 
-    def _top(self) -> RuleRun:
-        return self.stack[next(reversed(self.stack))]
-
-    def _to_top(self, run: RuleRun, listed: bool = True) -> None:
+    def _to_top(self, run: RuleRun) -> None:
         """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
-        self.stamp += 1
-        run.stamp = self.stamp
-        top = self._top()
-        if top is not run:
+        top = self._top
+        if top is not None and top is not run:
             run.priority = top.priority
             del self.stack[run.name]
-            self.stack[run.name] = run
-        if listed:
-            self._unlist(run, timers=False)
-            self._list(run)
+            self.stack[run.name] = self._top = run
 
-    def _list(self, run: RuleRun) -> None:
-        state = run.state
-        for topic in state.topics:
-            self._insert(self._waiting, topic, run)
-        for key in state.watched:
-            self._insert(self._watching, key, run)
+    def _join_lists(self, run: RuleRun) -> None:
+        """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
+        for line in run.state.lists:
+            line[run] = None
 
-    def _insert(self, lists: dict[str, dict[RuleRun, None]], name: str, run: RuleRun) -> None:
-        runs = lists.get(name)
-        if runs is None:
-            lists[name] = {run: None}
-            return
-        below_others = bool(runs) and run.rank < next(reversed(runs)).rank
-        runs[run] = None
-        if below_others:
-            lists[name] = dict.fromkeys(sorted(runs, key=lambda r: r.rank))
+    def _leave_lists(self, run: RuleRun) -> None:
+        for line in run.state.lists:
+            del line[run]
 
-    def _unlist(self, run: RuleRun, timers: bool = True) -> None:
-        state = run.state
-        for topic in state.topics:
-            del self._waiting[topic][run]
-        for key in state.watched:
-            del self._watching[key][run]
-        if timers and run.timers:
-            for timer in run.timers:
-                self._core.cancel_timer(timer)
-            run.timers.clear()
+    def _cancel_timers(self, run: RuleRun) -> None:
+        for timer in run.timers:
+            self._core.cancel_timer(timer)
+        run.timers.clear()
 
     def _record(self, run: RuleRun, status: str, previous: str | None, trigger: str, transition: int | None) -> None:
         core = self._core
@@ -437,11 +425,22 @@ class RuleMachine:
                 core.t,
                 "",
                 run.name,
-                status,
+                status,  # type: ignore[arg-type]
                 run.state.id,
                 previous,
                 trigger,
                 transition,
-                run.priority,  # type: ignore[arg-type]
+                run.priority,
             )
         )
+
+
+def _rank(run: RuleRun) -> Rank:
+    return (run.priority, run.stamp)
+
+
+def _sort(line: Waiting) -> None:
+    """Put a line that a rule has joined below others into stack order again, in place: states hold on to it."""
+    runs = sorted(line, key=_rank)
+    line.clear()
+    line.update(dict.fromkeys(runs))

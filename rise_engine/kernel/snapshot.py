@@ -59,7 +59,7 @@ def take(kernel: Kernel) -> Snapshot:
         next_timer=core.next_timer,
         timers=core.timers,
         noticed=sorted(core.noticed),
-        memory=core.env.memory,
+        memory=core.memory,
         rules=[
             RuleSnapshot(
                 run.name,
@@ -91,7 +91,7 @@ def restore(kernel: Kernel, snapshot: Snapshot) -> None:
     core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
     core.timers = snapshot.timers
     core.noticed = set(snapshot.noticed)
-    core.env.memory.update(snapshot.memory)
+    core.memory.update(snapshot.memory)
     for rule in snapshot.rules:
         kernel.rules.resume(rule.name, rule.state, rule.task, rule.priority, rule.stamp, rule.timers, set(rule.held))
     kernel.rules.stamp = snapshot.stamp

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rise_engine.scenario.durations import expected_seconds, limit_seconds
     from rise_engine.scenario.findings import Finding
-    from rise_engine.scenario.load import Loaded, load
+    from rise_engine.scenario.loader import Loaded, load
     from rise_engine.scenario.parameters import call_parameters, convert
+    from rise_engine.scenario.relaxng import act_schema_text, rule_schema_text
     from rise_engine.scenario.robots import robot_names
-    from rise_engine.scenario.schema import act_schema_text, rule_schema_text
 
 _HOMES = {
     "Finding": "findings",
-    "Loaded": "load",
-    "act_schema_text": "schema",
+    "Loaded": "loader",
+    "act_schema_text": "relaxng",
     "call_parameters": "parameters",
     "convert": "parameters",
     "expected_seconds": "durations",
     "limit_seconds": "durations",
-    "load": "load",
+    "load": "loader",
     "robot_names": "robots",
-    "rule_schema_text": "schema",
+    "rule_schema_text": "relaxng",
 }
 
 __all__ = [

@@ -133,7 +133,9 @@ class _Declaration:
         for name, values in (self.of_type("parameters", dict, None) or {}).items():
             table = Table(self.table.file, (*self.table.path, "parameters", name), values)
             if not isinstance(values, dict):
-                self.findings.error("wrong-type", table.place(), f"a parameter is a table: {{ type = ... }} for `{name}`")
+                self.findings.error(
+                    "wrong-type", table.place(), f"a parameter is a table: {{ type = ... }} for `{name}`"
+                )
             elif name in RESERVED or not _is_tag(name):
                 self.findings.error("bad-name", table.place(), f"a parameter cannot be called `{name}`")
             else:
@@ -176,7 +178,7 @@ class _Declaration:
             codes = None
         return Parameter(
             name=base.name,
-            type=type_,  # type: ignore[arg-type]  # one of _TYPES, checked above
+            type=type_,
             unit=self.of_type("unit", str, base.unit),
             default=self.table.values.get("default", base.default),
             required=self.of_type("required", bool, base.required),
@@ -209,7 +211,7 @@ class _Declaration:
     def number(self, key: str, otherwise: float | None) -> float | None:
         value = self.table.values.get(key, otherwise)
         if value is None or _is_number(value):
-            return value  # type: ignore[no-any-return]
+            return value
         self.findings.error("wrong-type", self.table.value_place(key), f"`{key}` is a number")
         return otherwise
 

@@ -11,7 +11,7 @@ from rise_engine.scenario.graph import cycles
 from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
 from rise_engine.scenario.parameters import convert
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
-from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml import Element, Spot, XmlFile, attribute_names
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
@@ -50,7 +50,7 @@ def roots(file: XmlFile, tag: str, wrappers: tuple[str, ...], findings: Findings
             f"`<{root.tag}>` cannot be the outermost element here{suggestion(str(root.tag), (tag, *wrappers))}",
         )
         return
-    for name in root.keys():  # noqa: SIM118  # lxml elements are no mappings
+    for name in attribute_names(root):
         findings.error("unknown-attribute", file.attribute_place(root, name), f"`<{root.tag}>` has no attributes")
     no_text(file, root, findings)
     for child in root:
@@ -58,7 +58,9 @@ def roots(file: XmlFile, tag: str, wrappers: tuple[str, ...], findings: Findings
             yield child
         else:
             findings.error(
-                "unknown-element", file.place(child), f"`<{child.tag}>` cannot stand here; `<{root.tag}>` holds `<{tag}>`"
+                "unknown-element",
+                file.place(child),
+                f"`<{child.tag}>` cannot stand here; `<{root.tag}>` holds `<{tag}>`",
             )
 
 
@@ -71,7 +73,7 @@ def no_text(file: XmlFile, element: Element, findings: Findings) -> None:
         for child in element:
             stray = child.tail
             if stray and not stray.isspace():
-                place = file.place(child)
+                place = file.tail_place(child)
                 break
         else:
             return
@@ -167,7 +169,9 @@ class _ActReader:
             if first is None:
                 first = spec.name
             elif spec.name != first:
-                self.error("variants", child, f"variants are of one type: the first is `{first}`, this is `{spec.name}`")
+                self.error(
+                    "variants", child, f"variants are of one type: the first is `{first}`, this is `{spec.name}`"
+                )
                 continue
             calls.append(self.call(child, spec, ()))
         if not calls:
@@ -184,16 +188,18 @@ class _ActReader:
         spec = self.robot.actions.get(name)
         if spec is None:
             known = [each.name for each in self.robot.actions.values() if each.supported]
-            self.error("unknown-action", element, f"there is no action `{name}`{suggestion(name, (*known, 'Variants'))}")
+            self.error(
+                "unknown-action", element, f"there is no action `{name}`{suggestion(name, (*known, 'Variants'))}"
+            )
             return None
         if not spec.supported:
             self.error("robot-cannot", element, f"the robot {self.robot.title} (`{self.robot.name}`) has no `{name}`")
             return None
         return spec
 
-    def node(self, element: Element, common: dict[object, Element] | dict[str, Element], calls: tuple[Call, ...]) -> (
-        Action | None
-    ):
+    def node(
+        self, element: Element, common: dict[object, Element] | dict[str, Element], calls: tuple[Call, ...]
+    ) -> Action | None:
         get = dict(common).get
         name = self.plain(get("actionID"))
         if not name:
@@ -301,14 +307,16 @@ class _ActReader:
         return template
 
     def attributes(self, element: Element, known: tuple[str, ...]) -> None:
-        for name in element.keys():  # noqa: SIM118
+        for name in attribute_names(element):
             if name in known:
                 continue
             message = f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, known)}"
             spec = self.robot.actions.get(str(element.tag))
             if spec is not None and (name in spec.parameters or name in COMMON):
                 value = element.get(name)
-                message = f"parameters are elements, not attributes; write <{name}>{value}</{name}> inside `<{spec.name}>`"
+                message = (
+                    f"parameters are elements, not attributes; write <{name}>{value}</{name}> inside `<{spec.name}>`"
+                )
             self.findings.error("unknown-attribute", self.file.attribute_place(element, name), message)
 
 

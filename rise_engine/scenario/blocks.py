@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from collections.abc import Sequence
+from typing import Any, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.scenario.acts import no_text
@@ -10,11 +11,12 @@ from rise_engine.scenario.conditions import NEVER, expression_message, note_assi
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
-from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml import Element, Spot, XmlFile, attribute_names
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` may nest."""
+_FUNCTIONS = frozenset(FUNCTIONS)
 _STATEMENTS = ("function", "if", "oneOf")
 _ELSE = ("else", "elseif")
 _PLACES = {
@@ -38,12 +40,18 @@ class BlockReader:
         self.file = file
         self.draft = draft
         self.findings = findings
+        self.has_text = file.has_text
+
+    def no_text(self, element: Element) -> None:
+        """A finding for text inside an element; rules have none anywhere."""
+        if self.has_text:
+            no_text(self.file, element, self.findings)
 
     def error(self, code: str, element: Element, message: str) -> None:
         self.findings.error(code, self.file.place(element), message)
 
     def attributes(self, element: Element, known: tuple[str, ...]) -> None:
-        for name in element.keys():  # noqa: SIM118  # lxml elements are no mappings
+        for name in attribute_names(element):
             if name not in known:
                 self.findings.error(
                     "unknown-attribute",
@@ -60,6 +68,8 @@ class BlockReader:
 
     def block(self, parent: Element) -> Block:
         """The statements inside `onEntry`, `onExit` or `transition`."""
+        if not len(parent) and not self.has_text:
+            return ()
         return self.statements(parent, 0, chain=False)[0]
 
     def statements(self, parent: Element, depth: int, *, chain: bool) -> tuple[Block, list[Branch]]:
@@ -68,7 +78,7 @@ class BlockReader:
         With `chain`, the element is an `if` or `elseif`: `else` and `elseif` inside it are further branches of the same
         `if` (as in the paper's listing 2), and are returned beside. Otherwise they continue the `if` directly before.
         """
-        no_text(self.file, parent, self.findings)
+        self.no_text(parent)
         statements: list[Statement] = []
         later: list[Branch] = []
         before: list[Branch] | None = None  # the branches of the `if` that stands directly before
@@ -76,7 +86,7 @@ class BlockReader:
             self.error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
             return (), []
         for child in parent:
-            tag = str(child.tag)
+            tag: Any = child.tag
             if tag in _ELSE:
                 if chain:
                     if before is not None:
@@ -142,36 +152,20 @@ class BlockReader:
 
     def function(self, element: Element) -> Function | None:
         """One call. Names that it uses are noted for the checks across files."""
-        for child in element:
-            self.error("unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it")
-        no_text(self.file, element, self.findings)
-        given = element.keys()
-        known = [name for name in FUNCTIONS if name in given]
-        for name in given:
-            if name not in FUNCTIONS:
-                self.findings.error(
-                    "unknown-attribute",
-                    self.file.attribute_place(element, name),
-                    f"there is no function `{name}`{suggestion(name, FUNCTIONS)}",
-                )
-        if len(known) != 1:
-            if known:
-                self.findings.error(
-                    "one-function",
-                    self.file.attribute_place(element, known[1]),
-                    f"a `<function>` does one thing; write another one for `{known[1]}`",
-                )
-            elif not given:
-                self.error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
+        given: Sequence[tuple[Any, Any]] = element.items()
+        if len(given) != 1 or given[0][0] not in _FUNCTIONS or len(element) or self.has_text:
+            self.check_function(element, [name for name, _ in given])
+        found = next((pair for pair in given if pair[0] in _FUNCTIONS), None)
+        if found is None:
             return None
-        name = known[0]
-        argument = (element.get(name) or "").strip()
+        name, written = found
+        argument = written.strip()
         where = Spot(self.file, element, name)
         assignment: Assignment | None = None
         if not argument or (name == "raiseEventTopic" and not normal_topic(argument)):
             self.findings.error("missing-value", where.place, f"`{name}` is empty")
         elif name == "assignValue":
-            assignment = self.assignment(element, element.get(name) or "")
+            assignment = self.assignment(element, written)
         elif name == "raiseEventTopic":
             self.draft.raises.append(Mention(normal_topic(argument), where))
         elif name in ("startCommunicationRobotAct", "stopCommunicationRobotAct"):
@@ -180,10 +174,33 @@ class BlockReader:
             self.draft.rule_mentions.append(Mention(argument, where))
         return Function(name, argument, assignment, self.file.place(element))
 
+    def check_function(self, element: Element, given: list[str]) -> None:
+        """What is wrong with the form of a `<function>`."""
+        for child in element:
+            self.error("unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it")
+        self.no_text(element)
+        known = [name for name in given if name in _FUNCTIONS]
+        for name in given:
+            if name not in _FUNCTIONS:
+                self.findings.error(
+                    "unknown-attribute",
+                    self.file.attribute_place(element, name),
+                    f"there is no function `{name}`{suggestion(name, FUNCTIONS)}",
+                )
+        if len(known) > 1:
+            self.findings.error(
+                "one-function",
+                self.file.attribute_place(element, known[1]),
+                f"a `<function>` does one thing; write another one for `{known[1]}`",
+            )
+        elif not given:
+            self.error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
+
     def condition(self, element: Element, text: str) -> Expression | None:
         """The condition in the attribute `cond`."""
+        known = self.draft.expressions
         try:
-            expression = Expression.parse(text)
+            expression = known.get(text) or known.setdefault(text, Expression.parse(text))
         except ExpressionError as error:
             self.findings.error(
                 "condition", self.file.value_place(element, "cond", error.column - 1), expression_message(error)
@@ -194,8 +211,9 @@ class BlockReader:
 
     def assignment(self, element: Element, text: str) -> Assignment | None:
         where = Spot(self.file, element, "assignValue")
+        known = self.draft.assignments
         try:
-            assignment = Assignment.parse(text)
+            assignment = known.get(text) or known.setdefault(text, Assignment.parse(text))
         except ExpressionError as error:
             place = self.file.value_place(element, "assignValue", error.column - 1)
             self.findings.error("assignment", place, expression_message(error))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Act, Json, Place, Rule
 
 
@@ -43,6 +44,8 @@ class Draft:
         self.acts: dict[str, Act] = {}
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
+        self.unread: set[str] = set()
+        """Of acts, rules and memory, what could not be read whole: then nothing can be said to be missing there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.waits: list[Mention] = []
@@ -55,3 +58,6 @@ class Draft:
         self.bare_keys: list[BareKey] = []
         self.bare_words: list[Mention] = []
         """Right sides of assignments that are one word: a key, or a text without quotation marks."""
+        self.expressions: dict[str, Expression] = {}
+        """By text: rules repeat themselves, and what has been read once need not be read again."""
+        self.assignments: dict[str, Assignment] = {}

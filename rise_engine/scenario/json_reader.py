@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 from msgspec import Struct
 
@@ -28,6 +28,12 @@ class JsonError(ValueError):
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
         self.offset = offset
+
+
+Duplicate: TypeAlias = Callable[[str, int, int], None]
+"""Called with a key that an object has twice, its offset and that of the first."""
+NoNumber: TypeAlias = Callable[[str, int], None]
+"""Called with a sentence and an offset for NaN, an infinity or a number beyond all doubles."""
 
 
 class Member(Struct, frozen=True):
@@ -53,13 +59,13 @@ class JsonArray(list[Any]):
     at: int = 0
 
 
-def read_json(text: str, duplicate: Callable[[str, int, int], None]) -> Any:
+def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
     """The value of a JSON text. Objects and arrays know places; `plain` makes ordinary ones.
 
-    `duplicate(key, offset, first_offset)` is called for each key that an object has twice, and reading goes on.
-    Raises JsonError for everything that is not JSON.
+    Keys given twice are reported to `duplicate`, and reading goes on with the first value. Raises JsonError for what is
+    not JSON; NaN and infinities are only reported, and read as null, when there is a `no_number`.
     """
-    reader = _Reader(text, duplicate)
+    reader = _Reader(text, duplicate, no_number)
     value, at = reader.value(reader.skip(0), 0)
     at = reader.skip(at)
     if at < len(text):
@@ -77,9 +83,15 @@ def plain(value: Any) -> Any:
 
 
 class _Reader:
-    def __init__(self, text: str, duplicate: Callable[[str, int, int], None]) -> None:
+    def __init__(self, text: str, duplicate: Duplicate, no_number: NoNumber | None) -> None:
         self.text = text
         self.duplicate = duplicate
+        self.no_number = no_number
+
+    def unfit(self, message: str, offset: int) -> None:
+        if self.no_number is None:
+            raise JsonError(message, offset)
+        self.no_number(message, offset)
 
     def skip(self, at: int) -> int:
         space = _SPACE.match(self.text, at)
@@ -98,14 +110,15 @@ class _Reader:
             return self.number(number), number.end()
         return self.word(at)
 
-    def number(self, found: re.Match[str]) -> int | float:
+    def number(self, found: re.Match[str]) -> int | float | None:
         if found.group(1) is None and found.group(2) is None:
             if found.end() - found.start() > 400:
                 raise JsonError("this number is too long", found.start())
             return int(found.group())
         value = float(found.group())
         if value in (float("inf"), float("-inf")):
-            raise JsonError(f"the number {found.group()} is too large", found.start())
+            self.unfit(f"the number {found.group()} is too large", found.start())
+            return None
         return value
 
     def word(self, at: int) -> tuple[Any, int]:
@@ -116,7 +129,8 @@ class _Reader:
         if word in _WORDS:
             return _WORDS[word], found.end()
         if word.lstrip("+-") in ("NaN", "Infinity"):
-            raise JsonError(f"{word} is not a JSON value; write null, or a number", at)
+            self.unfit(f"{word} is not a JSON value; write null, or a number", at)
+            return None, found.end()
         if word.lower() in _WORDS:
             raise JsonError(f"write {word.lower()} in lower case", at)
         if word == "'":
@@ -162,7 +176,7 @@ class _Reader:
             if 0xD800 <= code < 0xE000:
                 raise JsonError("this escape is one half of a character; write the character itself", at)
             return chr(code), at + 6
-        raise JsonError("a backslash stands before one of \" \\ / b f n r t u; write \\\\ for itself", at)
+        raise JsonError('a backslash stands before one of " \\ / b f n r t u; write \\\\ for itself', at)
 
     def unit(self, at: int) -> int:
         digits = self.text[at + 2 : at + 6]

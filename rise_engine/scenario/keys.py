@@ -101,7 +101,7 @@ _REFUSED = {
 _SHIFTED = "write the character that the key types instead: `N`, `!`"
 
 
-class KeyRefused(ValueError):
+class KeyRefusedError(ValueError):
     """A key that a scenario cannot bind; says why. `taken` is true when the console has it."""
 
     def __init__(self, message: str, taken: bool = False) -> None:
@@ -112,7 +112,7 @@ class KeyRefused(ValueError):
 def normal_key(written: str) -> str:
     """Textual's name of a key as an author writes it: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+n`.
 
-    Upper and lower case letters are different keys. Raises KeyRefused with the reason.
+    Upper and lower case letters are different keys. Raises KeyRefusedError with the reason.
     """
     if len(written) == 1:
         name = _character(written)
@@ -120,9 +120,9 @@ def normal_key(written: str) -> str:
         *modifiers, base = written.split("+") if not written.endswith("++") else [*written[:-2].split("+"), "+"]
         name = _with_modifiers([modifier.strip().lower() for modifier in modifiers], base.strip(), written)
     if name in _REFUSED:
-        raise KeyRefused(f"`{written}` cannot be used: {_REFUSED[name]}")
+        raise KeyRefusedError(f"`{written}` cannot be used: {_REFUSED[name]}")
     if name in CONSOLE_KEYS:
-        raise KeyRefused(f"`{written}` belongs to the console ({CONSOLE_KEYS[name]})", taken=True)
+        raise KeyRefusedError(f"`{written}` belongs to the console ({CONSOLE_KEYS[name]})", taken=True)
     return name
 
 
@@ -137,7 +137,7 @@ def _character(character: str) -> str:
 
     known = name(character, "")
     if not known or not character.isprintable():
-        raise KeyRefused("a key is a letter, a digit, a punctuation mark or a name such as `f5`")
+        raise KeyRefusedError("a key is a letter, a digit, a punctuation mark or a name such as `f5`")
     return known.lower().replace("-", "_").replace(" ", "_")
 
 
@@ -153,25 +153,27 @@ def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
         from rise_engine.scenario.findings import suggestion
 
         known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+n")
-        raise KeyRefused(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")
+        raise KeyRefusedError(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")
     if modifiers == ["shift"] and name == "tab":
         return "shift+tab"
     if name == "enter":
-        raise KeyRefused(f"`{written}` cannot be used: terminals send the same for it and enter")
+        raise KeyRefusedError(f"`{written}` cannot be used: terminals send the same for it and enter")
     if {"super", "meta", "cmd"} & set(modifiers):
-        raise KeyRefused(f"`{written}` cannot be used: the desktop takes it")
+        raise KeyRefusedError(f"`{written}` cannot be used: the desktop takes it")
     if "alt" in modifiers:
-        reason = "terminals send characters of their own for it" if base.isdigit() else "macOS types a character with it"
-        raise KeyRefused(f"`{written}` cannot be used: {reason}, and a slow link takes it apart")
+        reason = (
+            "terminals send characters of their own for it" if base.isdigit() else "macOS types a character with it"
+        )
+        raise KeyRefusedError(f"`{written}` cannot be used: {reason}, and a slow link takes it apart")
     if modifiers == ["shift"]:
         if len(base) == 1:
-            raise KeyRefused(f"`{written}` is not a key of its own; {_SHIFTED}")
-        raise KeyRefused(f"`{written}` cannot be used: not every terminal delivers it")
+            raise KeyRefusedError(f"`{written}` is not a key of its own; {_SHIFTED}")
+        raise KeyRefusedError(f"`{written}` cannot be used: not every terminal delivers it")
     if "shift" in modifiers:
-        raise KeyRefused(f"`{written}` cannot be used: terminals send the same for it and ctrl+{base.lower()}")
+        raise KeyRefusedError(f"`{written}` cannot be used: terminals send the same for it and ctrl+{base.lower()}")
     if len(base) == 1 and base.isdigit():
-        raise KeyRefused(f"`{written}` cannot be used: terminals send the digit, another key or nothing")
+        raise KeyRefusedError(f"`{written}` cannot be used: terminals send the digit, another key or nothing")
     key = f"ctrl+{name.lower()}"
     if key in _REFUSED or key in CONSOLE_KEYS or (len(base) == 1 and base.isascii() and base.isalpha()):
         return key
-    raise KeyRefused(f"`{written}` cannot be used: terminals do not deliver it reliably")
+    raise KeyRefusedError(f"`{written}` cannot be used: terminals do not deliver it reliably")

@@ -12,12 +12,21 @@ ACT_ENDINGS = ("_succeeded", "_failed", "_stopped", "_end")
 RULE_ENDINGS = ("_end",)
 
 
+MAX_SUGGESTIONS = 50
+"""For how many names of one kind a nearest right one is looked for; that is slow, and nobody reads more."""
+
+
 def check_links(draft: Draft, findings: Findings) -> None:
     """Compare what the files of a scenario say about each other."""
-    _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", findings)
-    _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", findings)
-    _check_topics(draft, findings)
-    _check_memory(draft, findings)
+    unread = draft.unread
+    if "acts" not in unread:
+        _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", findings)
+    if "rules" not in unread:
+        _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", findings)
+    if not unread & {"acts", "rules"}:
+        _check_topics(draft, findings)
+    if not unread & {"rules", "memory"}:
+        _check_memory(draft, findings)
 
 
 def engine_topics(draft: Draft) -> set[str]:
@@ -39,6 +48,19 @@ def is_set(key: str, keys: Collection[str]) -> bool:
     return any(other.startswith(f"{key}.") for other in keys if "." in other)
 
 
+class _Nearest:
+    """The nearest of some names as the end of a message, remembered, and not looked for without end."""
+
+    def __init__(self, known: Collection[str]) -> None:
+        self.known = known
+        self.found: dict[str, str] = {}
+
+    def __call__(self, name: str) -> str:
+        if name not in self.found and len(self.found) < MAX_SUGGESTIONS:
+            self.found[name] = suggestion(name, self.known, limit=0)
+        return self.found.get(name, "")
+
+
 def _check_names(
     mentions: list[Mention],
     known: Collection[str],
@@ -47,13 +69,14 @@ def _check_names(
     other_kind: str,
     findings: Findings,
 ) -> None:
+    near = _Nearest(known)
     for mention in mentions:
         if mention.name in known:
             continue
         if mention.name in others:
             remedy = f"; it is the name of a {other_kind}" if other_kind == "rule" else "; it is the name of an act"
         else:
-            remedy = suggestion(mention.name, known)
+            remedy = near(mention.name)
         findings.error(f"unknown-{kind}", mention.where.place, f"there is no {kind} `{mention.name}`{remedy}")
 
 
@@ -63,6 +86,7 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
     awaited = {mention.name for mention in draft.waits}
     missing_acts = {m.name for m in draft.act_mentions if m.name not in draft.acts}
     missing_acts.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
+    near = _Nearest(own | by_engine)
     for mention in draft.waits:
         name = mention.name
         if name in own or name in by_engine:
@@ -72,15 +96,15 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
         findings.warning(
             "unraised-event",
             mention.where.place,
-            f"nothing in this scenario raises the event `{name}`"
-            f"{suggestion(name, own | by_engine, limit=0) or '; something outside must'}",
+            f"nothing in this scenario raises the event `{name}`{near(name) or '; something outside must'}",
         )
+    near = _Nearest(awaited)
     for mention in draft.raises:
         if mention.name not in awaited:
             findings.warning(
                 "unheard-event",
                 mention.where.place,
-                f"no rule waits for the event `{mention.name}`{suggestion(mention.name, awaited, limit=0)}",
+                f"no rule waits for the event `{mention.name}`{near(mention.name)}",
             )
 
 
@@ -96,6 +120,7 @@ def _check_memory(draft: Draft, findings: Findings) -> None:
                 f"{suggestion(entry.key, keys, limit=0)}",
             )
     seen: dict[str, bool] = {}
+    near = _Nearest(keys)
     for mention in draft.key_reads:
         known = seen.get(mention.name)
         if known is None:
@@ -105,7 +130,7 @@ def _check_memory(draft: Draft, findings: Findings) -> None:
                 "unset-key",
                 mention.where.place,
                 f"nothing in this scenario sets the memory key `{mention.name}`"
-                f"{suggestion(mention.name, keys, limit=0) or '; something outside must'}",
+                f"{near(mention.name) or '; something outside must'}",
             )
     for mention in draft.bare_words:
         if not is_set(mention.name, keys):
@@ -113,5 +138,5 @@ def _check_memory(draft: Draft, findings: Findings) -> None:
                 "bare-word",
                 mention.where.place,
                 f"`{mention.name}` is no memory key and is taken as a text; write '{mention.name}' in quotation marks"
-                f"{suggestion(mention.name, keys, limit=0)}",
+                f"{near(mention.name)}",
             )

@@ -18,19 +18,20 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
     """Read a memory file, in RISE's form or as a plain object, into `draft`."""
 
     def duplicate(key: str, offset: int, first: int) -> None:
-        findings.error(
-            "duplicate-key",
-            source.place(offset),
-            f'the key "{key}" is given twice; it stands in line {source.place(first).line} already',
-        )
+        line = source.place(first).line
+        findings.error("duplicate-key", source.place(offset), f'the key "{key}" stands in line {line} already')
+
+    def no_number(message: str, offset: int) -> None:
+        findings.error("json-value", source.place(offset), message)
 
     if not source.text.strip():
         findings.error("json-syntax", source.place(0), "this file is empty; write {} for a memory without start values")
         return
     try:
-        value = read_json(source.text, duplicate)
+        value = read_json(source.text, duplicate, no_number)
     except JsonError as error:
         findings.error("json-syntax", source.place(error.offset), str(error))
+        draft.unread.add("memory")
         return
     form = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key": value}, ...]}'
     if not isinstance(value, JsonObject):

@@ -72,7 +72,7 @@ def robot_names(folder: Path) -> list[str]:
 
 
 def profile_folders(folder: Path) -> Iterator[Path]:
-    """Where profiles are looked for, first things first. Installed packages are looked up only when it comes to them."""
+    """Where profiles are looked for, in order. Installed packages are looked up only when it comes to them."""
     yield folder / "robots"
     config = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     yield Path(config) / "rise-tui" / "robots"

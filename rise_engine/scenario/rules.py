@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 
-from rise_engine.scenario.acts import no_text, roots
+from rise_engine.scenario.acts import roots
 from rise_engine.scenario.blocks import BlockReader
+from rise_engine.scenario.conditions import parse_ahead
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.graph import reachable
@@ -21,6 +22,7 @@ _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 def read_rules(file: XmlFile, draft: Draft, findings: Findings) -> None:
     """Read every rule of a file into `draft`."""
+    parse_ahead(file, draft)
     for element in roots(file, "InteractionRule", WRAPPERS, findings):
         rule = _RuleReader(file, draft, findings).rule(element)
         if rule is None:
@@ -43,7 +45,7 @@ class _RuleReader(BlockReader):
 
     def rule(self, element: Element) -> Rule | None:
         self.attributes(element, ("name", "initial", "priority"))
-        no_text(self.file, element, self.findings)
+        self.no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
             self.error("missing-attribute", element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
@@ -121,7 +123,7 @@ class _RuleReader(BlockReader):
 
     def state(self, element: Element) -> State | None:
         self.attributes(element, ("id",))
-        no_text(self.file, element, self.findings)
+        self.no_text(element)
         name = (element.get("id") or "").strip()
         if not name:
             self.error("missing-attribute", element, 'a state needs a name: <State id="...">')
@@ -206,7 +208,8 @@ class _RuleReader(BlockReader):
             self.findings.warning(
                 "unreachable-transition",
                 transition.place,
-                f"never taken: the transition in line {always[trigger].place.line} has the same trigger and no condition",
+                f"never taken: the transition in line {always[trigger].place.line} has the same trigger "
+                "and no condition",
             )
         elif transition.condition is None:
             always[trigger] = transition

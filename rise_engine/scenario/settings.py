@@ -9,7 +9,7 @@ from rise_engine.scenario.actions import unknown_keys
 from rise_engine.scenario.conditions import expression_message, note_assignment
 from rise_engine.scenario.draft import At, Draft, Mention
 from rise_engine.scenario.findings import Findings, listed, suggestion
-from rise_engine.scenario.keys import KeyRefused, normal_key
+from rise_engine.scenario.keys import KeyRefusedError, normal_key
 from rise_engine.scenario.model import ActSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile
 
@@ -42,8 +42,10 @@ class Settings:
         self.robot = self.text("robot", "")
         self.mode: Mode = "real" if self.text("mode", "debug") == "real" else "debug"
         if self.text("mode", "debug") not in ("debug", "real"):
-            self.error("wrong-value", file.value_place("mode"), "`mode` is \"debug\" or \"real\"")
-        self.places = {key: self.text(key, "") for key in ("acts", "rules", "memory") if key in file.values}
+            self.error("wrong-value", file.value_place("mode"), '`mode` is "debug" or "real"')
+        self.places: dict[str, str] = {
+            key: self.text(key, "") for key in ("acts", "rules", "memory") if key in file.values
+        }
         study = self.subtable("study")
         self.study: dict[str, Any] = study.values if study else {}
         self.keys = self.read_keys()
@@ -76,12 +78,14 @@ class Settings:
             place = table.place(written)
             try:
                 key = normal_key(written)
-            except KeyRefused as refused:
+            except KeyRefusedError as refused:
                 self.error("key-taken" if refused.taken else "key-refused", place, str(refused))
                 key = ""
             if key in bindings:
                 first = bindings[key]
-                self.error("key-twice", place, f"`{written}` is the same key as `{first.label}` in line {first.place.line}")
+                self.error(
+                    "key-twice", place, f"`{written}` is the same key as `{first.label}` in line {first.place.line}"
+                )
                 key = ""
             binding = self.binding(table, written, value, key, place)
             if binding is not None and key:
@@ -166,7 +170,9 @@ class Settings:
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.error("wrong-type", table.value_place("debounce"), "`debounce` is a number of seconds")
         elif not 0 <= value <= MAX_DEBOUNCE:
-            self.error("out-of-range", table.value_place("debounce"), f"`debounce` is from 0 to {MAX_DEBOUNCE:g} seconds")
+            self.error(
+                "out-of-range", table.value_place("debounce"), f"`debounce` is from 0 to {MAX_DEBOUNCE:g} seconds"
+            )
         else:
             return float(value)
         return ActSettings().debounce

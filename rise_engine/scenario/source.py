@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from itertools import accumulate
 from pathlib import Path
 
 from rise_engine.scenario.findings import Findings
@@ -31,6 +32,19 @@ class Source:
         line = bisect_right(starts, offset)
         return Place(self.name, line, offset - starts[line - 1] + 1)
 
+    def places(self, offsets: list[int]) -> list[Place]:
+        """The places of many offsets in rising order."""
+        starts = self._line_starts
+        if starts is None:
+            starts = self._line_starts = line_starts(self.text)
+        found: list[Place] = []
+        line, last, name = 0, len(starts), self.name
+        for offset in offsets:
+            while line < last and starts[line] <= offset:
+                line += 1
+            found.append(Place(name, line, offset - starts[line - 1] + 1))
+        return found
+
     def offset(self, line: int, column: int) -> int:
         """The reverse of `place`, kept within the text."""
         starts = self._line_starts
@@ -48,12 +62,7 @@ class Source:
 
 def line_starts(text: str) -> list[int]:
     """Offsets at which lines begin. Lines end with LF or CRLF."""
-    starts = [0]
-    at = text.find("\n")
-    while at >= 0:
-        starts.append(at + 1)
-        at = text.find("\n", at + 1)
-    return starts
+    return [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
 
 
 class Files:

@@ -21,7 +21,7 @@ class TemplateError(ValueError):
         self.column = column
 
 
-class MissingValue(Exception):
+class MissingValue(Exception):  # noqa: N818  # it is what is missing, not what went wrong
     """A memory key without value was needed to fill a template."""
 
     def __init__(self, key: str) -> None:
@@ -70,6 +70,8 @@ class Template(Struct, frozen=True):
 
 def parse_template(text: str) -> Template:
     """Read a parameter text. Raises TemplateError for a brace without partner or a slot that names no key."""
+    if "{" not in text and "}" not in text:
+        return Template(text, (text,) if text else ())
     parts: list[str | Slot] = []
     literal: list[str] = []
     at = 0

@@ -1,4 +1,4 @@
-"""TOML files with places: tomllib reads the values, and one pass over the text tells where each key and value stands."""
+"""TOML files with places: tomllib reads the values, one pass over the text tells where each key and value stands."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 """XML files, read by a hardened parser, with exact places for every element, attribute and character of a value.
 
-lxml knows only lines, and for a start tag over several lines the wrong one. But documents with a DOCTYPE are refused, so
-the n-th start tag of the text is the n-th element: one quick scan of the text tells where everything stands.
+lxml knows only lines, and for a start tag over several lines the wrong one. But documents with a DOCTYPE are refused,
+so the n-th start tag of the text is the n-th element: one quick scan of the text tells where everything stands.
 """
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lxml import etree
 
@@ -24,8 +24,10 @@ _TAG = re.compile(
     r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|</[^>]*>|<[^!?/>\"'][^>\"']*(?:\"[^\"]*\"[^>\"']*|'[^']*'[^>\"']*)*>",
     re.DOTALL,
 )
+_START = re.compile(r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|<[^/]", re.DOTALL)
 _ATTRIBUTE = re.compile(r"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n|.", re.DOTALL)
+_VISIBLE = re.compile(r"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
 _PROLOG = r"\A(?:\s|<\?.*?\?>|<!--.*?-->)*"
 _DOCTYPE = re.compile(_PROLOG + r"<!DOCTYPE", re.DOTALL)
 _DECLARED = re.compile(r"""\A\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
@@ -39,13 +41,19 @@ class XmlFile:
         self.root = root
         self._text = text
         self._mended = mended
-        self._order: dict[Element, int] | None = None
-        self._starts: list[int] = []
+        self._starts: dict[Element, int] | None = None
+        self._places: dict[Element, Place] = {}
 
     def place(self, element: Element) -> Place:
         """Where an element's start tag begins."""
-        start = self._start(element)
-        return self._at(start) if start is not None else self._about(element)
+        if self._starts is None:
+            self._locate()
+        return self._places.get(element) or self._about(element)
+
+    @property
+    def has_text(self) -> bool:
+        """Whether there is any visible text between tags."""
+        return bool(self.root.xpath("boolean(//text()[normalize-space()])"))
 
     def attribute_place(self, element: Element, name: str) -> Place:
         """Where an attribute's name stands."""
@@ -83,22 +91,47 @@ class XmlFile:
                 index -= length
             at = inner.end()
 
+    def tail_place(self, element: Element) -> Place:
+        """Where the first visible character behind an element's end stands."""
+        start = self._start(element)
+        if start is None:
+            return self._about(element)
+        depth = 0
+        for tag in _TAG.finditer(self._text, start):
+            written = tag.group()
+            if written.startswith("</"):
+                depth -= 1
+            elif written[1] not in "!?" and not written.endswith("/>"):
+                depth += 1
+            if depth == 0:
+                visible = _VISIBLE.match(self._text, tag.end())
+                return self._at(visible.end() if visible else tag.end())
+        return self._at(start)
+
     def _at(self, offset: int) -> Place:
         return self.source.place(self._mended.original(offset) if self._mended else offset)
 
     def _about(self, element: Element) -> Place:
-        return Place(self.source.name, element.sourceline or 1)
+        line: Any = element.sourceline  # its type in the stubs is a placeholder
+        return Place(self.source.name, line or 1)
 
     def _start(self, element: Element) -> int | None:
-        if self._order is None:
-            self._order = {each: index for index, each in enumerate(self.root.iter())}
-            self._starts = [
-                tag.start() for tag in _TAG.finditer(self._text) if self._text[tag.start() + 1] not in "!?/"
-            ]
-            if len(self._starts) != len(self._order):
-                self._starts = []  # lines must do
-        index = self._order.get(element)
-        return self._starts[index] if index is not None and self._starts else None
+        if self._starts is None:
+            self._locate()
+        assert self._starts is not None
+        return self._starts.get(element)
+
+    def _locate(self) -> None:
+        """Find every start tag. Should the count ever be wrong, lines must do."""
+        text = self._text
+        starts = [tag.start() for tag in _START.finditer(text) if text[tag.start() + 1] not in "!?"]
+        elements = list(self.root.iter())
+        if len(starts) != len(elements):
+            starts, elements = [], []
+        self._starts = dict(zip(elements, starts, strict=True))
+        if self._mended:
+            starts = [self._mended.original(start) for start in starts]
+        self._places = dict(zip(elements, self.source.places(starts), strict=True))
 
     def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
         start = self._start(element)
@@ -117,16 +150,32 @@ class Spot(NamedTuple):
     file: XmlFile
     element: Element
     attribute: str | None = None
-    """None: the element's text, or the element itself when `index` is None too."""
-    index: int | None = None
+    """None: the element's text, or the element itself when `at` is None too."""
+    at: int | None = None
 
     @property
     def place(self) -> Place:
         if self.attribute is not None:
-            return self.file.value_place(self.element, self.attribute, self.index or 0)
-        if self.index is not None:
-            return self.file.text_place(self.element, self.index)
+            return self.file.value_place(self.element, self.attribute, self.at or 0)
+        if self.at is not None:
+            return self.file.text_place(self.element, self.at)
         return self.file.place(self.element)
+
+
+_CONDITIONS = etree.XPath("//@cond", smart_strings=False)
+_ASSIGNMENTS = etree.XPath("//@assignValue", smart_strings=False)
+
+
+def expression_texts(file: XmlFile) -> tuple[list[str], list[str]]:
+    """All conditions and all assignments of a rule file, as written."""
+    conditions: Any = _CONDITIONS(file.root)
+    assignments: Any = _ASSIGNMENTS(file.root)
+    return list(dict.fromkeys(conditions)), list(dict.fromkeys(assignments))
+
+
+def attribute_names(element: Element) -> list[str]:
+    """The names of an element's attributes, in file order."""
+    return [str(name) for name in element.keys()]  # noqa: SIM118  # lxml elements are no mappings
 
 
 def read_xml(source: Source, findings: Findings) -> XmlFile | None:
@@ -147,7 +196,8 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         return None
     try:
         return XmlFile(source, _parse(text), text, None)
-    except etree.XMLSyntaxError as error:
+    except etree.XMLSyntaxError as first:
+        error = first
         from rise_engine.scenario.xml_repair import mend
 
         before = findings.errors

@@ -189,7 +189,8 @@ def _report(mended: Mended, findings: Findings, bad: list[tuple[int, str]], corr
         message = f"XML does not know `{entity.group()}`; write the character itself"
     else:
         marks = " and ".join(f"`{mark}`" for mark in dict.fromkeys(text[offset] for offset, _ in bad))
-        message = f"{marks} cannot stand as it is{where}; write {corrected}"
+        they = "they are" if "and" in marks else "it is"
+        message = f"{marks} cannot stand as {they}{where}; write {corrected}"
     findings.error("unescaped", mended.source.place(first), message)
     for offset, new in bad:
         mended.replace(offset, offset + 1, new)

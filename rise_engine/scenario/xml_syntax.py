@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.xml_repair import Mended
@@ -18,7 +18,8 @@ _REDEFINED = re.compile(r"Attribute (\S+) redefined")
 
 def report_syntax(error: etree.XMLSyntaxError, mended: Mended, findings: Findings) -> None:
     """Turn the first error of the parser into a finding."""
-    entry = next(iter(error.error_log), None)
+    log: Any = error.error_log  # a sequence, which the stubs do not know
+    entry = log[0] if len(log) else None
     message = entry.message if entry is not None else str(error)
     text = mended.text
     offset = _offset(text, entry.line, entry.column) if entry is not None else 0

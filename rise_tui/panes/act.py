@@ -9,12 +9,14 @@ from textual import on
 from textual.widget import Widget
 
 from rise_engine.scenario.model import Act, Action
-from rise_engine.scenario.template import MissingValue, Template
+from rise_engine.scenario.template import MissingValue, Template, as_text
 from rise_engine.view import ActionView, TaskView
+from rise_tui.actions import bindings
+from rise_tui.graph import levels
 from rise_tui.panes.pane import ListPane
-from rise_tui.states import READY, action_state, levels, newest, task_state
+from rise_tui.states import READY, action_state, newest, task_state
 from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, cell, crop, duration, seconds, spread, value_text
+from rise_tui.text import Line, Row, Span, cell, crop, duration, seconds, spread
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.rows import RowView
 
@@ -32,6 +34,7 @@ class ActPane(ListPane):
     """The act that ran last, or the one that the wizard selected since."""
 
     PLACE = "act"
+    BINDINGS = bindings("act")
     TITLE = "Act"
     TOPICS = frozenset({"acts", "memory", "tasks"})
     EMPTY = "select an act in the list of acts, or start one"
@@ -82,7 +85,7 @@ class ActPane(ListPane):
             return crop(left, width)
         end = task.ended if task.ended is not None else self.store.now()
         took = duration(end - task.started) if task.started is not None else ""
-        if task.status == "ACTIVE" and (typical := self.store.act(act.name).typical) is not None:
+        if task.status == "ACTIVE" and (typical := self.store.typical(act.name)) is not None:
             took = f"{took} of {seconds(typical)}"
         return spread(left, ((took, "plain"), (f"  {task.source} ", "muted")), width)
 
@@ -99,7 +102,9 @@ class ActPane(ListPane):
             kind = f"{kind} 1 of {len(action.calls)}"
         if done is not None and done.sent_as:
             kind = f"{kind}→{done.sent_as}"
-        tail: Span = (f"after {', '.join(action.wait_for)}  ", "muted") if done is None and action.wait_for else ("", "plain")
+        tail: Span = (
+            (f"after {', '.join(action.wait_for)}  ", "muted") if done is None and action.wait_for else ("", "plain")
+        )
         return (
             cell(action.id, id_width, "strong" if done is not None and done.ended is None else "plain"),
             (" ", "plain"),
@@ -115,7 +120,7 @@ class ActPane(ListPane):
     def _summary(self, action: Action, done: ActionView | None) -> str:
         if done is not None and done.reason:
             return done.reason
-        parts = [(name, value_text(value)) for name, value in self._values(action, done)]
+        parts = [(name, as_text(value)) for name, value in self._values(action, done)]
         if len(parts) == 1:
             return parts[0][1]
         return "  ".join(f"{name} {value}" for name, value in parts)
@@ -141,7 +146,7 @@ class ActPane(ListPane):
         done = task.actions.get(action.id) if task is not None else None
         lines: list[Line] = []
         if done is not None:
-            lines += [_parameter(name, value_text(value), "") for name, value in done.parameters.items()]
+            lines += [_parameter(name, as_text(value), "") for name, value in done.parameters.items()]
         else:
             for number, call in enumerate(action.calls, 1):
                 prefix = f"{number}. " if len(action.calls) > 1 else ""

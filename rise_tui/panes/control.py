@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from textual import on
 
+from rise_tui.actions import bindings
 from rise_tui.gate import Trigger
 from rise_tui.messages import SelectionMoved, StartAsked, TaskAsked, Told
 from rise_tui.panes.pane import ListPane
 from rise_tui.states import act_state, newest, progress, rule_state
 from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, cell, duration, fit, seconds
+from rise_tui.text import Line, Row, Span, Tone, cell, duration, fit, seconds
 from rise_tui.widgets.rows import RowView
 
-KEY_WIDTH = 3
 STATE_WIDTH = 10
-TIME_WIDTH = 10
 WIDE = 46
-"""From this width on there is room for the progress of an act's actions."""
+"""From this width on there is room for an act's progress and typical duration, and a rule's state."""
 
 
 class ControlPane(ListPane):
@@ -24,10 +23,15 @@ class ControlPane(ListPane):
 
     FUNCTION: str
 
+    def __init__(self, store: Store) -> None:
+        super().__init__(store)
+        labels = [key.label for key in store.scenario.keys.values() if key.function == self.FUNCTION]
+        self.key_width = min(8, max((len(label) for label in labels), default=1)) + 1
+
     def key_cell(self, name: str) -> Span:
         binding = self.store.key_of(self.FUNCTION, name)
-        tone = "muted" if self.store.cannot_start() else "key"
-        return (f" {fit(binding.label if binding else '', KEY_WIDTH)}", tone)
+        tone: Tone = "muted" if self.store.cannot_start() else "key"
+        return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
 
     @on(RowView.Moved)
     def _moved(self, event: RowView.Moved) -> None:
@@ -39,6 +43,7 @@ class ActsPane(ControlPane):
     """The acts of the scenario."""
 
     PLACE = "acts"
+    BINDINGS = bindings("acts")
     TITLE = "Acts"
     TOPICS = frozenset({"acts", "status", "stop"})
     EMPTY = "this scenario has no acts"
@@ -48,23 +53,23 @@ class ActsPane(ControlPane):
         return ((f"{len(self.store.scenario.acts)}", "muted"),)
 
     def make_rows(self, width: int) -> list[Row]:
-        extra = 7 if width >= WIDE else 0
-        name_width = width - (1 + KEY_WIDTH) - STATE_WIDTH - TIME_WIDTH - extra - 1
-        return [Row(name, self._line(name, name_width, extra)) for name in self.store.scenario.acts]
+        wide = width >= WIDE
+        name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
+        return [Row(name, self._line(name, name_width, wide)) for name in self.store.scenario.acts]
 
-    def _line(self, name: str, name_width: int, extra: int) -> Line:
+    def _line(self, name: str, name_width: int, wide: bool) -> Line:
         state = act_state(self.store, name)
         running = bool(self.store.act(name).running)
         spans: list[Span] = [
             self.key_cell(name),
-            cell(name, name_width - 1, "strong" if running else "plain"),
+            cell(name, name_width, "strong" if running else "plain"),
             (" ", "plain"),
             (f"{state.glyph} ", state.tone),
             cell(state.word, STATE_WIDTH - 2, state.tone),
         ]
-        if extra:
-            spans.append(cell(self._progress(name), extra, "muted", right=True))
-        spans.append(cell(self._time(name), TIME_WIDTH, "plain" if running else "muted", right=True))
+        if wide:
+            spans.append(cell(self._progress(name), 5, "muted", right=True))
+        spans.append(cell(self._time(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True))
         return tuple(spans)
 
     def _progress(self, name: str) -> str:
@@ -73,16 +78,15 @@ class ActsPane(ControlPane):
             done, total = progress(self.store.scenario.acts[name], task)
             return f"{done}/{total}"
         settings = self.store.scenario.settings_of(name)
-        return "hold" if settings.hold else "filler" if settings.filler else ""
+        return "hold" if settings.hold else "fill" if settings.filler else ""
 
-    def _time(self, name: str) -> str:
-        act, task = self.store.act(name), newest(self.store, name)
+    def _time(self, name: str, wide: bool) -> str:
+        """Running: elapsed and typical; otherwise, where there is room, how long it typically takes."""
+        task, typical = newest(self.store, name), self.store.typical(name)
         if task is not None and task.status == "ACTIVE":
             elapsed = seconds(self.store.now() - (task.started or 0.0))
-            return f"{elapsed}/{seconds(act.typical)}" if act.typical is not None else f"{elapsed} s"
-        if task is not None and task.started is not None and task.ended is not None:
-            return duration(task.ended - task.started)
-        return ""
+            return f"{elapsed}/{seconds(typical)}" if wide and typical is not None else elapsed
+        return f"~{duration(typical)}" if wide and typical is not None else ""
 
     def do(self, action: str) -> None:
         name = self.list.current
@@ -105,32 +109,30 @@ class RulesPane(ControlPane):
     """The rules of the scenario."""
 
     PLACE = "rules"
+    BINDINGS = bindings("rules")
     TITLE = "Rules"
     TOPICS = frozenset({"rules", "status", "stop"})
     EMPTY = "this scenario has no rules"
     FUNCTION = "startInteractionRule"
 
-    def __init__(self, store: Store) -> None:
-        super().__init__(store)
-
     def subtitle(self) -> Line:
         return ((f"{len(self.store.view.stack())} of {len(self.store.scenario.rules)} run", "muted"),)
 
     def make_rows(self, width: int) -> list[Row]:
-        state_width = max(12, (width - KEY_WIDTH) * 2 // 5)
-        name_width = width - (1 + KEY_WIDTH) - STATE_WIDTH - state_width - 2
+        wide = width >= WIDE
+        state_width = STATE_WIDTH + max(14, width // 4) if wide else 17
+        name_width = width - (1 + self.key_width) - state_width - 1
         rows = []
         for name in self.store.scenario.rules:
             rule, state = self.store.rule(name), rule_state(self.store, name)
             at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
+            word = f"{fit(state.word, STATE_WIDTH - 2)}{at}" if wide else at or state.word
             spans: Line = (
                 self.key_cell(name),
                 cell(name, name_width, "strong" if rule.running else "plain"),
                 (" ", "plain"),
                 (f"{state.glyph} ", state.tone),
-                cell(state.word, STATE_WIDTH - 2, state.tone),
-                (" ", "plain"),
-                cell(at, state_width, "plain"),
+                cell(word, state_width - 2, state.tone),
             )
             rows.append(Row(name, spans))
         return rows

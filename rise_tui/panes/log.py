@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from rise_engine.view import TaskView
+from rise_tui.actions import bindings
 from rise_tui.panes.pane import Pane
 from rise_tui.store import Store
-from rise_tui.text import plain
+from rise_tui.text import Tone, plain
 from rise_tui.widgets.task_log import TaskLog
 
 
@@ -13,12 +14,13 @@ class LogPane(Pane):
     """The task log with its filter."""
 
     PLACE = "log"
+    BINDINGS = bindings("log")
     TITLE = "Log"
     TOPICS = frozenset({"tasks", "acts", "rules"})
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self.log_view = TaskLog(self._task, id="log-rows")
+        self.log_view = TaskLog(self._find, id="log-rows")
         self._seen = 0
         self._matching: list[int] = []
         self._applied = ""
@@ -27,7 +29,7 @@ class LogPane(Pane):
     def rows(self) -> TaskLog:
         return self.log_view
 
-    def _task(self, id: int) -> TaskView | None:  # noqa: A002 - the field's word
+    def _find(self, id: int) -> TaskView | None:
         return self.store.view.tasks.get(id)
 
     def repaint(self) -> None:
@@ -37,20 +39,20 @@ class LogPane(Pane):
         else:
             if self.filter_text != self._applied:
                 self._matching, self._seen = [], 0
-            self._matching += [id for id in log[self._seen :] if self._matches(id)]
+            self._matching += filter(self._matches, log[self._seen :])
             self._seen = len(log)
             self.log_view.show(self._matching, restart=self.filter_text != self._applied)
         self._applied = self.filter_text
         self._show_title()
 
-    def _matches(self, id: int) -> bool:  # noqa: A002 - the field's word
-        task = self._task(id)
+    def _matches(self, id: int) -> bool:
+        task = self._find(id)
         return task is not None and self.filter_text.casefold() in plain(self.log_view.line_of(task, 400)).casefold()
 
     def _show_title(self) -> None:
         view = self.log_view
+        tone: Tone = "muted" if view.following else "wait"
         state = "following" if view.following else f"paused, {view.unseen} new" if view.unseen else "paused"
-        tone = "muted" if view.following else "wait"
         if self.filter_text:
             self.title.draw(((f"/{self.filter_text}  {view.count} of {len(self.store.log)}  ", "wait"), (state, tone)))
         else:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from textual.widget import Widget
 
+from rise_tui.actions import bindings
 from rise_tui.messages import TaskAsked, Told
 from rise_tui.panes.pane import ListPane
 from rise_tui.store import Store
@@ -27,10 +28,10 @@ class Columns(NamedTuple):
 
     @classmethod
     def of(cls, width: int) -> Columns:
-        kind, when = 8, 7
+        kind, when = 8, 6
         source = 0 if width < 56 else min(20, width // 5)
         rest = width - kind - when - source - 4
-        key = min(26, max(8, rest * 2 // 5))
+        key = min(26, max(10, rest // 2))
         return cls(key, rest - key, kind, source, when)
 
 
@@ -38,6 +39,7 @@ class MemoryPane(ListPane):
     """The memory and its editor."""
 
     PLACE = "memory"
+    BINDINGS = bindings("memory")
     TITLE = "Memory"
     TOPICS = frozenset({"memory", "status"})
 
@@ -60,18 +62,19 @@ class MemoryPane(ListPane):
         rows = []
         for key, entry in self.store.view.memory.items():
             sent = self._sent(key)
-            kind: Span = cell("↑ sent", columns.type, "wait") if sent else cell(type_word(entry.value), columns.type, "muted")
+            kind = "↑ sent" if sent else type_word(entry.value)
+            when = "start" if entry.source == "file" else age(now - entry.changed)
             line: list[Span] = [
                 (" ", "plain"),
                 cell(key, columns.key),
                 (" ", "plain"),
                 cell(value_text(entry.value), columns.value, "strong"),
                 (" ", "plain"),
-                kind,
+                cell(kind, columns.type, "wait" if sent else "muted"),
             ]
             if columns.source:
                 line.append(cell(entry.source, columns.source, "muted"))
-            line.append(cell("start" if entry.source == "file" else age(now - entry.changed), columns.age, "muted", right=True))
+            line.append(cell(when, columns.age, "muted", right=True))
             rows.append(Row(key, tuple(line)))
         rows.append(Row(ADD, ((" + add a key", "muted"),)))
         if self.editor.is_open:
@@ -79,12 +82,12 @@ class MemoryPane(ListPane):
         return rows
 
     def _sent(self, key: str) -> bool:
-        for sent in self.store.sent.values():
-            if sent.function == "deleteValue" and sent.behavior == key:
-                return True
-            if sent.function == "assignValue" and sent.behavior.startswith(json.dumps({key: 0}, ensure_ascii=False)[:-2]):
-                return True
-        return False
+        start = json.dumps({key: 0}, ensure_ascii=False)[:-2]
+        return any(
+            (sent.function == "deleteValue" and sent.behavior == key)
+            or (sent.function == "assignValue" and sent.behavior.startswith(start))
+            for sent in self.store.sent.values()
+        )
 
     def do(self, action: str) -> None:
         key = self.list.current
@@ -104,7 +107,7 @@ class MemoryPane(ListPane):
             self.post_message(Told(f"deleting {key} = {value_text(value)}; add (ins) brings it back"))
 
     def _open(self, editing: str, key: str, value: object) -> None:
-        row = ADD if not editing else editing
+        row = editing or ADD
         self.list.select(row)
         y = 1 + self.list.cursor - self.list.scroll_offset.y
         columns = Columns.of(self.list.row_width)

@@ -15,7 +15,7 @@ from textual.widgets import Input
 from rise_tui.actions import Place
 from rise_tui.messages import PaneAsked
 from rise_tui.store import Store, Topic
-from rise_tui.text import Line, Row, Span, plain, spread
+from rise_tui.text import Line, Row, Span, plain, spread, width_of
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.rows import RowList, RowView
 
@@ -53,7 +53,13 @@ class TitleBar(Lines):
             spans.append((text, "accent" if own else "muted"))
             self._places.append((column, column + len(text), pane))
             column += len(text)
-        self.show(spread(tuple(spans), (*right, (" ", "plain")) if right else (), self.size.width))
+        note: Line = (*right, (" ", "plain")) if right else ()
+        if width_of(spans) + width_of(note) > self.size.width:  # tabs before notes, but not before what must be seen
+            if any(tone == "wait" for _, tone in right):
+                spans, self._places = [span for span in spans if span[1] == "accent"], []
+            else:
+                note = ()
+        self.show(spread(tuple(spans), note, self.size.width))
 
     def on_resize(self, event: events.Resize) -> None:
         self.draw(self._right)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_engine.view import RuleView
+from rise_tui.actions import bindings
 from rise_tui.explain import Raisers, label_of, truth_of, waits_for
 from rise_tui.gate import Trigger
 from rise_tui.messages import StartAsked, Told
@@ -17,6 +18,7 @@ class RulePane(ListPane):
     """The rule that the wizard selected, or the top one of the stack."""
 
     PLACE = "rule"
+    BINDINGS = bindings("rule")
     TITLE = "Rule"
     TOPICS = frozenset({"rules", "memory"})
     EMPTY = "select a rule in the list of rules"
@@ -56,7 +58,9 @@ class RulePane(ListPane):
                 line = (*line, ("  by ", "muted"), (view.trigger, "plain"))
             rows.append(Row("", crop(line, width), selectable=False))
         elif view.reason:
-            rows.append(Row("", crop(((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),), width), False))
+            rows.append(
+                Row("", crop(((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),), width), False)
+            )
         return rows
 
     def _why(self, state: State, width: int) -> list[Row]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.view import TaskView
+from rise_tui.actions import bindings
 from rise_tui.messages import TaskAsked, Told
 from rise_tui.panes.pane import ListPane
 from rise_tui.states import progress, task_state
@@ -13,6 +14,7 @@ class SchedulerPane(ListPane):
     """Running acts, then waiting ones, next first."""
 
     PLACE = "scheduler"
+    BINDINGS = bindings("scheduler")
     TITLE = "Scheduler"
     TOPICS = frozenset({"tasks", "acts"})
     EMPTY = "nothing runs, nothing waits"
@@ -24,7 +26,7 @@ class SchedulerPane(ListPane):
     def make_rows(self, width: int) -> list[Row]:
         view = self.store.view
         rows = []
-        for place, id in enumerate([*view.running, *view.waiting]):  # noqa: A001 - the field's word
+        for place, id in enumerate([*view.running, *view.waiting]):
             task = view.tasks.get(id)
             if task is not None:
                 rows.append(Row(str(id), self._line(task, place - len(view.running), width)))
@@ -41,12 +43,16 @@ class SchedulerPane(ListPane):
         when: Span
         if place < 0:
             elapsed = seconds(self.store.now() - (task.started or 0.0))
-            typical = self.store.act(task.behavior).typical
+            typical = self.store.typical(task.behavior)
             when = cell(f"{elapsed}/{seconds(typical)} s" if typical is not None else f"{elapsed} s", time, right=True)
         else:
             when = cell(f"{seconds(self.store.now() - task.submitted)} s", time, "muted", right=True)
         return (
-            cell(" now" if place < 0 else " next" if place == 0 else f" {place + 1:>3}.", 6, "accent" if place < 0 else "muted"),
+            cell(
+                " now" if place < 0 else " next" if place == 0 else f" {place + 1:>3}.",
+                6,
+                "accent" if place < 0 else "muted",
+            ),
             cell(task.behavior, name, "strong" if place < 0 else "plain"),
             (" ", "plain"),
             (f"{'↑' if sent else state.glyph} ", "wait" if sent else state.tone),
@@ -57,7 +63,7 @@ class SchedulerPane(ListPane):
             cell(task.source, source, "muted"),
         )
 
-    def _asked(self, id: int) -> str:  # noqa: A002 - the field's word
+    def _asked(self, id: int) -> str:
         for sent in self.store.sent.values():
             if sent.function in ("cancelTask", "moveTask") and sent.behavior.split(" ")[0] == str(id):
                 return "sent"

@@ -43,9 +43,9 @@ class Arrangement(Container):
         #rules { height: auto; max-height: 40%; min-height: 4; }
         #monitoring { width: 1fr; layout: vertical; }
         #upper { height: 3fr; } #lower { height: 2fr; }
-        &.-two { #control { width: 50; } }
+        &.-two { #control { width: 52; } }
         &.-all {
-            #control { width: 54; }
+            #control { width: 60; }
             #monitoring { layout: horizontal; }
             #upper { width: 1fr; height: 1fr; border-right: vkey $rise-bar; }
             #lower { width: 1fr; height: 1fr; }
@@ -80,14 +80,14 @@ class Arrangement(Container):
                 yield from (self.panes[name] for name in reversed(LOWER))
 
     def on_mount(self) -> None:
-        self._arrange()
+        self._place_all()
 
     def on_resize(self, event: events.Resize) -> None:
         size = self.app.size
         kind = layout_for(size.width, size.height)
         if kind != self._layout_kind:
             self._layout_kind = kind
-            self._arrange()
+            self._place_all()
 
     @property
     def layout_kind(self) -> Layout:
@@ -97,7 +97,7 @@ class Arrangement(Container):
         """The list or pane that has the focus."""
         return next((pane for pane in self.panes.values() if pane.has_focus_within), None)
 
-    def visible(self) -> Iterator[Pane]:
+    def shown(self) -> Iterator[Pane]:
         """Those that can be seen now."""
         return (pane for name, pane in self.panes.items() if self._shows(name))
 
@@ -109,7 +109,7 @@ class Arrangement(Container):
             self._active["lower"] = self._front = name
         if self._zoomed:
             self._zoomed = name
-        self._arrange()
+        self._place_all()
         self.panes[name].rows.focus()
 
     def go_to_control(self) -> None:
@@ -126,7 +126,7 @@ class Arrangement(Container):
         """Give the focused pane all the room, or give it back."""
         here = self.focused()
         self._zoomed = "" if self._zoomed or here is None else here.PLACE
-        self._arrange()
+        self._place_all()
 
     @property
     def zoomed(self) -> bool:
@@ -154,7 +154,7 @@ class Arrangement(Container):
             return UPPER if name in UPPER else LOWER
         return MONITORING
 
-    def _arrange(self) -> None:
+    def _place_all(self) -> None:
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")
         self.set_class(bool(self._zoomed), "-zoom")
@@ -166,5 +166,5 @@ class Arrangement(Container):
         self.call_after_refresh(self._repaint_visible)
 
     def _repaint_visible(self) -> None:
-        for pane in self.visible():
+        for pane in self.shown():
             pane.repaint()

@@ -10,7 +10,7 @@ from textual.widgets import Input
 from rise_tui.actions import PLACES, at
 from rise_tui.quiet import QuietModal
 from rise_tui.store import Store, describe
-from rise_tui.text import Row, cell, crop, plain
+from rise_tui.text import Line, Row, cell, crop, plain
 from rise_tui.widgets.editor import Field
 from rise_tui.widgets.rows import RowList, RowView
 
@@ -66,8 +66,8 @@ class HelpScreen(QuietModal[None]):
                 rows.append(Row("", ((f" {title}", "accent"),), selectable=False))
             for action in actions:
                 why = action.unavailable(self._store)
-                tone = "muted" if why else "plain"
-                head = (cell(f"  {action.all_keys}", 12, "muted" if why else "key"), cell(action.title, 26, tone))
+                keys = cell(f"  {action.all_keys}", 12, "muted" if why else "key")
+                head = (keys, cell(action.title, 26, "muted" if why else "plain"))
                 rows += _wrapped(action.id, head, action.help + (f" Not now: {why}." if why else ""), width)
         return rows
 
@@ -86,7 +86,7 @@ def _matches(row: Row, wanted: str) -> bool:
     return not row.selectable or wanted in plain(row.line).casefold()
 
 
-def _wrapped(action: str, head: tuple[tuple[str, object], ...], text: str, width: int) -> list[Row]:
+def _wrapped(action: str, head: Line, text: str, width: int) -> list[Row]:
     """A help text over as many rows as it needs."""
     lead = 38
     room = max(20, width - lead - 1)
@@ -98,6 +98,6 @@ def _wrapped(action: str, head: tuple[tuple[str, object], ...], text: str, width
         else:
             line = f"{line} {word}".strip()
     lines.append(line)
-    rows = [Row(action, crop((*head, (lines[0], "muted")), width))]  # type: ignore[arg-type]
+    rows = [Row(action, crop((*head, (lines[0], "muted")), width))]
     rows += [Row(action, crop(((" " * lead, "plain"), (more, "muted")), width)) for more in lines[1:]]
     return rows

@@ -9,10 +9,12 @@ from textual import events
 from rise_tui.actions import Action
 from rise_tui.messages import ActionAsked
 from rise_tui.store import Store
-from rise_tui.text import Line, Span, clock, crop, fit, spread, width_of
+from rise_tui.text import Line, Span, Tone, clock, crop, fit, spread, width_of
 from rise_tui.widgets.line import Lines
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
+
+NOTICES: dict[str, tuple[str, Tone]] = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}
 
 
 class StatusLine(Lines):
@@ -25,16 +27,19 @@ class StatusLine(Lines):
     def draw(self, store: Store) -> None:
         hello, robot = store.hello, store.view.robot
         status = robot.status if robot is not None else "no link"
-        tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
+        armed: Span = (f" {store.state} ", "alarm" if store.state == "STOPPED" else "strong")
+        if store.gone:
+            armed = (" ENDED ", "alarm")
+        tone: Tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
         gap: Span = ("  ", "plain")
         right: Line = (
             (hello.mode.upper(), "wait" if hello.mode == "real" else "accent"),
             gap,
-            (f"{hello.robot} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),  # type: ignore[list-item]
+            (f"{hello.robot} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),
             gap,
             (clock(store.now()), "plain"),
             gap,
-            (" ENDED " if store.gone else f" {store.state} ", "alarm" if store.gone or store.state == "STOPPED" else "strong"),
+            armed,
             gap,
             (fit(store.wizard, min(len(store.wizard), 12)), "muted"),
             (" ", "plain"),
@@ -68,16 +73,18 @@ class AlarmBar(Lines):
             if not store.stopping:
                 return ()
             return ((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")), (), ()
-        asked: Line = ((f"  asked {clock(stop.since)} by {stop.source}" if stop.status == "requested" else "  nothing starts until it is released", "strong"),)
-        if stop.status == "requested":
+        requested = stop.status == "requested"
+        what = f"asked {clock(stop.since)} by {stop.source}" if requested else "nothing starts until it is released"
+        asked: Line = ((f"  {what}", "strong"),)
+        if requested:
             return (
                 ((" ■ STOP requested ", "alarm"), *asked),
                 (("   waiting for the robot to confirm", "plain"),),
                 (),
             )
-        confirmed = ", ".join(stop.confirmed) or "nobody"
+        confirmed = parts(stop.confirmed) or "nobody"
         missing: Line = (
-            (("   NOT CONFIRMED  ", "fault"), (", ".join(stop.unconfirmed), "strong")) if stop.unconfirmed
+            (("   NOT CONFIRMED  ", "fault"), (parts(stop.unconfirmed), "strong")) if stop.unconfirmed
             else (("   everything asked has confirmed", "plain"),)
         )  # fmt: skip
         return (
@@ -86,8 +93,14 @@ class AlarmBar(Lines):
             missing,
         )
 
-    def on_resize(self, event: events.Resize) -> None:
-        super().on_resize(event)
+
+def parts(names: Sequence[str]) -> str:
+    """Parts of robots, each robot named once: `pepper: arms, gaze`."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        robot, _, part = name.rpartition("/")
+        found.setdefault(robot, []).append(part)
+    return "; ".join(f"{robot}: {', '.join(of)}" if robot else ", ".join(of) for robot, of in found.items())
 
 
 class NoticeLine(Lines):
@@ -98,8 +111,8 @@ class NoticeLine(Lines):
         if notice is None:
             self.show()
             return
-        glyph, tone = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}[notice.level]
-        self.show(crop(((f" {glyph} {notice.text}", tone),), self.size.width))  # type: ignore[arg-type]
+        glyph, tone = NOTICES[notice.level]
+        self.show(crop(((f" {glyph} {notice.text}", tone),), self.size.width))
 
 
 class KeyHints(Lines):
@@ -109,7 +122,7 @@ class KeyHints(Lines):
     KeyHints { background: $rise-bar; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002
+    def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self._places: list[tuple[int, int, str]] = []
 

@@ -8,14 +8,15 @@ from textual.message import Message
 from textual.strip import Strip
 
 from rise_tui.text import Line, plain, width_of
-from rise_tui.widgets.toned import Toned
+from rise_tui.widgets.toned import Toned, tone_css
 
 
 class Lines(Toned):
     """One or more lines of toned text."""
 
-    DEFAULT_CSS = """
-    Lines { height: 1; width: 1fr; }
+    DEFAULT_CSS = f"""
+    {tone_css("Lines")}
+    Lines {{ height: 1; width: 1fr; }}
     """
 
     class Resized(Message):
@@ -29,7 +30,7 @@ class Lines(Toned):
         def control(self) -> Lines:
             return self.lines
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self.lines: tuple[Line, ...] = ()
 

@@ -1,32 +1,35 @@
-"""Lists painted row by row: a changed row costs that row, and a hundred thousand rows cost no more than those in view."""
+"""Lists painted row by row: a changed row costs that row, and only rows in view cost anything."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from textual import events
-from textual.binding import Binding
+from textual.binding import Binding, BindingType
 from textual.geometry import Size
 from textual.message import Message
 from textual.strip import Strip
 
 from rise_tui.quiet import QuietScrollView
 from rise_tui.text import Row, plain
-from rise_tui.widgets.toned import Toned
+from rise_tui.widgets.toned import COMPONENTS, CURSOR, CURSOR_AWAY, Toned, tone_css
 
 
 class RowView(QuietScrollView, Toned, can_focus=True):
     """A list with a cursor. Subclasses say how many rows there are and what is in each."""
 
-    DEFAULT_CSS = """
-    RowView {
+    COMPONENT_CLASSES: ClassVar[set[str]] = set(COMPONENTS)
+    DEFAULT_CSS = f"""
+    {tone_css("RowView")}
+    RowView {{
         height: 1fr; width: 1fr;
         overflow-x: hidden; overflow-y: auto; scrollbar-gutter: stable;
         scrollbar-size-vertical: 1;
-    }
+    }}
     """
 
-    BINDINGS = [
+    BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "step(-1)", show=False),
         Binding("down", "step(1)", show=False),
         Binding("pageup", "page(-1)", show=False),
@@ -49,7 +52,7 @@ class RowView(QuietScrollView, Toned, can_focus=True):
     class Resized(Message):
         """The width changed."""
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self.cursor = -1
 
@@ -72,7 +75,7 @@ class RowView(QuietScrollView, Toned, can_focus=True):
             return self.paint((), width)
         ground = ""
         if index == self.cursor:
-            ground = "line--cursor" if self.has_focus else "line--cursor-away"
+            ground = CURSOR if self.has_focus else CURSOR_AWAY
         return self.paint(self.row_at(index).line, width, ground)
 
     def move_to(self, index: int, *, by_wizard: bool = True) -> None:
@@ -143,7 +146,7 @@ class RowView(QuietScrollView, Toned, can_focus=True):
 class RowList(RowView):
     """A list of rows held in memory. The cursor stays on its row when others come and go."""
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self._rows: Sequence[Row] = ()
 

@@ -11,10 +11,11 @@ from rise_engine.kernel.records import FINAL
 from rise_engine.view import TaskView
 from rise_tui.states import task_state
 from rise_tui.store import FUNCTION_WORDS
-from rise_tui.text import Line, Row, cell, clock, crop, seconds
+from rise_tui.text import Line, Row, Tone, cell, clock, crop, seconds
 from rise_tui.widgets.rows import RowView
 
 CALLING = {"Blocking": "block", "None": "none", "": ""}
+NARROW = 56
 WIDE = 96
 """From this width on, times have tenths and calling types have a column."""
 
@@ -25,10 +26,10 @@ class TaskLog(RowView):
     class FollowChanged(Message):
         """It follows, or has stopped following, the newest task."""
 
-    def __init__(self, task: Callable[[int], TaskView | None], *, id: str | None = None) -> None:  # noqa: A002
+    def __init__(self, task: Callable[[int], TaskView | None], *, id: str | None = None) -> None:
         super().__init__(id=id)
         self.following = True
-        self._task = task
+        self._find = task
         self._ids: Sequence[int] = ()
         self._shown = 0
         self._seen = 0
@@ -45,13 +46,13 @@ class TaskLog(RowView):
         return max(0, self._shown - self._seen)
 
     def row_at(self, index: int) -> Row:
-        task = self._task(self._ids[index])
+        task = self._find(self._ids[index])
         if task is None:
             return Row(str(self._ids[index]), ((f" task {self._ids[index]} is in the journal only", "muted"),))
         return Row(str(task.id), self.line_of(task, self.size.width))
 
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
-        """Show these tasks. `ids` is the caller's own list, which only grows; after a filter it is another: `restart`."""
+        """Show these tasks. `ids` is the caller's list, which only grows; when it is another one: `restart`."""
         self._ids = ids
         old = 0 if restart else self._shown
         self._shown = len(ids)
@@ -61,13 +62,19 @@ class TaskLog(RowView):
             self._lively.clear()
             self.cursor = min(self.cursor, self._shown - 1)
             self.refresh()
-        self._lively = {id: index for id, index in self._lively.items() if self._lives(id)}
+        self._lively = {one: index for one, index in self._lively.items() if self._lives(one)}
         self._lively |= {ids[index]: index for index in range(old, self._shown) if self._lives(ids[index])}
         self.resize_content(Size(self.row_width, self._shown))
         if self.following:
             self._to_end()
         for index in range(max(old, self.scroll_offset.y), min(self._shown, self.scroll_offset.y + self.size.height)):
             self.refresh_line(index)
+
+    def action_edge(self, direction: int) -> None:
+        if direction > 0:
+            self.follow()
+        else:
+            super().action_edge(direction)
 
     def follow(self) -> None:
         """Go to the newest task and stay there."""
@@ -82,8 +89,8 @@ class TaskLog(RowView):
             self._refresh_row(self.cursor)
         self.scroll_to(y=max(0, self._shown - self.size.height), animate=False)
 
-    def _lives(self, id: int) -> bool:  # noqa: A002 - the field's word
-        task = self._task(id)
+    def _lives(self, id: int) -> bool:
+        task = self._find(id)
         return task is not None and task.status not in FINAL
 
     def move_to(self, index: int, *, by_wizard: bool = True) -> None:
@@ -105,26 +112,29 @@ class TaskLog(RowView):
 
     def line_of(self, task: TaskView, width: int) -> Line:
         """One task in one line."""
-        wide, state = width >= WIDE, task_state(task)
+        state, function = task_state(task), FUNCTION_WORDS.get(task.function, task.function)
         took = seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
+        tone: Tone = "fault" if task.function == "stopAll" else "plain"
+        tail: Line = ((f" {state.glyph} ", state.tone), cell(state.word, 8, state.tone))
+        reason: Line = ((f"  {task.reason}", state.tone),) if task.reason else ()
+        if width < NARROW:
+            head: Line = (cell(f" {clock(task.submitted)}", 10, "muted"), cell(function, 10, tone))
+            return crop((*head, cell(task.behavior, max(6, width - 31)), *tail, *reason), width)
+        wide = width >= WIDE
         when = 11 if wide else 9
-        rest = width - when - 36 - (6 if wide else 0)
-        source = min(20, max(7, rest // 3))
-        behavior = min(44, max(9, rest - source - (20 if wide else 0)))
-        calling = (cell(CALLING.get(task.calling_type, task.calling_type), 6, "muted"),) if wide else ()
-        return crop(
-            (
-                (" ", "plain"),
-                cell(clock(task.submitted, tenths=wide), when, "muted"),
-                cell(task.source, source, "muted"),
-                (" ", "plain"),
-                cell(FUNCTION_WORDS.get(task.function, task.function), 10, "fault" if task.function == "stopAll" else "plain"),
-                *calling,
-                cell(task.behavior, behavior, "plain"),
-                (f" {state.glyph} ", state.tone),
-                cell(state.word, 8, state.tone),
-                cell(took, 6, "plain", right=True),
-                (f"  {task.reason}" if task.reason else "", state.tone),
-            ),
-            width,
+        rest = width - when - 28 - (7 if wide else 0)
+        source = min(20, max(9, rest // 3))
+        behavior = min(40, rest - source - (20 if wide else 0))
+        calling: Line = (cell(CALLING.get(task.calling_type, task.calling_type), 7, "muted"),) if wide else ()
+        line: Line = (
+            cell(f" {clock(task.submitted, tenths=wide)}", when + 1, "muted"),
+            cell(task.source, source - 1, "muted"),
+            (" ", "plain"),
+            cell(function, 10, tone),
+            *calling,
+            cell(task.behavior, behavior),
+            *tail,
+            cell(took, 6, right=True),
+            *reason,
         )
+        return crop(line, width)

@@ -187,7 +187,7 @@ class Session:
 
     @property
     def memory(self) -> dict[str, Any]:
-        return self.kernel.core.env.memory
+        return self.kernel.core.memory
 
 
 def short(record: AnyRecord) -> str:

@@ -356,7 +356,7 @@ def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Mov
     run = Run(scenario, moves)
     view, kernel = run.view, run.kernel
     assert view.seq == kernel.core.seq
-    assert {key: entry.value for key, entry in view.memory.items()} == kernel.core.env.memory
+    assert {key: entry.value for key, entry in view.memory.items()} == kernel.core.memory
     assert view.stack() == list(reversed(kernel.rules.stack))
     assert {name: rule.state for name, rule in view.rules.items() if rule.running} == {
         name: r.state.id for name, r in kernel.rules.stack.items()

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,10 @@ class Played:
         return [f"{record['action']} {record['type']}" for record in self.of("action", act=act, status=status)]
 
     def states(self, rule: str) -> list[str]:
-        """The states that a rule was in, in order."""
-        return [record["state"] for record in self.of("rule", name=rule) if record["status"] in ("started", "entered")]
+        """The states that a rule went through, in order; one that it stayed in or entered anew counts once."""
+        return [
+            state for state, _ in groupby(record["state"] for record in self.of("rule", name=rule, status="entered"))
+        ]
 
     def values(self, key: str) -> list[Any]:
         return [record["value"] for record in self.of("memory", key=key)]

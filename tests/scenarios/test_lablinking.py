@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from tests.scenarios.conftest import Play
 
 TASKS = {
@@ -51,14 +53,14 @@ def test_the_small_rules_raise_one_event_and_end(play: Play) -> None:
     nexts = session.of("rule", name="Next", status="ended")
     assert len(nexts) == len(session.of("rule", name="Next", status="started")) == 22
     assert len(session.of("rule", name="Repeat", status="ended")) == 1
-    assert len(session.of("event", topic="next", taken_by="Table setting")) == 21
+    assert len(session.of("event", topic="/next", taken_by="Table setting")) == 21
 
 
 def test_next_while_the_robot_speaks_does_nothing(play: Play) -> None:
     session = play("lablinking")
-    assert [topic for topic in session.unhandled() if topic in ("next", "repeat")] == ["next"]
+    assert [topic for topic in session.unhandled() if topic in ("/next", "/repeat")] == ["/next"]
     assert session.states("Table setting")[2] == "After the welcome"
-    early = session.of("event", topic="next", taken_by=None)[0]["t"]
+    early = session.of("event", topic="/next", taken_by=None)[0]["t"]
     assert early < session.time_of("task", behavior="R_Welcome", status="SUCCEEDED")
 
 
@@ -72,8 +74,7 @@ def test_a_repeated_instruction_is_said_again_word_by_word(play: Play) -> None:
 def test_an_instruction_is_multimodal(play: Play) -> None:
     session = play("lablinking")
     assert session.actions("R_Task1_Step1") == [
-        "1 LookAt",
-        *("2 Speech", "3 Animation"),
+        *("1 LookAt", "2 Speech", "3 Animation"),
         "4 Wait",
         *("5 Speech", "6 PointAt", "7 LookAt"),
         "8 LookAt",
@@ -106,9 +107,10 @@ def test_an_instruction_interrupts_a_filler(play: Play) -> None:
 
 def test_praise_never_has_the_same_words_twice_running(play: Play) -> None:
     session = play("lablinking")
-    said = [record["parameters"]["message"] for record in session.of("action", act="R_Praise", action="2", status="started")]
+    praises = session.of("action", act="R_Praise", action="2", status="started")
+    said = [record["parameters"]["message"] for record in praises]
     assert len(said) == 4
-    assert all(one != other for one, other in zip(said, said[1:], strict=False))
+    assert all(one != other for one, other in pairwise(said))
 
 
 def test_the_memory_tells_where_the_session_is(play: Play) -> None:

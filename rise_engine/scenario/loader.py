@@ -1,23 +1,25 @@
-"""From a folder to a checked scenario: read whole, checked whole, refused with all findings at once (semantics, section 1)."""
+"""From a folder to a checked scenario: read whole, checked whole, refused with all findings (semantics, section 1)."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
+from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.draft import Draft
 from rise_engine.scenario.findings import Finding, Findings
-from rise_engine.scenario.links import check_links, is_set
+from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import Place, RobotProfile, Scenario
+from rise_engine.scenario.relaxng import act_schema, rule_schema, validate
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
-from rise_engine.scenario.schema import act_schema, rule_schema, validate
 from rise_engine.scenario.settings import NAME, Settings
 from rise_engine.scenario.source import Files, Source
 from rise_engine.scenario.toml_places import TomlFile, read_toml
@@ -32,6 +34,10 @@ class Loaded(Struct, frozen=True):
     scenario: Scenario | None
     findings: list[Finding]
     """In reading order, errors and warnings."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """`scenario, findings = load(...)` works too."""
+        return iter((self.scenario, self.findings))
 
     @property
     def errors(self) -> list[Finding]:
@@ -54,7 +60,15 @@ def load(
     `robot`, `mode` ("debug" or "real") and `places` (keys `acts`, `rules`, `memory`) take precedence over the file.
     Never raises for what a scenario's author wrote.
     """
-    return _Loader(Path(path)).load(robot, mode, places or {})
+    import gc
+
+    collecting = gc.isenabled()
+    gc.disable()  # nearly all that loading makes is kept; looking for garbage meanwhile costs a fifth of the time
+    try:
+        return _Loader(Path(path)).load(robot, mode, places or {})
+    finally:
+        if collecting:
+            gc.enable()
 
 
 class _Loader:
@@ -65,38 +79,24 @@ class _Loader:
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
         self.files = Files(self.folder, self.findings)
         self.draft = Draft()
+        self.file = TomlFile(Source(NAME, b"", ""), {})
+        self.named: dict[str, str] = {}
 
     def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
         findings, draft = self.findings, self.draft
         if not self.folder.is_dir():
             findings.error("unreadable", Place(str(self.path)), "there is no such folder")
             return Loaded(None, findings.sorted())
-        file = self.settings_file()
-        settings = Settings(file, draft, findings)
+        self.read_settings()
+        settings = Settings(self.file, draft, findings)
         if mode is not None and mode not in ("debug", "real"):
             findings.error("wrong-value", Place(NAME), f'the mode is "debug" or "real", not "{mode}"')
-        profile = self.robot(robot if robot is not None else settings.robot, file, asked=robot is not None)
-        paths = {key: places.get(key) or settings.places.get(key) or DEFAULT_PLACES[key] for key in DEFAULT_PLACES}
-        explicit = {key for key in DEFAULT_PLACES if places.get(key) or settings.places.get(key)}
+        profile = self.robot(robot if robot is not None else settings.robot, asked=robot is not None)
+        self.named = {**settings.places, **places}
+        paths = {key: self.named.get(key) or place for key, place in DEFAULT_PLACES.items()}
 
-        checked: list[tuple[XmlFile, str]] = []
-        for kind in ("acts", "rules"):
-            for source in self.sources(kind, paths[kind], kind in explicit, file):
-                before = findings.errors
-                xml = read_xml(source, findings)
-                if xml is None:
-                    continue
-                if kind == "acts":
-                    read_acts(xml, profile, draft, findings)
-                else:
-                    read_rules(xml, draft, findings)
-                if findings.errors == before:
-                    checked.append((xml, kind))
-        memory = self.folder / paths["memory"]
-        if memory.exists() or "memory" in explicit:
-            source_or_none = self.existing(memory, "memory", paths["memory"], file)
-            if source_or_none is not None:
-                read_memory(source_or_none, draft, findings)
+        checked = [*self.read_acts(paths["acts"], profile), *self.read_rules(paths["rules"])]
+        self.read_memory(paths["memory"])
         check_links(draft, findings)
         self.validate(checked, profile)
 
@@ -121,51 +121,80 @@ class _Loader:
         )
         return Loaded(scenario, found)
 
-    def settings_file(self) -> TomlFile:
+    def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)
         source = self.files.source(path) if path.exists() else None
         file = read_toml(source, self.findings) if source is not None else None
-        return file if file is not None else TomlFile(Source(NAME, b"", ""), {})
+        self.file = file or self.file
 
-    def robot(self, name: str, file: TomlFile, *, asked: bool) -> RobotProfile:
-        from msgspec.structs import replace
-
-        from rise_engine.scenario.actions import declare
-
+    def robot(self, name: str, *, asked: bool) -> RobotProfile:
+        file = self.file
         place = Place(NAME) if asked or "robot" not in file.values else file.value_place("robot")
         profile = read_robot(name or DEFAULT, self.files, place)
         if "actions" in file.values:
             profile = replace(profile, actions=declare(file, profile.actions, "scenario", self.findings))
         return profile
 
-    def sources(self, kind: str, place: str, explicit: bool, file: TomlFile) -> list[Source]:
+    def read_acts(self, place: str, profile: RobotProfile) -> Iterator[tuple[XmlFile, str]]:
+        """Read the acts; yields the files in which nothing was wrong."""
+        for file in self.xml_files("acts", place):
+            before = self.findings.errors
+            read_acts(file, profile, self.draft, self.findings)
+            if self.findings.errors == before:
+                yield file, "acts"
+
+    def read_rules(self, place: str) -> Iterator[tuple[XmlFile, str]]:
+        """Read the rules; yields the files in which nothing was wrong."""
+        for file in self.xml_files("rules", place):
+            before = self.findings.errors
+            read_rules(file, self.draft, self.findings)
+            if self.findings.errors == before:
+                yield file, "rules"
+
+    def read_memory(self, place: str) -> None:
+        path = self.folder / place
+        if self.exists("memory", path):
+            source = self.files.source(path)
+            if source is None:
+                self.draft.unread.add("memory")
+            else:
+                read_memory(source, self.draft, self.findings)
+
+    def xml_files(self, kind: str, place: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
         path = self.folder / place
-        if not path.exists():
-            if explicit:
-                self.missing(kind, place, file)
-            return []
-        if not path.is_dir():
-            source = self.files.source(path)
-            return [source] if source is not None else []
+        if not self.exists(kind, path):
+            return
+        paths = [path]
+        if path.is_dir():
+            try:
+                names = sorted(os.listdir(path))  # noqa: PTH208  # one system call
+            except OSError as error:
+                self.findings.error(
+                    "unreadable", Place(place), f"this folder cannot be read: {error.strerror or error}"
+                )
+                names = []
+            paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
+        for each in paths:
+            source = self.files.source(each)
+            file = read_xml(source, self.findings) if source is not None else None
+            if file is None:
+                self.draft.unread.add(kind)
+            else:
+                yield file
+
+    def exists(self, kind: str, path: Path) -> bool:
+        """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
-            names = sorted(os.listdir(path))  # noqa: PTH208  # one system call
-        except OSError as error:
-            self.findings.error("unreadable", Place(place), f"this folder cannot be read: {error.strerror or error}")
-            return []
-        wanted = [name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
-        sources = [self.files.source(path / name) for name in wanted]
-        return [source for source in sources if source is not None]
-
-    def existing(self, path: Path, kind: str, place: str, file: TomlFile) -> Source | None:
-        if path.exists():
-            return self.files.source(path)
-        self.missing(kind, place, file)
-        return None
-
-    def missing(self, kind: str, place: str, file: TomlFile) -> None:
-        where = file.value_place(kind) if kind in file.values else Place(NAME)
-        self.findings.error("unreadable", where, f"there is no file or folder `{place}`")
+            if path.exists():
+                return True
+        except (OSError, ValueError):  # a name that no file can have
+            pass
+        if self.named.get(kind):
+            where = self.file.value_place(kind) if kind in self.file.values else Place(NAME)
+            self.findings.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
+            self.draft.unread.add(kind)
+        return False
 
     def validate(self, files: list[tuple[XmlFile, str]], profile: RobotProfile) -> None:
         """The schemas that editors use must agree with the checks above; if one does not, that is told, not hidden."""
@@ -188,6 +217,3 @@ class _Loader:
             digest.update(f"{name}\0{len(data)}\0".encode())
             digest.update(data)
         return digest.hexdigest()
-
-
-__all__ = ["Loaded", "is_set", "load"]

@@ -1,0 +1,65 @@
+"""The clocks."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from rise_engine.clock import RealClock, VirtualClock
+
+
+def test_virtual_time_runs_timers_in_order_and_ties_in_the_order_of_their_setting() -> None:
+    clock = VirtualClock()
+    seen: list[tuple[str, float]] = []
+    for name, when in (("c", 2.0), ("a", 1.0), ("b", 1.0), ("d", 1.0000001)):
+        clock.call_at(when, lambda name=name: seen.append((name, clock.now())))  # type: ignore[misc]
+    while clock.advance():
+        pass
+    assert seen == [("a", 1.0), ("b", 1.0), ("d", 1.0), ("c", 2.0)]
+
+
+def test_a_timer_in_the_past_runs_now_but_not_inside_the_call() -> None:
+    clock = VirtualClock()
+    clock.call_at(5, lambda: None)
+    clock.advance()
+    seen: list[float] = []
+    clock.call_at(1, lambda: seen.append(clock.now()))
+    assert seen == []
+    clock.advance()
+    assert seen == [5.0]
+
+
+def test_cancelled_timers_do_not_run_and_do_not_pile_up() -> None:
+    clock = VirtualClock()
+    for _ in range(10_000):
+        clock.call_at(100, lambda: pytest.fail("it was cancelled")).cancel()
+    assert len(clock._heap) < 200
+    timer = clock.call_at(1, lambda: None)
+    clock.advance()
+    timer.cancel()  # after it has run: nothing happens
+    timer.cancel()
+    assert clock.next_at is None
+    assert not clock.advance()
+
+
+def test_virtual_wall_time_begins_in_1970() -> None:
+    assert VirtualClock().wall(0) == "1970-01-01T00:00:00.000+00:00"
+    assert VirtualClock().wall(3661.5) == "1970-01-01T01:01:01.500+00:00"
+
+
+async def test_real_time_can_be_faster() -> None:
+    clock = RealClock(asyncio.get_running_loop(), 100)
+    done = asyncio.Event()
+    clock.call_at(1.0, done.set)
+    await asyncio.wait_for(done.wait(), 1)
+    assert 0.999 < clock.now() < 50
+    wall = clock.wall(0)
+    assert wall[4] == "-" and wall[19] == "." and wall[-6] in "+-"
+
+
+async def test_a_speed_must_be_above_zero() -> None:
+    loop = asyncio.get_running_loop()
+    for speed in (0, -1, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match="above 0"):
+            RealClock(loop, speed)

@@ -1,0 +1,435 @@
+"""`rise-engine run`, as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from .processes import ENGINE, Live, engine, folder, records
+from .samples import assert_one_ending_each
+
+FAST = ("--speed", "max", "--json")
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    return folder(tmp_path / "study")
+
+
+def task(function: str, behavior: str = "", **more: object) -> str:
+    return json.dumps({"function_type": function, "domain_task_behavior": behavior, **more})
+
+
+def act(name: str, **more: object) -> str:
+    return task("startCommunicationRobotAct", name, **more)
+
+
+# --- what it prints ---
+
+
+def test_an_act_from_start_to_end(place: Path) -> None:
+    done = engine("run", place, "--act", "Greet", *FAST)
+    assert (done.returncode, done.stderr) == (0, "")
+    found = records(done.stdout)
+    assert found[0]["kind"] == "session" and found[0]["status"] == "started" and found[0]["mode"] == "debug"
+    assert found[0]["scenario_hash"] and set(found[0]["versions"]) == {"rise-tui", "python"}
+    assert found[-1]["kind"] == "session" and found[-1]["status"] == "ended"
+    assert_one_ending_each(found)
+    spoken = [
+        r["parameters"]["message"]
+        for r in found
+        if r["kind"] == "action" and r["status"] == "started" and r["type"] == "Speech"
+    ]
+    assert spoken == ["Hello, Anna!", "How are you?"]
+    assert all({"seq", "t", "wall", "kind"} <= set(record) for record in found)
+
+
+def test_the_readable_account(place: Path) -> None:
+    done = engine("run", place, "--act", "Greet", "--speed", "max")
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert any(line.startswith("00:00.0") and '"Hello, Anna!"' in line and line.endswith("started") for line in lines)
+    assert any("Greet" in line and "succeeded, " in line for line in lines)
+    assert not any("accepted" in line for line in lines)
+
+
+def test_the_same_twice_is_the_same_byte_for_byte(place: Path, tmp_path: Path) -> None:
+    script = tmp_path / "s.jsonl"
+    script.write_text(
+        "\n".join([act("Chat", at=n * 1.7) for n in range(8)] + [act("Greet", at=3, calling_type="None")])
+    )
+    command = ("run", place, "--tasks", script, "--speed", "max", "--json", "--fault", "Speech=slow:1.5@3")
+    assert engine(*command, "--seed", 7).stdout == engine(*command, "--seed", 7).stdout
+    said = [
+        [
+            r["parameters"]["message"]
+            for r in records(engine(*command, "--seed", seed).stdout)
+            if r["kind"] == "action" and r["act"] == "Chat" and r["status"] == "started"
+        ]
+        for seed in (7, 8, 9, 10)
+    ]
+    assert len({tuple(each) for each in said}) > 1, "the seed matters"
+    for each in said:
+        assert all(first != second for first, second in zip(each, each[1:], strict=False))
+
+
+def test_real_time_says_the_same_as_virtual_time(place: Path) -> None:
+    def what(speed: str) -> list[tuple[str, ...]]:
+        done = engine("run", place, "--act", "Greet", "--speed", speed, "--json")
+        return [(r["kind"], r.get("status", ""), r.get("action", "")) for r in records(done.stdout)]
+
+    assert sorted(what("20")) == sorted(what("max"))
+
+
+def test_first_set_then_rules_then_acts_then_tasks(place: Path, tmp_path: Path) -> None:
+    script = tmp_path / "s.jsonl"
+    script.write_text(
+        "# a comment\n\n" + task("raiseEventTopic", "/go", at=2) + "\n" + task("assignValue", "n = 1", at=0) + "\r\n"
+    )
+    done = engine(
+        "run", place, "--act", "Chat", "--rule", "Wait for it", "--set", "name=Ben", "--set", "n=0", "--tasks", script,
+        *FAST,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "Ben was taken as a text" in done.stderr
+    tasks = [(r["t"], r["function"], r["source"]) for r in records(done.stdout) if r["kind"] == "task"]
+    order = list(dict.fromkeys((t, function) for t, function, source in tasks if not source.startswith("rule:")))
+    assert order[:5] == [
+        (0.0, "assignValue"),
+        (0.0, "startInteractionRule"),
+        (0.0, "startCommunicationRobotAct"),
+        *[(t, f) for t, f in order[3:5]],
+    ]
+    assert [source for t, f, source in tasks if f == "raiseEventTopic"] == ["file"]
+    memory = [(r["key"], r["value"]) for r in records(done.stdout) if r["kind"] == "memory"]
+    assert memory[-3:] == [("name", "Ben"), ("n", 0), ("n", 1)]
+    assert any("Hello, Ben!" in line for line in done.stdout.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("n=2", 2), ("n=2.5", 2.5), ('n="it\'s \\"so\\""', 'it\'s "so"'), ("n=null", None), ('n={"a": [1, {"b": true}]}',
+     {"a": [1, {"b": True}]}), ("n=", ValueError), ("=2", ValueError), ("n", ValueError), ("n=[1", ValueError),
+     ("n=NaN", "NaN"), ("n=Anna Maria", "Anna Maria"), ('n={"a": 1, "a": 2}', ValueError), ("n=01", ValueError)],
+)  # fmt: skip
+def test_set(place: Path, setting: str, value: object) -> None:
+    done = engine("run", place, "--set", setting, *FAST)
+    if value is ValueError:
+        assert done.returncode == 2 and done.stdout == "" and "--set" in done.stderr
+    else:
+        assert done.returncode == 0
+        assert next(r["value"] for r in reversed(records(done.stdout)) if r["kind"] == "memory") == value
+
+
+# --- when it ends ---
+
+
+def test_idle_means_that_waiting_rules_do_not_keep_it_alive(place: Path) -> None:
+    done = engine("run", place, "--rule", "Wait for it", *FAST)
+    assert done.returncode == 0
+    assert records(done.stdout)[-1]["t"] == 0
+
+
+def test_until_a_time(place: Path) -> None:
+    done = engine("run", place, "--rule", "Clock", "--until", "35", *FAST)
+    assert done.returncode == 0
+    found = records(done.stdout)
+    assert found[-1]["t"] == 35 and found[-1]["status"] == "ended"
+    assert len([r for r in found if r["kind"] == "rule" and r["trigger"] == "after 10s"]) == 3
+
+
+def test_until_a_time_in_the_middle_of_an_act_stops_the_robot_first(place: Path) -> None:
+    found = records(engine("run", place, "--act", "Greet", "--until", "0.5", *FAST).stdout)
+    assert_one_ending_each(found)
+    assert [r["status"] for r in found if r["kind"] == "stop"] == ["requested", "latched"]
+    assert found[-1]["kind"] == "session"
+
+
+def test_what_would_never_be_idle_ends_with_a_message(place: Path) -> None:
+    done = engine("run", place, "--rule", "Clock", *FAST)
+    assert done.returncode == 4 and "--until" in done.stderr
+    assert records(done.stdout)[-1]["status"] == "ended"
+
+
+def test_circles_without_any_time_passing_end_with_a_message(place: Path) -> None:
+    done = engine("run", place, "--rule", "Circle", *FAST, "--until", "1")
+    assert done.returncode == 4 and "circles" in done.stderr
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert found[-1]["status"] == "ended"
+    assert_one_ending_each(found)
+
+
+# --- exit statuses ---
+
+
+def test_a_refused_scenario(tmp_path: Path) -> None:
+    place = folder(tmp_path / "bad", bad='<Dialog name="Bad"><Speach><actionID>1</actionID></Speach></Dialog>')
+    done = engine("run", place, *FAST)
+    assert done.returncode == 1 and done.stdout == ""
+    assert "acts/bad.xml:1:" in done.stderr and "Speech" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--act", "Gret"), "`Greet`"),
+        (("--rule", "Wait for  it"), "`Wait for it`"),
+        (("--speed", "0"), "above 0"),
+        (("--speed", "fast"), "above 0"),
+        (("--until", "-1"), "0 or more"),
+        (("--until", "nan"), "0 or more"),
+        (("--seed", "x"), "seed"),
+        (("--fault", "Speach=fail"), "'Speech'"),
+        (("--fault", "Speech=explode"), "unknown kind"),
+        (("--tasks", "nowhere.jsonl"), "nowhere.jsonl"),
+        (("--mode", "dry"), "debug"),
+        (("--wat",), "--wat"),
+    ],
+)
+def test_wrong_usage_is_refused_before_anything_starts(place: Path, arguments: tuple[str, ...], said: str) -> None:
+    done = engine("run", place, *arguments, *FAST)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_missing_folder(tmp_path: Path) -> None:
+    for command in ("run", "check"):
+        done = engine(command, tmp_path / "nowhere")
+        assert done.returncode == 2 and "there is no folder" in done.stderr
+
+
+def test_strict(place: Path, tmp_path: Path) -> None:
+    script = tmp_path / "s.jsonl"
+    script.write_text(act("Gret"))
+    loose = engine("run", place, "--tasks", script, *FAST)
+    assert loose.returncode == 0
+    assert f"{script}:1: warning" in loose.stderr and "`Greet`" in loose.stderr
+    assert [r["status"] for r in records(loose.stdout) if r["kind"] == "task"] == ["REJECTED"]
+    assert engine("run", place, "--tasks", script, "--strict", *FAST).returncode == 3
+    assert engine("run", place, "--act", "Greet", "--strict", *FAST).returncode == 0
+    aborted = engine("run", place, "--act", "Greet", "--strict", "--fault", "Speech=fail", *FAST)
+    assert aborted.returncode == 3
+
+
+# --- faults ---
+
+
+@pytest.mark.parametrize(
+    ("fault", "ended", "outcome"),
+    [
+        ("Speech=reject", "failed", "ABORTED"),
+        ("Speech=fail@2", "failed", "ABORTED"),
+        ("LookAt=slow:4", "succeeded", "SUCCEEDED"),
+        ("Speech=hang", "timed-out", "ABORTED"),
+        ("LookAt=hang", "timed-out", "ABORTED"),
+        ("vanish@0.5", "lost", "ABORTED"),
+        ("vanish@0.5-1", "lost", "ABORTED"),
+        ("*=fail", "failed", "ABORTED"),
+    ],
+)
+@pytest.mark.parametrize("speed", ["max", "200"])
+def test_whatever_goes_wrong_every_action_ends_exactly_once(
+    place: Path, fault: str, ended: str, outcome: str, speed: str
+) -> None:
+    done = engine("run", place, "--act", "Greet", "--json", "--speed", speed, "--fault", fault)
+    assert done.returncode == 0, done.stderr
+    found = records(done.stdout)
+    assert_one_ending_each(found)
+    assert ended in [r["status"] for r in found if r["kind"] == "action"]
+    assert [r["status"] for r in found if r["kind"] == "task"][-1] == outcome
+
+
+def test_a_hanging_part_does_not_confirm_a_stop(place: Path) -> None:
+    found = records(engine("run", place, "--act", "Greet", "--until", "1", "--fault", "Speech=hang", *FAST).stdout)
+    latched = next(r for r in found if r["kind"] == "stop" and r["status"] == "latched")
+    assert latched["unconfirmed"] == ["generic/speech"] and "generic/gaze" in latched["confirmed"]
+    assert_one_ending_each(found)
+
+
+# --- task files ---
+
+
+def test_every_mistake_of_a_task_file_is_told_before_anything_starts(place: Path, tmp_path: Path) -> None:
+    script = tmp_path / "bad.jsonl"
+    script.write_text(
+        "\n".join(
+            [
+                act("Greet"),
+                "{not json",
+                '{"function_type": "startComunicationRobotAct", "domain_task_behavior": "Greet"}',
+                '{"function_typ": "stopAll"}',
+                act("Greet", at=-1),
+                act("Greet", calling_type="blocking"),
+                '{"function_type": "stopAll", "function_type": "stopAll"}',
+                "[1]",
+                task("raiseEventTopic"),
+                act("Greet", at="soon"),
+                act("Greet", at=True),
+            ]
+        )
+    )
+    done = engine("run", place, "--tasks", script, *FAST)
+    assert done.returncode == 2 and done.stdout == ""
+    told = done.stderr.splitlines()
+    for line in range(2, 12):
+        assert any(each.startswith(f"{script}:{line}:") for each in told), (line, told)
+    assert "`startCommunicationRobotAct`" in done.stderr and "`function_type`" in done.stderr
+    assert not any(each.startswith(f"{script}:1:") for each in told)
+
+
+def test_tasks_that_are_not_text(place: Path, tmp_path: Path) -> None:
+    script = tmp_path / "bad.jsonl"
+    script.write_bytes(b"\xff\xfe{}")
+    done = engine("run", place, "--tasks", script, *FAST)
+    assert done.returncode == 2 and "UTF-8" in done.stderr
+
+
+def test_a_whole_script_from_standard_input_in_virtual_time(place: Path) -> None:
+    lines = "\n".join([act("Chat", at=5), act("Greet", at=1)])
+    done = engine("run", place, "--tasks", "-", *FAST, stdin=lines)
+    started = [
+        (r["t"], r["behavior"]) for r in records(done.stdout) if r["kind"] == "task" and r["status"] == "PENDING"
+    ]
+    assert started == [(1, "Greet"), (5, "Chat")]
+    assert engine("run", place, "--tasks", "-", *FAST, stdin="{").returncode == 2
+
+
+def test_standard_input_as_it_comes(place: Path) -> None:
+    with Live("run", place, "--tasks", "-", "--speed", "20", "--json") as live:
+        live.until("robot", status="connected")
+        live.write(act("Greet"))
+        live.until("task", behavior="Greet", status="SUCCEEDED")
+        live.write("# what next?\n\n" + task("nonsense"))
+        live.write(task("assignValue", "n = 1"))
+        live.until("memory", key="n")
+        live.write(act("Chat", at=0))
+        live.until("task", behavior="Chat", status="ACTIVE")
+        live.end_input()
+        assert live.rest() == 2, "one line could not be used"
+        assert live.records[-1]["kind"] == "session"
+        assert "-:4: error: unknown function_type `nonsense`" in live.errors()
+        assert_one_ending_each(live.records)
+
+
+def test_the_end_of_standard_input_ends_the_session_when_all_is_done(place: Path) -> None:
+    with Live("run", place, "--tasks", "-", "--speed", "20", "--json") as live:
+        live.until("robot")
+        live.write(act("Greet"))
+        live.until("action", status="started")
+        live.end_input()
+        assert live.rest() == 0
+        assert [r["status"] for r in live.records if r["kind"] == "task"][-1] == "SUCCEEDED"
+
+
+# --- signals and pipes ---
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_stops_the_robot_first(place: Path, which: signal.Signals) -> None:
+    with Live("run", place, "--act", "Greet", "--json") as live:
+        live.until("action", status="accepted")
+        live.signal(which)
+        assert live.rest() == 130
+        assert [r["status"] for r in live.records if r["kind"] == "stop"] == ["requested", "latched"]
+        assert live.records[-1]["kind"] == "session" and live.records[-1]["reason"] == "interrupted"
+        assert_one_ending_each(live.records)
+        assert live.errors() == ""
+
+
+def test_an_interrupt_when_nothing_runs_stops_all_the_same(place: Path) -> None:
+    with Live("run", place, "--rule", "Wait for it", "--until", "1000", "--json") as live:
+        live.until("rule", status="entered")
+        live.signal()
+        assert live.rest() == 130
+        assert [r["status"] for r in live.records if r["kind"] == "stop"] == ["requested", "latched"]
+
+
+def test_a_second_interrupt_ends_at_once(place: Path) -> None:
+    with Live("run", place, "--act", "Greet", "--json", "--fault", "Speech=hang") as live:
+        live.until("action", status="accepted")
+        live.signal()
+        live.until("stop", status="latched")
+        live.signal()
+        assert live.rest() == 130
+        assert live.records[-1]["kind"] == "stop"
+
+
+def test_a_reader_that_goes_away_ends_the_session_quietly(place: Path) -> None:
+    for speed in ("50", "max"):
+        command = [ENGINE, "run", str(place), "--rule", "Clock", "--until", "40000", "--speed", speed, "--json"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL)
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(30) == 141
+        assert process.stderr.read() == b""
+        process.stderr.close()
+
+
+# --- robots ---
+
+
+def test_a_new_robot_and_a_new_action_are_files(tmp_path: Path) -> None:
+    place = folder(
+        tmp_path / "study",
+        toml='robot = "trolley"\n[actions.Beep]\nchannels = ["horn"]\nparameters.times = { type = "integer", default = 1 }\n',
+        drive='<Dialog name="Serve"><Drive><actionID>1</actionID><place>table</place></Drive>'
+        "<Beep><actionID>2</actionID><waitForActions>1</waitForActions><times>2</times></Beep></Dialog>",
+    )
+    (place / "robots").mkdir()
+    (place / "robots" / "trolley.toml").write_text(
+        'title = "Trolley"\n[actions.Speech]\n[actions.LookAt]\n'
+        '[actions.Drive]\nchannels = ["base"]\nseconds = 4\n'
+        'parameters.place = { type = "name", required = true, names = ["door", "table"] }\n'
+    )
+    done = engine("run", place, "--act", "Serve", *FAST)
+    assert done.returncode == 0, done.stderr
+    found = records(done.stdout)
+    ended = [
+        (r["t"], r["type"], r["parameters"]) for r in found if r["kind"] == "action" and r["status"] == "succeeded"
+    ]
+    assert ended[0] == (4.0, "Drive", {"place": "table"}) and ended[1][1:] == ("Beep", {"times": 2})
+    assert "trolley: Trolley" in engine("robots", place).stdout
+    schema = engine("schema", place, "--kind", "cra").stdout
+    assert '"Drive"' in schema and '"Beep"' in schema
+
+
+@pytest.mark.parametrize("robot", ["generic", "floka", "nao", "pepper"])
+def test_every_robot_that_comes_with_it_runs(place: Path, robot: str) -> None:
+    assert engine("check", place, "--robot", robot).returncode == 0
+    done = engine("run", place, "--act", "Greet", "--robot", robot, "--strict", *FAST)
+    assert done.returncode == 0
+    assert records(done.stdout)[0]["robot"] == robot
+
+
+def test_a_head_points_with_its_gaze(tmp_path: Path) -> None:
+    place = folder(
+        tmp_path / "study",
+        point='<Dialog name="There"><PointAt><actionID>1</actionID><pointx>1</pointx><pointy>0</pointy>'
+        "<pointz>1</pointz><hand>left</hand></PointAt></Dialog>",
+    )
+    found = records(engine("run", place, "--act", "There", "--robot", "floka", "--strict", *FAST).stdout)
+    started = next(r for r in found if r["kind"] == "action")
+    assert (started["type"], started["sent_as"]) == ("PointAt", "LookAt")
+    refused = engine("run", place, "--act", "There", "--robot", "floka", "--fault", "PointAt=fail", *FAST)
+    assert refused.returncode == 2 and "LookAt=fail" in refused.stderr
+
+
+def test_mode_real(tmp_path: Path) -> None:
+    place = folder(tmp_path / "study", toml='mode = "real"\nrobot = "arm"\n')
+    (place / "robots").mkdir()
+    (place / "robots" / "arm.toml").write_text('driver = "ros7"\n[actions.Speech]\n[actions.LookAt]\n')
+    done = engine("run", place, *FAST)
+    assert done.returncode == 1 and "'ros7' is not installed" in done.stderr and done.stdout == ""
+    assert engine("run", place, "--mode", "debug", "--act", "Greet", *FAST).returncode == 0
+    warned = engine("run", place, "--robot", "pepper", *FAST)
+    assert warned.returncode == 0 and "nothing leaves this machine" in warned.stderr
+    found = records(warned.stdout)
+    assert found[0]["mode"] == "real"
+    assert any(r["kind"] == "note" and "nothing leaves this machine" in r["text"] for r in found)

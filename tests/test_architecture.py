@@ -1,0 +1,111 @@
+"""The import contracts of pyproject.toml, proved once more: by reading the sources, and by looking at what is loaded.
+
+An import linter sees what is written as an import. These tests see what a running engine has in memory.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rise_engine
+
+ROOT = Path(__file__).parents[1]
+FOREIGN = {"textual", "rich", "rclpy", "rise_tui", "rise_adapters"}
+"""What must never be loaded with the engine."""
+IMPURE_MODULES = {
+    *("asyncio", "concurrent", "datetime", "http", "io", "locale", "logging", "multiprocessing", "os", "pathlib"),
+    *("platform", "queue", "random", "sched", "secrets", "select", "selectors", "shutil", "signal", "socket"),
+    *("subprocess", "sys", "tempfile", "threading", "time", "urllib", "uuid"),
+}
+IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "compile", "__import__", "id", "breakpoint"}
+"""Builtins that do I/O, run text as code, or differ from one process to the next."""
+
+
+def modules(package: str) -> list[Path]:
+    return sorted((ROOT / package.replace(".", "/")).rglob("*.py"))
+
+
+def imported(tree: ast.AST, package: str) -> set[str]:
+    """Top-level names of what a module imports; `rise_engine.engine` in full."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            names.add(node.module or "")
+    return names
+
+
+def loaded_by(code: str) -> set[str]:
+    """Names in sys.modules after `code` has run in a Python of its own."""
+    result = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport json, sys; sys.stderr.write(json.dumps(sorted(sys.modules)))"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=60,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    return set(json.loads(result.stderr.splitlines()[-1]))
+
+
+def foreign(loaded: set[str]) -> set[str]:
+    return {name for name in loaded if name.partition(".")[0] in FOREIGN}
+
+
+def all_modules() -> list[str]:
+    return [
+        module.name
+        for module in pkgutil.walk_packages(rise_engine.__path__, "rise_engine.")
+        if "__main__" not in module.name
+    ]
+
+
+def test_the_whole_engine_loads_no_console_adapter_or_ros() -> None:
+    assert "rise_engine.cli" in all_modules()
+    assert foreign(loaded_by("\n".join(f"import {name}" for name in all_modules()))) == set()
+
+
+@pytest.mark.parametrize("scenario", ["greeting", "lablinking"])
+def test_checking_a_scenario_loads_no_console_adapter_or_ros(scenario: str) -> None:
+    code = f"from rise_engine.cli import main\nmain(['check', 'scenarios/{scenario}'], standalone_mode=False)"
+    try_exit = "try:\n    " + code.replace("\n", "\n    ") + "\nexcept SystemExit as exit:\n    assert not exit.code"
+    assert foreign(loaded_by(try_exit)) == set()
+
+
+def test_the_client_that_a_console_holds_brings_no_engine_along() -> None:
+    loaded = loaded_by("import rise_engine.link.client")
+    assert {"rise_engine.engine", "rise_engine.kernel.kernel", "asyncio"} & loaded <= {"rise_engine.kernel.kernel"}
+
+
+@pytest.mark.parametrize(
+    "file", modules("rise_engine.kernel") + modules("rise_engine.expression"), ids=lambda file: file.stem
+)
+def test_the_kernel_and_the_expressions_are_pure(file: Path) -> None:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    names = imported(tree, "rise_engine")
+    assert {name for name in names if name.partition(".")[0] in IMPURE_MODULES} == set()
+    assert {
+        name for name in names if name.startswith(("rise_engine.engine", "rise_engine.link", "rise_engine.cli"))
+    } == set()
+    calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    assert calls & IMPURE_CALLS == set()
+
+
+def test_every_module_says_what_it_is_for() -> None:
+    missing = [
+        str(file.relative_to(ROOT))
+        for package in ("rise_engine", "rise_tui", "adapters.rise_adapters")
+        for file in modules(package)
+        if file.stat().st_size and ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) is None
+    ]
+    assert missing == []
