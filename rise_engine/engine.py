@@ -185,8 +185,9 @@ class Engine:
     # --- outputs ------------------------------------------------------------------------------------------------
 
     def _publish(self, records: list[AnyRecord]) -> None:
+        wall = self.clock.wall(self._t)  # all records of a step are of one moment
         for record in records:
-            record.wall = self.clock.wall(record.t)
+            record.wall = wall
             if isinstance(record, StopRecord):
                 self._stop_status = record.status
             for sink in tuple(self._sinks):

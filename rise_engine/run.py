@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 OK, REFUSED, USAGE, UNSUCCESSFUL, ENDLESS, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 3, 4, 70, 130, 141
 """Exit statuses (docs/reference/rise-engine.md)."""
 
-LIVELOCK = 100_000
-"""Inputs without any progress of virtual time after which a session is given up."""
+LIVELOCK = 20_000
+"""Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
+LIVELOCK_SECONDS = 0.1
 ENDLESS_AFTER = 86_400.0
 """Virtual seconds after the last scripted task: a session that is not idle by then never will be."""
 STOP_SECONDS = 6.0
@@ -79,6 +80,8 @@ class _Session:
         self.engine = Engine(scenario, robot, clock, plan.seed, sinks=(output, self._watch))
         self.output = output
         self.status = OK
+        self.submitted = 0
+        """Tasks of the script that have been submitted."""
         self._waiting = len(plan.script)
         self.streaming = plan.stream
         self._unsuccessful = False
@@ -148,6 +151,7 @@ class _Session:
 
     def _submit(self, task: ScriptTask) -> None:
         self._waiting -= 1
+        self.submitted += 1
         if not self.engine.ended:
             self.engine.post(task.task)
 
@@ -178,16 +182,17 @@ def _run_virtual(plan: Plan) -> int:
             session.end_if_idle()
             if engine.ended or not clock.advance():
                 break
-            if clock.now() > moment:
-                moment, inputs = clock.now(), engine.inputs
-            elif engine.inputs - inputs > LIVELOCK and session.status != ENDLESS:
-                inputs = engine.inputs
-                session.give_up(f"{LIVELOCK:,} inputs in one moment, at {moment:g} s: something goes round in circles")
-            elif engine.inputs - inputs > LIVELOCK:
-                break
-            if plan.until is None and moment > horizon and session.status != ENDLESS:
+            now, handled = clock.now(), engine.inputs - session.submitted
+            if now >= moment + LIVELOCK_SECONDS:
+                moment, inputs = now, handled
+            elif handled - inputs > LIVELOCK:
+                if session.status == ENDLESS:
+                    break
+                inputs = handled
+                session.give_up(f"{LIVELOCK:,} inputs in one moment, at {now:g} s: something goes round in circles")
+            if plan.until is None and now > horizon and session.status != ENDLESS:
                 session.give_up(
-                    f"after {moment / 3600:.0f} hours of session time something still goes on by itself; "
+                    f"after {now / 3600:.0f} hours of session time something still goes on by itself; "
                     "say how long to run: --until SECONDS"
                 )
             if interrupts and session.status != INTERRUPTED:

@@ -30,6 +30,12 @@ class ConsoleApp(KeyWatch):
     ENABLE_COMMAND_PALETTE = False  # ours is an action of the registry
     ALLOW_SELECT = False
     BINDINGS = bindings("everywhere")
+    CSS = """
+    CommandPalette { background: transparent; }
+    CommandPalette > Vertical { margin-top: 4; max-height: 80%; }
+    CommandPalette #--input { border: none; height: 1; background: $panel; }
+    CommandPalette #--results { background: $panel; }
+    """
 
     def __init__(
         self,

@@ -23,14 +23,13 @@ from rise_engine.engine import Engine
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.link.client import ClientInput, EngineGone, Hello, Reply
+from rise_engine.link.mailbox import Call, Mailbox
 from rise_engine.robots import make_robot, warning_for
 from rise_engine.scenario.model import Mode, RobotProfile, Scenario
 from rise_engine.view import ActView, TaskView, View
 
 _LOG = logging.getLogger(__name__)
 
-MAILBOX = 200_000
-"""Records that wait for one client. One that is further behind is cut off and has to attach again."""
 END_SECONDS = 6.0
 """Real seconds that the robot gets to confirm the last stop before the session ends without it."""
 
@@ -81,8 +80,8 @@ class EngineHost:
         self._thread = threading.Thread(target=self._run, name="rise-engine", daemon=True)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._backlog: list[Callable[[], None]] = []
-        self._calls: set[_Call] = set()
-        self._mailboxes: list[_Mailbox] = []
+        self._calls: set[Call] = set()
+        self._mailboxes: list[Mailbox] = []
         self._gone: str | None = None
         # These belong to the engine's thread:
         self._clock: RealClock | None = None
@@ -123,7 +122,7 @@ class EngineHost:
     def call(self, work: Callable[[], Any]) -> asyncio.Future[Any]:
         """Run `work` on the engine's thread; a future of the calling loop gets what comes of it, or EngineGone."""
         loop = asyncio.get_running_loop()
-        call = _Call(loop, loop.create_future())
+        call = Call(loop, loop.create_future())
 
         def run() -> None:
             try:
@@ -154,7 +153,7 @@ class EngineHost:
                 return False
             return True
 
-    def _settle(self, call: _Call, result: Any, error: Exception | None) -> None:
+    def _settle(self, call: Call, result: Any, error: Exception | None) -> None:
         with self._lock:
             if call not in self._calls:
                 return
@@ -212,14 +211,14 @@ class EngineHost:
             if not mailbox.put(record):
                 self.leave(mailbox)
 
-    def enter(self, mailbox: _Mailbox) -> Hello:
+    def enter(self, mailbox: Mailbox) -> Hello:
         """Between two steps: the state, and from here on every record."""
         with self._lock:
             self._mailboxes.append(mailbox)
         scenario = self.scenario
         return Hello(scenario, scenario.mode, scenario.robot.name, self.seed, copy_of(self._view))
 
-    def leave(self, mailbox: _Mailbox) -> None:
+    def leave(self, mailbox: Mailbox) -> None:
         with self._lock, suppress(ValueError):
             self._mailboxes.remove(mailbox)
 
@@ -233,11 +232,11 @@ class LocalClient:
 
     def __init__(self, host: EngineHost) -> None:
         self.host = host
-        self._mailbox: _Mailbox | None = None
+        self._mailbox: Mailbox | None = None
 
     async def attach(self) -> Hello:
         self._detach()
-        mailbox = _Mailbox(asyncio.get_running_loop())
+        mailbox = Mailbox(asyncio.get_running_loop())
         hello: Hello = await self.host.call(lambda: self.host.enter(mailbox))
         self._mailbox = mailbox
         return hello
@@ -259,7 +258,7 @@ class LocalClient:
 
     async def close(self, *, end_session: bool = True) -> None:
         if end_session:
-            last = _Mailbox(asyncio.get_running_loop())
+            last = Mailbox(asyncio.get_running_loop())
             with suppress(EngineGone):
                 await self.host.call(lambda: self.host.enter(last))
                 self.host.end("the console has ended the session")
@@ -272,98 +271,6 @@ class LocalClient:
         if mailbox is not None:
             mailbox.close()
             self.host.leave(mailbox)
-
-
-class _Call:
-    """A question to the engine, and the future of another loop that waits for the answer."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, future: asyncio.Future[Any]) -> None:
-        self._loop = loop
-        self.future = future
-
-    def settle(self, result: Any, error: Exception | None) -> None:
-        with suppress(RuntimeError):  # the client's loop is closed: nobody waits any more
-            self._loop.call_soon_threadsafe(self._set, result, error)
-
-    def _set(self, result: Any, error: Exception | None) -> None:
-        if self.future.done():
-            return
-        if error is None:
-            self.future.set_result(result)
-        else:
-            self.future.set_exception(error)
-
-
-class _Mailbox:
-    """Records on their way from the engine's thread to one client's loop."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
-        self._records: deque[AnyRecord] = deque()
-        self._woken = False
-        self._closed = False
-        self._finished = False
-        self._error: str | None = None
-        self._arrived = asyncio.Event()
-
-    # --- engine's thread ---
-
-    def put(self, record: AnyRecord) -> bool:
-        """Never waits. False when nobody takes records from here any more."""
-        if self._closed:
-            return False
-        if len(self._records) >= MAILBOX:
-            self.finish("this client fell too far behind the engine; attach again")
-            return False
-        self._records.append(record)
-        return self._wake()
-
-    def finish(self, error: str | None) -> None:
-        """No more records: the engine has ended, or this client is cut off."""
-        self._error = error
-        self._finished = True
-        self._woken = False
-        self._wake()
-
-    def _wake(self) -> bool:
-        if not self._woken:
-            self._woken = True
-            try:
-                self._loop.call_soon_threadsafe(self._ring)
-            except RuntimeError:  # the client's loop is closed
-                self._closed = True
-        return not self._closed
-
-    # --- client's loop ---
-
-    def _ring(self) -> None:
-        # First this, then the taking: a record that comes in between rings once more, and none is left lying.
-        self._woken = False
-        self._arrived.set()
-
-    def close(self) -> None:
-        self._closed = True
-        self._records.clear()
-        self._finished = True
-        self._arrived.set()
-
-    async def batches(self) -> AsyncIterator[Sequence[AnyRecord]]:
-        while True:
-            await self._arrived.wait()
-            self._arrived.clear()
-            finished = self._finished
-            batch: list[AnyRecord] = []
-            with suppress(IndexError):
-                while True:
-                    batch.append(self._records.popleft())
-            if batch:
-                yield batch
-            if finished and not self._records:
-                if self._error is not None:
-                    raise EngineGone(self._error)
-                return
-            if finished:
-                self._arrived.set()
 
 
 def copy_of(view: View) -> View:

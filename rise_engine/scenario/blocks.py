@@ -11,7 +11,7 @@ from rise_engine.scenario.conditions import NEVER, expression_message, note_assi
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
-from rise_engine.scenario.xml import Element, Spot, XmlFile, attribute_names
+from rise_engine.scenario.xml import Element, Spot, XmlFile
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
@@ -51,7 +51,8 @@ class BlockReader:
         self.findings.error(code, self.file.place(element), message)
 
     def attributes(self, element: Element, known: tuple[str, ...]) -> None:
-        for name in attribute_names(element):
+        name: Any
+        for name in element.keys():  # noqa: SIM118  # lxml elements are no mappings
             if name not in known:
                 self.findings.error(
                     "unknown-attribute",

@@ -16,6 +16,7 @@ from rise_engine.scenario.xml import Element, Spot, XmlFile
 
 WRAPPERS = ("InteractionRules",)
 _AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
+_NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
 _STATE_PARTS = ("onEntry", "onExit", "transition")
 
@@ -101,10 +102,7 @@ class _RuleReader(BlockReader):
         text = element.get("priority")
         if text is None:
             return 0
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = float(text) if _NUMBER.match(text) else math.nan
         if not math.isfinite(value):
             self.findings.error(
                 "wrong-type", self.file.value_place(element, "priority"), f"priority is a number; `{text}` is not"

@@ -33,16 +33,14 @@ class Source:
         return Place(self.name, line, offset - starts[line - 1] + 1)
 
     def places(self, offsets: list[int]) -> list[Place]:
-        """The places of many offsets in rising order."""
-        starts = self._line_starts
-        if starts is None:
-            starts = self._line_starts = line_starts(self.text)
+        """The places of many offsets in rising order; quicker than one by one."""
         found: list[Place] = []
-        line, last, name = 0, len(starts), self.name
+        name, count, rfind = self.name, self.text.count, self.text.rfind
+        line, last = 1, 0
         for offset in offsets:
-            while line < last and starts[line] <= offset:
-                line += 1
-            found.append(Place(name, line, offset - starts[line - 1] + 1))
+            line += count("\n", last, offset)
+            last = offset
+            found.append(Place(name, line, offset - rfind("\n", 0, offset)))
         return found
 
     def offset(self, line: int, column: int) -> int:

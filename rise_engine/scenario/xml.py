@@ -25,6 +25,7 @@ _TAG = re.compile(
     re.DOTALL,
 )
 _START = re.compile(r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|<[^/]", re.DOTALL)
+_PLAIN_START = re.compile(r"<[^/]")
 _ATTRIBUTE = re.compile(r"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n|.", re.DOTALL)
 _VISIBLE = re.compile(r"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
@@ -41,8 +42,10 @@ class XmlFile:
         self.root = root
         self._text = text
         self._mended = mended
-        self._starts: dict[Element, int] | None = None
+        self._starts: list[int] | None = None
+        """Offsets of all start tags, in document order."""
         self._places: dict[Element, Place] = {}
+        self._order: dict[Element, int] = {}
 
     def place(self, element: Element) -> Place:
         """Where an element's start tag begins."""
@@ -119,16 +122,22 @@ class XmlFile:
         if self._starts is None:
             self._locate()
         assert self._starts is not None
-        return self._starts.get(element)
+        if not self._order:
+            self._order = {each: index for index, each in enumerate(self._places)}
+        index = self._order.get(element)
+        return self._starts[index] if index is not None else None
 
     def _locate(self) -> None:
         """Find every start tag. Should the count ever be wrong, lines must do."""
         text = self._text
-        starts = [tag.start() for tag in _START.finditer(text) if text[tag.start() + 1] not in "!?"]
+        if "<!" in text or "<?" in text:
+            starts = [tag.start() for tag in _START.finditer(text) if text[tag.start() + 1] not in "!?"]
+        else:
+            starts = [tag.start() for tag in _PLAIN_START.finditer(text)]
         elements = list(self.root.iter())
         if len(starts) != len(elements):
             starts, elements = [], []
-        self._starts = dict(zip(elements, starts, strict=True))
+        self._starts = starts
         if self._mended:
             starts = [self._mended.original(start) for start in starts]
         self._places = dict(zip(elements, self.source.places(starts), strict=True))

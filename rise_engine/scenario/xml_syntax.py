@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.xml_repair import Mended
@@ -11,6 +11,7 @@ from rise_engine.scenario.xml_repair import Mended
 if TYPE_CHECKING:
     from lxml import etree
 
+_POSITION = re.compile(r", line \d+, column \d+.*\Z", re.DOTALL)
 _MISMATCH = re.compile(r"tag mismatch: (\S+) line (\d+) and (\S+)")
 _UNFINISHED = re.compile(r"in tag (\S+) line (\d+)")
 _REDEFINED = re.compile(r"Attribute (\S+) redefined")
@@ -18,18 +19,17 @@ _REDEFINED = re.compile(r"Attribute (\S+) redefined")
 
 def report_syntax(error: etree.XMLSyntaxError, mended: Mended, findings: Findings) -> None:
     """Turn the first error of the parser into a finding."""
-    log: Any = error.error_log  # a sequence, which the stubs do not know
-    entry = log[0] if len(log) else None
-    message = entry.message if entry is not None else str(error)
+    message = _POSITION.sub("", error.msg or "")  # error.error_log holds those of all files so far
     text = mended.text
-    offset = _offset(text, entry.line, entry.column) if entry is not None else 0
+    line, column = error.position
+    offset = _offset(text, line or 1, column or 1)
     code = "not-well-formed"
     if not text.strip():
         offset, sentence = 0, "this file is empty"
     elif (found := _MISMATCH.search(message)) is not None:
-        opened, line, closed = found.groups()
-        offset = max(text.rfind("</", 0, offset), 0)
-        sentence = f"`</{closed}>` does not close `<{opened}>` of line {line}; tags close in reverse order"
+        opened, opened_at, closed = found.groups()
+        offset = max(text.rfind("</", 0, offset + 1), 0)
+        sentence = f"`</{closed}>` does not close `<{opened}>` of line {opened_at}; tags close in reverse order"
     elif (found := _UNFINISHED.search(message)) is not None:
         sentence = f"`<{found.group(1)}>` of line {found.group(2)} is never closed; add `</{found.group(1)}>`"
     elif (found := _REDEFINED.search(message)) is not None:

@@ -86,7 +86,7 @@ class ActPane(ListPane):
         end = task.ended if task.ended is not None else self.store.now()
         took = duration(end - task.started) if task.started is not None else ""
         if task.status == "ACTIVE" and (typical := self.store.typical(act.name)) is not None:
-            took = f"{took} of {seconds(typical)}"
+            took = f"{took.removesuffix(' s')} of {duration(typical)}"
         return spread(left, ((took, "plain"), (f"  {task.source} ", "muted")), width)
 
     def _line(self, action: Action, done: ActionView | None, id_width: int) -> Line:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from textual import on
+
 from rise_engine.view import TaskView
 from rise_tui.actions import bindings
+from rise_tui.messages import Told
 from rise_tui.panes.pane import Pane
-from rise_tui.store import Store
+from rise_tui.store import Store, describe
 from rise_tui.text import Tone, plain
+from rise_tui.widgets.rows import RowView
 from rise_tui.widgets.task_log import TaskLog
 
 
@@ -57,6 +61,14 @@ class LogPane(Pane):
             self.title.draw(((f"/{self.filter_text}  {view.count} of {len(self.store.log)}  ", "wait"), (state, tone)))
         else:
             self.title.draw(((state, tone),))
+
+    @on(RowView.Moved)
+    def _moved(self, event: RowView.Moved) -> None:
+        """The selected task's reason in full: there may be no room for it in its row."""
+        event.stop()
+        task = self._find(int(event.rows.current)) if event.rows.current else None
+        if task is not None and task.reason:
+            self.post_message(Told(f"{describe(task.function, task.behavior)}: {task.reason}"))
 
     def on_task_log_follow_changed(self, event: TaskLog.FollowChanged) -> None:
         event.stop()

@@ -106,6 +106,9 @@ class ConsoleScreen(QuietScreen[None]):
         self.notice.draw(self.session.store)
 
     def _draw_hints(self) -> None:
+        if isinstance(self.focused, Input):
+            self.hints.draw_typing()
+            return
         pane = self.panes.focused()
         own = list(at(pane.PLACE)) if pane is not None else []
         release = [BY_ID["release"]] if self.session.store.state == "STOPPED" else []

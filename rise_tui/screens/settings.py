@@ -58,7 +58,7 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
 
     DEFAULT_CSS = """
     SettingsScreen {
-        align: center bottom; background: transparent;
+        align: center middle; background: transparent;
         #box { width: 78; max-width: 100%; height: auto; max-height: 100%; margin: 4 0 1 0; padding: 0 1;
                background: $panel; border: round $primary; border-title-style: bold; }
         .row { height: 1; }

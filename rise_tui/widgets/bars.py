@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from textual import events
 
-from rise_tui.actions import Action
+from rise_tui.actions import BY_ID, Action
 from rise_tui.messages import ActionAsked
 from rise_tui.store import Store
 from rise_tui.text import Line, Span, Tone, clock, crop, fit, spread, width_of
@@ -140,6 +140,12 @@ class KeyHints(Lines):
             self._places.append((start, start + width_of(piece) - 1, action.id))
             spans += piece
         self.show(tuple(spans))
+
+    def draw_typing(self) -> None:
+        """While a text field has the focus no key starts anything, but the stop key stops."""
+        self._places = [(0, 12, "stop")]
+        rest: Line = ((" enter", "key"), (" take ", "plain"), (" esc", "key"), (" leave ", "plain"))
+        self.show((*_hint(BY_ID["stop"], False), *rest, ("  typing: keys start nothing", "muted")))
 
     def on_click(self, event: events.Click) -> None:
         for start, end, action in self._places:

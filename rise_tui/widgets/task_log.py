@@ -11,11 +11,13 @@ from rise_engine.kernel.records import FINAL
 from rise_engine.view import TaskView
 from rise_tui.states import task_state
 from rise_tui.store import FUNCTION_WORDS
-from rise_tui.text import Line, Row, Tone, cell, clock, crop, seconds
+from rise_tui.text import Line, Row, Tone, cell, clock, crop, seconds, width_of
 from rise_tui.widgets.rows import RowView
 
 CALLING = {"Blocking": "block", "None": "none", "": ""}
 NARROW = 56
+REASON = 10
+"""A reason that would have less room than this stays out of the row."""
 WIDE = 96
 """From this width on, times have tenths and calling types have a column."""
 
@@ -135,6 +137,6 @@ class TaskLog(RowView):
             cell(task.behavior, behavior),
             *tail,
             cell(took, 6, right=True),
-            *reason,
         )
-        return crop(line, width)
+        room = width - width_of(line)
+        return crop((*line, *reason), width) if room >= REASON else line

@@ -40,7 +40,7 @@ RULES = """<InteractionRules>
     <transition eventTopic="/Nothing_end" target="Round"/></State>
 </InteractionRule>
 </InteractionRules>"""
-NOTHING = '<Dialog name="Nothing"><Wait><actionID>1</actionID><duration>0.001</duration></Wait></Dialog>'
+NOTHING = '<Dialog name="Nothing"><Wait><actionID>1</actionID><duration>0.0001</duration></Wait></Dialog>'
 
 
 def folder(path: Path, toml: str = "", memory: dict[str, Any] | None = None, **acts: str) -> Path:
@@ -52,7 +52,7 @@ def folder(path: Path, toml: str = "", memory: dict[str, Any] | None = None, **a
     (path / "rules" / "rules.xml").write_text(RULES, "utf-8")
     start = {"name": "Anna"} if memory is None else memory
     (path / "memory.json").write_text(json.dumps({"WorkingMemory": [start]}), "utf-8")
-    (path / "scenario.toml").write_text(toml, "utf-8")
+    (path / "scenario.toml").write_text(toml + '\n[keys]\ng = { event = "/go" }\n', "utf-8")
     return path
 
 

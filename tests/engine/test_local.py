@@ -14,7 +14,7 @@ import pytest
 
 from rise_engine.kernel.inputs import Note, RobotChanged, Submit
 from rise_engine.kernel.records import AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
-from rise_engine.link import local
+from rise_engine.link import mailbox
 from rise_engine.link.client import Client, EngineGone
 from rise_engine.link.local import EngineHost, LocalClient, copy_of, start_local
 from rise_engine.scenario.model import Scenario
@@ -139,7 +139,7 @@ async def test_a_client_whose_loop_stalls_does_not_hold_up_the_engine() -> None:
 
 
 async def test_a_client_that_never_reads_is_cut_off_and_can_attach_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "MAILBOX", 100)
+    monkeypatch.setattr(mailbox, "LIMIT", 100)
     async with hosted() as host:
         lazy, busy = host.client(), host.client()
         await lazy.attach()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -74,7 +75,7 @@ def test_the_same_twice_is_the_same_byte_for_byte(place: Path, tmp_path: Path) -
     ]
     assert len({tuple(each) for each in said}) > 1, "the seed matters"
     for each in said:
-        assert all(first != second for first, second in zip(each, each[1:], strict=False))
+        assert all(first != second for first, second in pairwise(each))
 
 
 def test_real_time_says_the_same_as_virtual_time(place: Path) -> None:
@@ -191,7 +192,7 @@ def test_a_refused_scenario(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_usage_is_refused_before_anything_starts(place: Path, arguments: tuple[str, ...], said: str) -> None:
-    done = engine("run", place, *arguments, *FAST)
+    done = engine("run", place, *FAST, *arguments)
     assert done.returncode == 2
     assert done.stdout == ""
     assert said in done.stderr
@@ -378,7 +379,7 @@ def test_a_reader_that_goes_away_ends_the_session_quietly(place: Path) -> None:
 def test_a_new_robot_and_a_new_action_are_files(tmp_path: Path) -> None:
     place = folder(
         tmp_path / "study",
-        toml='robot = "trolley"\n[actions.Beep]\nchannels = ["horn"]\nparameters.times = { type = "integer", default = 1 }\n',
+        toml='robot = "trolley"\n[actions.Beep]\nchannels = ["horn"]\nparameters.times = { type = "integer" }\n',
         drive='<Dialog name="Serve"><Drive><actionID>1</actionID><place>table</place></Drive>'
         "<Beep><actionID>2</actionID><waitForActions>1</waitForActions><times>2</times></Beep></Dialog>",
     )

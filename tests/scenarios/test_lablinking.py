@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
+from pathlib import Path
 
 from tests.scenarios.conftest import Play
+from tests.scenarios.played import Played, command, process
 
 TASKS = {
     n: [f"R_Task{n}_Intro", f"R_Task{n}_Step1", f"R_Task{n}_Step2", f"R_Task{n}_Step3", f"R_Task{n}_Step4"]
@@ -119,3 +122,24 @@ def test_the_memory_tells_where_the_session_is(play: Play) -> None:
     assert session.values("step")[:7] == [0, 0, 1, 2, 2, 3, 4]
     assert session.values("participant_number") == [1, 7]
     assert session.values("study_finished") == [False, False, True]
+
+
+def test_after_a_stop_the_main_rule_goes_on_at_the_beginning_of_the_task(tmp_path: Path) -> None:
+    script = tmp_path / "tasks.jsonl"
+    tasks = [
+        ("assignValue", "task = 3", 0),
+        ("startInteractionRule", "Table setting", 1),
+        ("startInteractionRule", "Next", 20),
+        ("stopAll", "", 22),
+        ("releaseStop", "", 30),
+        ("startInteractionRule", "Table setting", 31),
+    ]
+    lines = [
+        {"function_type": function, "domain_task_behavior": behavior, "at": at} for function, behavior, at in tasks
+    ]
+    script.write_text("\n".join(map(json.dumps, lines)), encoding="utf-8")
+    session = Played(process(command("lablinking", script=script)).stdout)
+    begun = ["Start", "Task 3, introduction", "After task 3, introduction"]
+    assert session.states("Table setting") == [*begun, "Task 3, step 1", *begun]
+    assert session.acts() == ["R_Task3_Intro", "R_Task3_Step1", "R_Task3_Intro"]
+    assert [record["status"] for record in session.of("stop")] == ["requested", "latched", "released"]

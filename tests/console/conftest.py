@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from time import monotonic
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input
+
+from rise_tui.app import ConsoleApp
+from rise_tui.launch import Settings
+from rise_tui.panes.pane import Pane
+from rise_tui.screens.console import ConsoleScreen
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+
+
+@pytest.fixture(autouse=True)
+def steady_cursor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A blinking cursor makes snapshots differ."""
+    original = Input.__init__
+
+    def init(self: Input, *args: Any, **options: Any) -> None:
+        original(self, *args, **options)
+        self.cursor_blink = False
+
+    monkeypatch.setattr(Input, "__init__", init)
+
+
+class Console:
+    """A console under test: its pilot, its engine, and what is on the screen."""
+
+    def __init__(self, pilot: Pilot[Any], client: FakeClient, launcher: FakeLauncher) -> None:
+        self.pilot, self.client, self.launcher = pilot, client, launcher
+
+    @property
+    def app(self) -> ConsoleApp:
+        app = self.pilot.app
+        assert isinstance(app, ConsoleApp)
+        return app
+
+    @property
+    def screen(self) -> ConsoleScreen:
+        screen = self.app.console_screen
+        assert screen is not None
+        return screen
+
+    def pane(self, name: str) -> Pane:
+        return self.screen.panes.panes[name]
+
+    def text(self, name: str) -> str:
+        return getattr(self.pane(name).rows, "text", "")
+
+    def row(self, pane: str, name: str) -> str:
+        """The first row with this text, or empty."""
+        return next((line for line in self.text(pane).splitlines() if name in line), "")
+
+    @property
+    def notice(self) -> str:
+        return self.screen.notice.text
+
+    async def press(self, *keys: str) -> None:
+        """Like a person: a moment between two keys."""
+        for key in keys:
+            await self.pilot.press(key)
+            await self.pilot.pause(0.06)
+
+    async def until(self, holds: Callable[[], object], what: str = "") -> None:
+        end = monotonic() + 10
+        while not holds():
+            assert monotonic() < end, what or "did not happen in time"
+            await self.pilot.pause(0.02)
+
+    async def sent(self, function: str, behavior: str) -> None:
+        await self.until(lambda: (function, behavior) in self.client.asked(), f"{function} {behavior} was not sent")
+
+
+@asynccontextmanager
+async def console(
+    size: tuple[int, int] = (120, 40), client: FakeClient | None = None, **options: Any
+) -> AsyncIterator[Console]:
+    client = client or FakeClient(demo())
+    launcher = options.pop("launcher", None) or FakeLauncher(client)
+    app = ConsoleApp(client.scenario, Settings(DEMO), wizard="anna", launcher=launcher, **options)
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        found = Console(pilot, client, launcher)
+        await found.until(lambda: "Greet" in found.text("acts"))
+        yield found

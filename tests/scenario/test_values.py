@@ -1,0 +1,191 @@
+"""JSON, keys, parameter values and durations: the small readers on their own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from rise_engine.scenario import call_parameters, convert, expected_seconds, limit_seconds
+from rise_engine.scenario.actions import core_actions
+from rise_engine.scenario.json_reader import JsonError, plain, read_json
+from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, normal_key
+from rise_engine.scenario.model import Call, Parameter
+from rise_engine.scenario.template import MissingValue, key_template, parse_template
+
+
+def json(text: str) -> Any:
+    def duplicate(key: str, offset: int, first: int) -> None:
+        raise JsonError(f"twice: {key}", offset)
+
+    return plain(read_json(text, duplicate))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (' {"a": [1, -2.5, 1e3, true, false, null, "x"]} ', {"a": [1, -2.5, 1000.0, True, False, None, "x"]}),
+        (r'"\u00e4\n\"\\\/\ud83d\ude00"', 'ä\n"\\/😀'),
+        ("[]", []),
+        ("{}", {}),
+        ("0", 0),
+        ("123456789012345678901234567890", 123456789012345678901234567890),
+    ],
+)
+def test_json(text: str, value: object) -> None:
+    assert json(text) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "offset"),
+    [
+        ("", 0),
+        ('{"a": 1', 0),
+        ('{"a": 1,}', 7),
+        ("[1,]", 2),
+        ("[1 2]", 2),
+        ('{"a" 1}', 5),
+        ("{a: 1}", 1),
+        ("[NaN]", 1),
+        ("[-Infinity]", 1),
+        ("[1e999]", 1),
+        ("[01]", 1),
+        ("[+1]", 1),
+        ("[True]", 1),
+        ("['a']", 1),
+        ('["a\nb"]', 1),
+        (r'["\ud800"]', 2),
+        (r'["\x"]', 2),
+        ('{"a": 1, "a": 2}', 9),
+        ("1 2", 2),
+        ("[" * 100, 64),
+    ],
+)
+def test_json_refused(text: str, offset: int) -> None:
+    with pytest.raises(JsonError) as error:
+        json(text)
+    assert error.value.offset == offset
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("1", "1"),
+        ("n", "n"),
+        ("N", "N"),
+        ("ä", "ä"),
+        (".", "full_stop"),
+        ("full_stop", "full_stop"),
+        ("-", "minus"),
+        ("+", "plus"),
+        ("§", "section_sign"),
+        ("F5", "f5"),
+        ("ctrl+n", "ctrl+n"),
+        ("Ctrl+T", "ctrl+t"),
+    ],
+)
+def test_keys(written: str, name: str) -> None:
+    assert normal_key(written) == name
+
+
+@pytest.mark.parametrize(
+    "written",
+    """ctrl+h ctrl+i ctrl+m ctrl+[ ctrl+space ctrl+1 ctrl+enter shift+enter alt+enter ctrl+shift+n alt+1 alt+n
+    ctrl+a ctrl+b ctrl+s ctrl+z ctrl+q F1 F10 F11 shift+n super+n ctrl+. ctrl++ hello f13 shift+f5 +""".split()[:-1]
+    + ["", "ctrl+", "\n", "\x00"],
+)
+def test_keys_refused(written: str) -> None:
+    with pytest.raises(KeyRefusedError) as refused:
+        normal_key(written)
+    assert str(refused.value)
+
+
+@pytest.mark.parametrize("written", ["F2", "F9", "ctrl+g", "ctrl+j", "?", "/", ":", "tab", "shift+tab", "enter", "space"])
+def test_keys_of_the_console(written: str) -> None:
+    with pytest.raises(KeyRefusedError) as refused:
+        normal_key(written)
+    assert refused.value.taken
+
+
+def test_key_names_are_textuals() -> None:
+    keys = pytest.importorskip("textual.keys")
+    for character, name in PUNCTUATION.items():
+        assert keys._character_to_key(character) == name
+    assert keys._character_to_key("§") == normal_key("§")
+    assert all(name == name.lower() for name in CONSOLE_KEYS)
+
+
+NUMBER = Parameter("x", "number", unit="m", minimum=-1, maximum=5)
+NAME = Parameter("value", "name", codes={"happy": 1}, names=("wave",))
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "result"),
+    [
+        (NUMBER, "5", 5),
+        (NUMBER, " 0.5 ", 0.5),
+        (NUMBER, 1.0, 1.0),
+        (NUMBER, True, 1),
+        (Parameter("n", "integer"), "3", 3),
+        (Parameter("n", "integer"), 3.0, 3),
+        (Parameter("b", "boolean"), "true", True),
+        (Parameter("b", "boolean"), 0, False),
+        (Parameter("t", "text"), 2.0, "2"),
+        (NAME, "1", 1),
+        (NAME, 1.0, 1),
+        (NAME, "happy", "happy"),
+        (NAME, "wave", "wave"),
+        (Parameter("v", "name"), "anything", "anything"),
+        (Parameter("v", "name", codes={"a": 0}, names=("*",)), "anything", "anything"),
+    ],
+)
+def test_convert(parameter: Parameter, value: object, result: object) -> None:
+    converted = convert(parameter, value)
+    assert converted == result and type(converted) is type(result)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        (NUMBER, "6"),
+        (NUMBER, "-2"),
+        (NUMBER, "1,5"),
+        (NUMBER, "five"),
+        (NUMBER, "nan"),
+        (NUMBER, "1e999"),
+        (NUMBER, [1]),
+        (NUMBER, None),
+        (NUMBER, float("inf")),
+        (NUMBER, 10**400),
+        (Parameter("n", "integer"), "1.5"),
+        (Parameter("b", "boolean"), "yes"),
+        (NAME, "sad"),
+        (NAME, "2"),
+        (NAME, True),
+        (NAME, None),
+    ],
+)
+def test_convert_refuses(parameter: Parameter, value: object) -> None:
+    with pytest.raises(ValueError, match=parameter.name):
+        convert(parameter, value)
+
+
+def test_call_parameters() -> None:
+    spec = core_actions()["Speech"]
+    call = Call("Speech", {"message": parse_template("Hi {name|you}, {n}!"), "rate": key_template("speed")})
+    assert call_parameters(call, spec, {"n": 2.0, "speed": 2}) == {"message": "Hi you, 2!", "rate": 2}
+    with pytest.raises(MissingValue, match="speed"):
+        call_parameters(call, spec, {"n": 1})
+    with pytest.raises(ValueError, match="rate"):
+        call_parameters(call, spec, {"n": 1, "speed": "fast"})
+
+
+def test_durations() -> None:
+    actions = core_actions()
+    assert expected_seconds(actions["Speech"], {"message": ""}) == 0.5
+    assert expected_seconds(actions["Speech"], {"message": "x" * 140}) == pytest.approx(10.3)
+    assert expected_seconds(actions["Speech"], {"message": "x" * 140, "rate": 2}) == pytest.approx(5.3)
+    assert expected_seconds(actions["Emotion"], {"value": 1, "duration": 1500}) == 1.5
+    assert expected_seconds(actions["Animation"], {"value": 1, "duration": 500, "repetitions": 3}) == 1.5
+    assert expected_seconds(actions["Animation"], {"value": 1}) == 2.0
+    assert limit_seconds(actions["Wait"], {"duration": 1000}) == 13
