@@ -32,9 +32,10 @@ class ConsoleApp(KeyWatch):
     BINDINGS = bindings("everywhere")
     CSS = """
     CommandPalette { background: transparent; }
-    CommandPalette > Vertical { margin-top: 4; max-height: 80%; }
-    CommandPalette #--input { border: none; height: 1; background: $panel; }
-    CommandPalette #--results { background: $panel; }
+    CommandPalette > Vertical { margin-top: 4; background: $panel; }
+    CommandPalette #--input { border: none; background: $panel; }
+    CommandPalette #--input Label { margin: 0 0 0 1; }
+    CommandPalette CommandInput, CommandPalette CommandInput:focus { height: 1; border: none; background: $panel; }
     """
 
     def __init__(

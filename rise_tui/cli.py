@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from getpass import getuser
 from random import SystemRandom
 
@@ -48,7 +49,8 @@ def main(folder: str, robot: str | None, mode: str | None, seed: int | None, the
     app = ConsoleApp(scenario, chosen, wizard=wizard.strip() or "wizard", theme=theme)
     app.run()
     if app.last_words:
-        click.echo(app.last_words, err=True)
+        with suppress(OSError):  # the terminal may be gone
+            click.echo(app.last_words, err=True)
     sys.exit(app.return_code or 0)
 
 

@@ -120,7 +120,7 @@ class RuleCode:
     def __init__(self, rule: Rule, waiting: dict[str, Waiting], watching: dict[str, Waiting]) -> None:
         self.name = rule.name
         self.source = f"rule:{rule.name}"
-        self.priority = rule.priority
+        self.priority = float(rule.priority)
         self.states = {
             state.id: StateCode(
                 state.id,

@@ -23,7 +23,7 @@ ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name
 
 
 class Place(Struct, frozen=True, gc=False):
-    """Where something stands in a scenario's files. Lines and columns count from 1; the file is relative to the folder."""
+    """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
 
     file: str
     line: int = 1
@@ -170,7 +170,7 @@ Block: TypeAlias = tuple[Statement, ...]
 
 
 class Transition(Struct, frozen=True):
-    """A way out of a state. At most one of `event` and `after` is set; with neither, the condition alone triggers it."""
+    """A way out of a state. At most one of `event` and `after` is set; with neither, the condition alone triggers."""
 
     event: str | None = None
     """The topic without its leading slash."""

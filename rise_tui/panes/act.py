@@ -20,6 +20,8 @@ from rise_tui.text import Line, Row, Span, cell, crop, duration, seconds, spread
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.rows import RowView
 
+NARROW = 56
+"""Below this width, sources stay out."""
 DETAILS = 5
 """Lines for the parameters of the selected action."""
 
@@ -87,7 +89,8 @@ class ActPane(ListPane):
         took = duration(end - task.started) if task.started is not None else ""
         if task.status == "ACTIVE" and (typical := self.store.typical(act.name)) is not None:
             took = f"{took.removesuffix(' s')} of {duration(typical)}"
-        return spread(left, ((took, "plain"), (f"  {task.source} ", "muted")), width)
+        source = f"  {task.source} " if width >= NARROW else " "
+        return spread(left, ((took, "plain"), (source, "muted")), width)
 
     def _line(self, action: Action, done: ActionView | None, id_width: int) -> Line:
         state = action_state(done)

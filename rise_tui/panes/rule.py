@@ -73,7 +73,12 @@ class RulePane(ListPane):
             waits: Line = ((" waits for ", "muted"), (waits_for(self.store.scenario, transition), "wait"))
             keys = self._raisers.keys(transition.event)
             you: Line = (("  you: ", "muted"), (" ".join(keys), "key")) if keys else ()
-            rows.append(Row(f"now:{index}", spread((*waits, *you), ((f"{target} ", "plain"),), width)))
+            way: Line = ((f"{target} ", "plain"),)
+            if width_of((*waits, *you, *way)) < width:
+                rows.append(Row(f"now:{index}", spread((*waits, *you), way, width)))
+            else:
+                rows.append(Row(f"now:{index}", crop((*waits, *you), width)))
+                rows.append(Row(f"to:{index}", crop((("   ", "plain"), *way), width), selectable=False))
             if transition.condition is not None:
                 rows.append(Row(f"if:{index}", self._condition(transition, width), selectable=False))
         return rows

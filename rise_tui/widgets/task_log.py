@@ -125,7 +125,7 @@ class TaskLog(RowView):
         wide = width >= WIDE
         when = 11 if wide else 9
         rest = width - when - 28 - (7 if wide else 0)
-        source = min(20, max(9, rest // 3))
+        source = min(20, max(12, rest // 3))
         behavior = min(40, rest - source - (20 if wide else 0))
         calling: Line = (cell(CALLING.get(task.calling_type, task.calling_type), 7, "muted"),) if wide else ()
         line: Line = (

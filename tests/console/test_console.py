@@ -22,7 +22,7 @@ from tests.console.fake import FakeClient, FakeLauncher, demo
 GREET = "startCommunicationRobotAct", "Greet"
 
 
-# --- acts and rules ---------------------------------------------------------------------------------------------------
+# --- acts and rules -------------------------------------------------------------------------------------------------
 
 
 async def test_an_act_is_sent_until_the_engine_says_more() -> None:
@@ -86,7 +86,7 @@ async def test_rules_start_and_stop_and_show_their_state() -> None:
         await it.sent("stopInteractionRule", "Main")
 
 
-# --- panes ------------------------------------------------------------------------------------------------------------
+# --- panes ----------------------------------------------------------------------------------------------------------
 
 
 async def test_the_rule_pane_says_why_it_waits_and_what_the_wizard_can_do() -> None:
@@ -209,7 +209,7 @@ async def test_one_hundred_thousand_tasks() -> None:
         assert log.scroll_offset.y == 100_001 - log.size.height
 
 
-# --- memory -----------------------------------------------------------------------------------------------------------
+# --- memory ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ async def test_a_key_is_added_without_the_insert_key() -> None:
         await it.sent("assignValue", '{"cups": 4}')
 
 
-# --- stop -------------------------------------------------------------------------------------------------------------
+# --- stop -----------------------------------------------------------------------------------------------------------
 
 
 async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() -> None:
@@ -327,7 +327,7 @@ async def test_release_is_there_only_while_stopped_and_says_why_not() -> None:
         assert "nothing is stopped" in it.notice
 
 
-# --- the engine's end ---------------------------------------------------------------------------------------------------
+# --- the engine's end ----------------------------------------------------------------------------------------------
 
 
 async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
@@ -353,7 +353,7 @@ async def test_a_lost_robot_is_told() -> None:
         await it.until(lambda: "✗ lost" in it.screen.status.text and "no answer for 3 s" in it.notice)
 
 
-# --- layout, help, palette, settings ------------------------------------------------------------------------------------
+# --- layout, help, palette, settings --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Any
 
 import msgspec
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from rise_engine.expression import Assignment, Expression
@@ -252,7 +252,7 @@ class Run:
 
 
 cases = given(scenarios(), st.lists(MOVES, max_size=25))
-quick = settings(max_examples=150, deadline=None)
+quick = settings(max_examples=100, deadline=None, phases=[p for p in Phase if p not in (Phase.shrink, Phase.explain)])
 
 
 @quick

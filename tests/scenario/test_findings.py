@@ -17,7 +17,10 @@ DOCS = Path(__file__).parents[2] / "docs" / "reference" / "scenario.md"
 ACTS: dict[str, tuple[str, list[str]]] = {
     "fine": (SPEECH, []),
     "unknown action": ("<Speach><actionID>1</actionID></Speach>", ["2:1 unknown-action"]),
-    "unknown parameter": ("<Wait><actionID>1</actionID>\n<duration>1</duration><x/></Wait>", ["3:23 unknown-parameter"]),
+    "unknown parameter": (
+        "<Wait><actionID>1</actionID>\n<duration>1</duration><x/></Wait>",
+        ["3:23 unknown-parameter"],
+    ),
     "parameter as attribute": (
         '<Speech message="a"><actionID>1</actionID></Speech>',
         ["2:1 missing-parameter", "2:9 unknown-attribute"],
@@ -63,7 +66,10 @@ ACTS: dict[str, tuple[str, list[str]]] = {
         ["2:40 wrong-value"],
     ),
     "text between": (f"{SPEECH} oops", ["2:65 unexpected-text"]),
-    "action in action": (f"<Wait><actionID>1</actionID><duration>1</duration>{SPEECH}</Wait>", ["2:51 unknown-parameter"]),
+    "action in action": (
+        f"<Wait><actionID>1</actionID><duration>1</duration>{SPEECH}</Wait>",
+        ["2:51 unknown-parameter"],
+    ),
     "variants": (
         "<Variants><actionID>1</actionID><Speech><message>a</message></Speech>"
         "<Speech><message>b</message></Speech></Variants>",
@@ -259,7 +265,10 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         ["memory.json:2:3 duplicate-key", "memory.json:2:8 json-value"],
     ),
     "memory entry": ({"memory.json": '{"WorkingMemory": [3]}'}, ["memory.json:1:20 memory-form"]),
-    "memory key": ({"memory.json": '{"a b": 1, "": 2}'}, ["memory.json:1:2 unwritable-key", "memory.json:1:12 bad-name"]),
+    "memory key": (
+        {"memory.json": '{"a b": 1, "": 2}'},
+        ["memory.json:1:2 unwritable-key", "memory.json:1:12 bad-name"],
+    ),
     "robot": (
         {
             "scenario.toml": 'robot = "r"\n',
@@ -320,6 +329,6 @@ def test_every_code_is_documented() -> None:
     for path in Path(rise_engine.scenario.__file__).parent.glob("*.py"):
         text = path.read_text("utf-8")
         codes.update(re.findall(r"(?:findings\.|self\.)(?:error|warning)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
-    codes.update(("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-taken"))
+    codes.update(("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-refused"))
     documented = set(re.findall(r"^\| `([a-z-]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
     assert codes == documented

@@ -133,7 +133,9 @@ SEEDS = {
 PIECES = st.one_of(
     st.binary(max_size=6),
     st.sampled_from([b"<", b"&", b">", b'"', b"'", b"{", b"}", b"\n", b"<!--", b"-->", b"<![CDATA[", b"]]>", b"&lt;"]),
-    st.sampled_from([b"</if>", b"<else>", b"<function/>", b'cond="', b"=", b"[", b"]", b"[[x]]", b"NaN", b"\\", b"\xff"]),
+    st.sampled_from(
+        [b"</if>", b"<else>", b"<function/>", b'cond="', b"=", b"[", b"]", b"[[x]]", b"NaN", b"\\", b"\xff"]
+    ),
 )
 
 

@@ -1,0 +1,59 @@
+"""The console with the real engine, in one process."""
+
+from __future__ import annotations
+
+from rise_tui.app import ConsoleApp
+from rise_tui.launch import Launcher, Settings, prepare
+from tests.console.conftest import Console
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+
+
+def started(settings: Settings) -> ConsoleApp:
+    from rise_engine.link.local import start_local
+    from rise_tui.launch import Refused
+
+    scenario = prepare(settings)
+    assert not isinstance(scenario, Refused)
+    fast = Launcher(start=lambda scenario, settings: start_local(scenario, seed=settings.seed, speed=20))
+    return ConsoleApp(scenario, settings, wizard="anna", launcher=fast)
+
+
+async def test_a_session_from_the_first_key_to_the_last() -> None:
+    app = started(Settings(DEMO, seed=1))
+    async with app.run_test(size=(200, 50)) as pilot:
+        it = Console(pilot, FakeClient(demo()), FakeLauncher())
+        await it.until(lambda: app.console_screen is not None and "Greet" in it.text("acts"))
+        await it.press("m")
+        await it.until(lambda: "waiting" in it.row("rules", "Main"), "the main rule did not come to wait")
+        assert "✓ done" in it.row("acts", "Greet")
+        await it.press("n")
+        await it.until(lambda: (greet := it.screen.session.store.act("Greet")).runs == 2 or greet.running)
+        it.screen.panes.go_to("memory")
+        await it.press("home", "enter", "backspace", "7", "enter")
+        await it.until(lambda: it.row("memory", "task").split()[1] == "7")
+        await it.press("f9")
+        await it.until(lambda: "STOPPED" in it.screen.alarm.text, "the stop was not confirmed")
+        await it.press("g")
+        assert "not started" in it.notice
+        await it.press("ctrl+r", "r")
+        await it.until(lambda: "LIVE" in it.screen.status.text)
+        await it.press("m")
+        await it.until(lambda: "running" in it.row("rules", "Main"))
+        await pilot.pause(0.6)  # its debounce time
+        await it.press("m")
+        await it.until(lambda: "rejected" in it.notice, "starting a running rule was not refused in words")
+        await it.press("ctrl+c", "e")
+        await it.until(lambda: not app.is_running)
+    assert app.return_code == 0
+
+
+async def test_a_robot_that_cannot_be_started_is_told_after_leaving() -> None:
+    from rise_engine.link.local import start_local
+
+    settings = Settings(DEMO)
+    scenario = prepare(settings)
+    bad = Launcher(start=lambda scenario, settings: start_local(scenario, faults=["nonsense"]))
+    app = ConsoleApp(scenario, settings, launcher=bad)  # type: ignore[arg-type]
+    async with app.run_test() as pilot:
+        await pilot.pause(0.5)
+    assert app.return_code == 1 and "could not start" in app.last_words

@@ -1,0 +1,93 @@
+"""What it looks like. Time stands still, the session is played, the cursor does not blink."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+
+from rise_tui.app import ConsoleApp
+from rise_tui.launch import Settings
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+
+
+def played() -> FakeClient:
+    """A session in the middle of something."""
+    client = FakeClient(demo())
+    client.time = 70.0
+    client.act("Praise", "SUCCEEDED")
+    client.task(
+        "startCommunicationRobotAct", "Goodbye", "REJECTED", reason="the robot has no voice", source="ros:trial"
+    )
+    client.task("startInteractionRule", "Main")
+    client.rule("Main", "started", "greeting", trigger="start")
+    client.time = 80.0
+    client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
+    task = client.act("Greet", source="rule:Main")
+    client.action(task, "Greet", "2", "Animation", "succeeded", value="head_nod", duration=400)
+    client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada!")
+    client.time = 81.5
+    client.act("Filler", "PENDING")
+    client.time = 83.0
+    return client
+
+
+def app(theme: str = "dark", client: FakeClient | None = None) -> ConsoleApp:
+    client = client or played()
+    settings = Settings(DEMO.rpartition("/tests/")[2])
+    return ConsoleApp(client.scenario, settings, wizard="anna", theme=theme, launcher=FakeLauncher(client))
+
+
+async def settle(pilot: Pilot[Any], *keys: str) -> None:
+    await pilot.pause(0.3)
+    for key in keys:
+        await pilot.press(key)
+        await pilot.pause(0.1)
+    await pilot.pause(0.3)
+
+
+SIZES = {"small": (80, 24), "usual": (120, 40), "wide": (200, 50)}
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_console(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("theme", ["light", "contrast"])
+def test_themes(snap_compare: Any, theme: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "f3", "f3")
+
+    assert snap_compare(app(theme), terminal_size=(120, 40), run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_stopped(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+r")
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_editing_the_memory(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "f3", "f3", "f3", "home", "enter", "backspace", "4", "full_stop", "5")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_help(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "question_mark")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
