@@ -38,7 +38,7 @@ def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
 def waits_for(scenario: Scenario, transition: Transition) -> str:
     """What must happen for a transition, in words."""
     if transition.after is not None:
-        return f"after {transition.after:g} s"
+        return f"{transition.after:g} s to pass"
     if transition.event is None:
         return "its condition alone"
     for ending, word in ENDINGS.items():

@@ -96,7 +96,7 @@ async def test_the_rule_pane_says_why_it_waits_and_what_the_wizard_can_do() -> N
         text = it.text("rule")
         assert "waits for event next  you: n" in text
         assert "waits for event repeat  you: a" in text  # the key of a rule that raises it
-        assert "waits for after 600 s" in text or "after 600 s" in text
+        assert "waits for 600 s to pass" in text
         condition = next(line for line in text.splitlines() if "task = 4 and understood" in line and "and " in line)
         assert "task is 2" in condition and condition.rstrip().endswith("false")
         assert "taken last" in next(line for line in text.splitlines() if "Greet_end" in line and "→" in line)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import pytest
@@ -206,7 +207,9 @@ def test_a_missing_key_fails_the_action_and_is_named(tmp_path: Path) -> None:
 def test_a_bare_key_stands_for_a_number(tmp_path: Path) -> None:
     point = "<pointx>person_x</pointx><pointy>0</pointy><pointz>{z}</pointz>"
     s = session(
-        tmp_path, f'<Dialog name="A"><LookAt><actionID>1</actionID>{point}</LookAt></Dialog>', memory={"person_x": 1.5, "z": 2}
+        tmp_path,
+        f'<Dialog name="A"><LookAt><actionID>1</actionID>{point}</LookAt></Dialog>',
+        memory={"person_x": 1.5, "z": 2},
     )
     s.act("A")
     assert s.goals["1/1"].parameters == {"pointx": 1.5, "pointy": 0, "pointz": 2}
@@ -214,7 +217,9 @@ def test_a_bare_key_stands_for_a_number(tmp_path: Path) -> None:
 
 def test_a_value_of_the_wrong_type_fails_the_action(tmp_path: Path) -> None:
     point = "<pointx>x</pointx><pointy>0</pointy><pointz>0</pointz>"
-    s = session(tmp_path, f'<Dialog name="A"><LookAt><actionID>1</actionID>{point}</LookAt></Dialog>', memory={"x": "left"})
+    s = session(
+        tmp_path, f'<Dialog name="A"><LookAt><actionID>1</actionID>{point}</LookAt></Dialog>', memory={"x": "left"}
+    )
     s.act("A")
     (record,) = [r for r in s.records if isinstance(r, ActionRecord)]
     assert record.status == "failed"
@@ -235,7 +240,7 @@ def test_variants_never_repeat_and_all_come_up(tmp_path: Path) -> None:
         s.act("A")
         spoken.append(s.goals[f"{n + 1}/1"].parameters["message"])
         s.finish_all()
-    assert all(a != b for a, b in zip(spoken, spoken[1:], strict=False))
+    assert all(a != b for a, b in itertools.pairwise(spoken))
     assert set(spoken) == {"one", "two", "three"}
     again = Session(scenario, seed=3)
     for n in range(60):

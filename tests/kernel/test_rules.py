@@ -44,12 +44,16 @@ FOUR_ACTS = "".join(
 )
 
 
-def session(tmp_path: Path, rules: str, acts: str = "", memory: dict[str, object] | None = None, seed: int = 1) -> Session:
+def session(
+    tmp_path: Path, rules: str, acts: str = "", memory: dict[str, object] | None = None, seed: int = 1
+) -> Session:
     return Session(read(write(tmp_path, rules=rules, acts=acts, memory=memory)), seed)
 
 
 def rule(name: str, *states: str, initial: str = "a", priority: float = 1) -> str:
-    return f'<InteractionRule name="{name}" initial="{initial}" priority="{priority}">{"".join(states)}</InteractionRule>'
+    return (
+        f'<InteractionRule name="{name}" initial="{initial}" priority="{priority}">{"".join(states)}</InteractionRule>'
+    )
 
 
 def state(id: str, entry: str = "", ways: str = "", leave: str = "") -> str:
@@ -71,9 +75,7 @@ def put(text: str) -> str:
 
 
 def test_listing_2_cycles_until_somebody_interacts(tmp_path: Path) -> None:
-    s = session(
-        tmp_path, LISTING_2, FOUR_ACTS, {"H_interaction_detected": False, "interaction_finished": False}
-    )
+    s = session(tmp_path, LISTING_2, FOUR_ACTS, {"H_interaction_detected": False, "interaction_finished": False})
     s.rule("Interaction Loop")
     assert s.states == {"Interaction Loop": "State 1"}
     s.report("2/1")
@@ -128,7 +130,11 @@ def test_an_event_that_nobody_takes_is_shown_as_unhandled(tmp_path: Path) -> Non
 
 def test_document_order_decides_among_matching_transitions(tmp_path: Path) -> None:
     ways = on("e", "b", 'cond="x > 3"') + on("e", "c") + on("e", "d")
-    s = session(tmp_path, rule("R", state("a", ways=ways), state("b", ways=on("e", "b")), state("c"), state("d")), memory={"x": 1})
+    s = session(
+        tmp_path,
+        rule("R", state("a", ways=ways), state("b", ways=on("e", "b")), state("c"), state("d")),
+        memory={"x": 1},
+    )
     s.rule("R")
     s.event("e")
     assert "rule R ended c" in s.lines()
@@ -139,7 +145,13 @@ def test_events_raised_by_functions_wait_for_them_and_keep_their_order(tmp_path:
     entry = do("raiseEventTopic", "one") + do("raiseEventTopic", "two") + put("seen = 1")
     s = session(
         tmp_path,
-        rule("R", state("a", entry, on("two", "wrong") + on("one", "b")), state("b", ways=on("two", "c")), state("c"), state("wrong")),
+        rule(
+            "R",
+            state("a", entry, on("two", "wrong") + on("one", "b")),
+            state("b", ways=on("two", "c")),
+            state("c"),
+            state("wrong"),
+        ),
     )
     s.rule("R")
     lines = s.lines("memory", "event", "rule")
@@ -289,7 +301,9 @@ def test_a_rejected_start_does_not_skip_the_block(tmp_path: Path) -> None:
 
 
 def test_stopping_a_rule_leaves_its_act_running(tmp_path: Path) -> None:
-    s = session(tmp_path, rule("R", state("a", do("startCommunicationRobotAct", "A"), on("A_end", "a"))), dialog("A", speech(1)))
+    s = session(
+        tmp_path, rule("R", state("a", do("startCommunicationRobotAct", "A"), on("A_end", "a"))), dialog("A", speech(1))
+    )
     s.rule("R")
     s.submit("stopInteractionRule", "R")
     assert s.states == {}
@@ -308,7 +322,11 @@ def test_a_rule_that_stops_itself_does_no_more(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("ending", "topics"),
-    [("succeeded", ["/A_succeeded", "/A_end"]), ("failed", ["/A_failed", "/A_end"]), ("canceled", ["/A_failed", "/A_end"])],
+    [
+        ("succeeded", ["/A_succeeded", "/A_end"]),
+        ("failed", ["/A_failed", "/A_end"]),
+        ("canceled", ["/A_failed", "/A_end"]),
+    ],
 )
 def test_the_end_of_an_act_raises_two_events(tmp_path: Path, ending: str, topics: list[str]) -> None:
     ways = "".join(on(f"A_{how}", "a") for how in ("succeeded", "failed", "stopped", "end"))
@@ -336,7 +354,10 @@ def test_engine_events_that_no_rule_names_leave_no_record(tmp_path: Path) -> Non
 
 
 def test_the_end_of_a_rule_is_an_event(tmp_path: Path) -> None:
-    s = session(tmp_path, rule("short", state("a")) + rule("R", state("a", ways=on("short_end", "b")), state("b", ways=on("x", "b"))))
+    s = session(
+        tmp_path,
+        rule("short", state("a")) + rule("R", state("a", ways=on("short_end", "b")), state("b", ways=on("x", "b"))),
+    )
     s.rule("R")
     s.rule("short")
     assert s.states == {"R": "b"}
@@ -359,7 +380,11 @@ def test_on_exit_and_transition_functions_run_in_order(tmp_path: Path) -> None:
 
 def test_a_transition_without_target_stays(tmp_path: Path) -> None:
     way = f'<transition eventTopic="e">{put("n = n + 1")}</transition>'
-    s = session(tmp_path, rule("R", state("a", put("entered = entered + 1"), way, leave=put("left = 1"))), memory={"n": 0, "entered": 0})
+    s = session(
+        tmp_path,
+        rule("R", state("a", put("entered = entered + 1"), way, leave=put("left = 1"))),
+        memory={"n": 0, "entered": 0},
+    )
     s.rule("R")
     s.event("e")
     s.event("e")
@@ -396,7 +421,11 @@ def test_leaving_a_state_cancels_its_timers(tmp_path: Path) -> None:
 
 
 def test_a_condition_without_event_is_taken_as_soon_as_it_becomes_true(tmp_path: Path) -> None:
-    s = session(tmp_path, rule("R", state("a", ways='<transition cond="x &gt; 3" target="b"/>'), state("b", ways=on("e", "a"))), memory={"x": 1, "y": 0})
+    s = session(
+        tmp_path,
+        rule("R", state("a", ways='<transition cond="x &gt; 3" target="b"/>'), state("b", ways=on("e", "a"))),
+        memory={"x": 1, "y": 0},
+    )
     s.rule("R")
     s.lines()
     s.assign("y = 9")
@@ -409,7 +438,9 @@ def test_a_condition_without_event_is_taken_as_soon_as_it_becomes_true(tmp_path:
 
 def test_a_condition_is_checked_when_a_part_of_an_object_changes(tmp_path: Path) -> None:
     s = session(
-        tmp_path, rule("R", state("a", ways='<transition cond="person.near" target="b"/>'), state("b")), memory={"person": {"near": False}}
+        tmp_path,
+        rule("R", state("a", ways='<transition cond="person.near" target="b"/>'), state("b")),
+        memory={"person": {"near": False}},
     )
     s.rule("R")
     s.assign('{"person": {"near": true}}')
@@ -430,7 +461,10 @@ def test_conditions_are_looked_at_in_stack_order(tmp_path: Path) -> None:
 
 def test_conditions_come_before_queued_events(tmp_path: Path) -> None:
     entry = do("raiseEventTopic", "e") + put("x = true")
-    s = session(tmp_path, rule("R", state("a", entry, on("e", "b") + '<transition cond="x" target="c"/>'), state("b"), state("c")))
+    s = session(
+        tmp_path,
+        rule("R", state("a", entry, on("e", "b") + '<transition cond="x" target="c"/>'), state("b"), state("c")),
+    )
     s.rule("R")
     assert "rule R ended c" in s.lines()
 
@@ -485,7 +519,9 @@ def test_a_rule_that_raises_events_to_itself_for_ever_is_faulted_alone(tmp_path:
 
 def test_two_rules_that_feed_each_other_are_stopped(tmp_path: Path) -> None:
     one = rule("one", state("a", do("raiseEventTopic", "p"), on("q", "a")))
-    two = rule("two", state("a", ways=f'<transition eventTopic="p" target="a">{do("raiseEventTopic", "q")}</transition>'))
+    two = rule(
+        "two", state("a", ways=f'<transition eventTopic="p" target="a">{do("raiseEventTopic", "q")}</transition>')
+    )
     s = session(tmp_path, one + two + waiting("calm"))
     s.rule("calm")
     s.rule("two")
@@ -495,7 +531,11 @@ def test_two_rules_that_feed_each_other_are_stopped(tmp_path: Path) -> None:
 
 
 def test_a_condition_loop_and_an_empty_act_loop_are_stopped_too(tmp_path: Path) -> None:
-    condition = rule("c", state("a", ways='<transition cond="true" target="b"/>'), state("b", ways='<transition cond="true" target="a"/>'))
+    condition = rule(
+        "c",
+        state("a", ways='<transition cond="true" target="b"/>'),
+        state("b", ways='<transition cond="true" target="a"/>'),
+    )
     act = rule("d", state("a", do("startCommunicationRobotAct", "A"), on("A_end", "a")))
     s = session(tmp_path, condition + act, dialog("A", pause(1, 0)))
     s.rule("c")
@@ -509,5 +549,3 @@ def test_a_thousand_transitions_in_separate_goes_are_fine(tmp_path: Path) -> Non
     for _ in range(1500):
         s.event("e")
     assert s.states == {"R": "a"}
-
-

@@ -9,7 +9,13 @@ import pytest
 from .harness import Session, dialog, gaze, pause, read, speech, write
 from .test_rules import do, on, rule, state
 
-ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("C", speech(1)) + dialog("Look", gaze(1)) + dialog("Think", pause(1, 1000))
+ACTS = (
+    dialog("A", speech(1))
+    + dialog("B", speech(1))
+    + dialog("C", speech(1))
+    + dialog("Look", gaze(1))
+    + dialog("Think", pause(1, 1000))
+)
 
 
 @pytest.fixture
@@ -69,7 +75,11 @@ def test_a_waiting_task_can_be_removed(s: Session) -> None:
         ("moveTask", "1 0", "no task 1 is waiting"),
         ("moveTask", "1", "write the task's id and its new place, as in `17 0`"),
         ("releaseStop", "", "nothing is stopped"),
-        ("startComunicationRobotAct", "A", "there is no function 'startComunicationRobotAct'; did you mean 'startCommunicationRobotAct'?"),
+        (
+            "startComunicationRobotAct",
+            "A",
+            "there is no function 'startComunicationRobotAct'; did you mean 'startCommunicationRobotAct'?",
+        ),
     ],
 )
 def test_what_cannot_be_done_is_rejected_with_the_reason(s: Session, function: str, behavior: str, reason: str) -> None:
@@ -218,7 +228,9 @@ def test_an_answer_after_the_limit_is_still_recorded(s: Session) -> None:
 
 
 def test_a_chain_of_events_does_not_survive_a_stop(tmp_path: Path) -> None:
-    rules = rule("R", state("a", ways=on("A_end", "b")), state("b", do("startCommunicationRobotAct", "B"), on("x", "a")))
+    rules = rule(
+        "R", state("a", ways=on("A_end", "b")), state("b", do("startCommunicationRobotAct", "B"), on("x", "a"))
+    )
     s = Session(read(write(tmp_path, acts=ACTS, rules=rules)))
     s.rule("R")
     s.act("A")
