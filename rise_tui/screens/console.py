@@ -12,7 +12,7 @@ from textual.message import Message
 from textual.timer import Timer
 from textual.widgets import Input
 
-from rise_tui.actions import BY_ID, at, bindings
+from rise_tui.actions import BY_ID, bindings
 from rise_tui.commands import ConsoleCommands
 from rise_tui.gate import Gate, Trigger
 from rise_tui.messages import ActionAsked, PaneAsked, SelectionMoved, StartAsked, TaskAsked, Told
@@ -20,17 +20,14 @@ from rise_tui.quiet import QuietScreen
 from rise_tui.screens.arrangement import Arrangement
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.help import HelpScreen
+from rise_tui.screens.painting import Painting
 from rise_tui.session import Session
-from rise_tui.store import EVERYTHING, Notice, Topic, describe
-from rise_tui.widgets.bars import AlarmBar, KeyHints, NoticeLine, StatusLine
+from rise_tui.store import Notice, describe
 from rise_tui.widgets.line import Lines
 
-FRAME = 1 / 15
-"""Seconds between two repaints while records pour in."""
 CLOCK = 1.0
 TENTHS = 0.2
 """How often running times move, and only while something runs."""
-NOTICE_SECONDS = 12.0
 
 
 class ConsoleScreen(QuietScreen[None]):
@@ -51,15 +48,14 @@ class ConsoleScreen(QuietScreen[None]):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
-        self.status, self.alarm = StatusLine(), AlarmBar()
         self.panes = Arrangement(session.store)
-        self.notice, self.hints = NoticeLine(), KeyHints()
-        self.gate = Gate(self._fire, self._arm, self.say, self.set_timer)
-        self._dirty: set[Topic] = set()
-        self._frame: Timer | None = None
-        self._painted = 0.0
-        self._noticed: Notice | None = None
-        self._noticed_at = 0.0
+        self.painting = Painting(session.store, self.panes, self._later)
+        self.status, self.alarm = self.painting.status, self.painting.alarm
+        self.notice, self.hints = self.painting.notice, self.painting.hints
+        self.gate = Gate(self._fire, self._arm, self.say, self._later)
+
+    def _later(self, seconds: float, call: Callable[[], None]) -> Timer:
+        return self.set_timer(seconds, call)
 
     def compose(self) -> ComposeResult:
         yield self.status
@@ -69,86 +65,27 @@ class ConsoleScreen(QuietScreen[None]):
         yield self.hints
 
     def on_mount(self) -> None:
-        self.session.changed = self._changed
+        self.session.changed = self.painting.changed
         self.run_worker(self.session.pump(), name="pump", exit_on_error=True)
-        self.set_interval(CLOCK, self._tick)
-        self.set_interval(TENTHS, self._tick_tenths)
+        self.set_interval(CLOCK, self.painting.tick)
+        self.set_interval(TENTHS, self.painting.tick_tenths)
         self.panes.go_to("acts")
 
-    # --- painting -------------------------------------------------------------------------------------------------
-
-    def _changed(self, topics: frozenset[Topic] | set[Topic]) -> None:
-        """The store changed; paint soon, and not more often than a terminal can take."""
-        self._dirty |= topics
-        if self._frame is None and self.is_mounted:
-            self._frame = self.set_timer(max(0.001, self._painted + FRAME - monotonic()), self._paint)
-
-    def _paint(self) -> None:
-        self._frame, self._painted = None, monotonic()
-        dirty, self._dirty = self._dirty, set()
-        for pane in self.panes.shown():
-            if dirty & pane.TOPICS:
-                pane.repaint()
-        if dirty & {"status", "stop"}:
-            self._draw_bars()
-        if "notice" in dirty:
-            self._draw_notice()
-        if dirty & {"stop", "tasks", "rules", "status"}:
-            self._draw_hints()
-
-    def _draw_bars(self) -> None:
-        self.status.draw(self.session.store)
-        self.alarm.draw(self.session.store)
-
-    def _draw_notice(self) -> None:
-        if self.session.store.notice is not self._noticed:
-            self._noticed, self._noticed_at = self.session.store.notice, monotonic()
-        self.notice.draw(self.session.store)
-
-    def _draw_hints(self) -> None:
-        if isinstance(self.focused, Input):
-            self.hints.draw_typing()
-            return
-        pane = self.panes.focused()
-        own = list(at(pane.PLACE)) if pane is not None else []
-        release = [BY_ID["release"]] if self.session.store.state == "STOPPED" else []
-        order = ("stop", "palette", "help", "control", "next-pane", "filter", "zoom", "settings")
-        self.hints.draw([*release, *own], [BY_ID[name] for name in order], self.session.store)
-
-    def _tick(self) -> None:
-        self.status.draw(self.session.store)
-        for pane in self.panes.shown():
-            if pane.PLACE == "memory":
-                pane.repaint()
-        if self._noticed is not None and monotonic() - self._noticed_at > NOTICE_SECONDS:
-            self._clear_notice()
-
-    def _tick_tenths(self) -> None:
-        view = self.session.store.view
-        if (view.running or view.waiting) and not self.session.store.gone:
-            for pane in self.panes.shown():
-                if pane.PLACE in ("acts", "act", "scheduler"):
-                    pane.repaint()
-
-    def _clear_notice(self) -> None:
-        self.session.store.notice = None
-        self._draw_notice()
-
     @on(Lines.Resized)
-    def _bar_resized(self, event: Lines.Resized) -> None:
-        self._draw_bars()
-        self._draw_notice()
-        self._draw_hints()
+    def _bar_resized(self) -> None:
+        self.painting.draw_bars()
 
     def on_descendant_focus(self) -> None:
-        self._draw_hints()
+        self.painting.draw_hints()
+
+    def on_descendant_blur(self) -> None:
+        self.painting.draw_hints()
 
     # --- keys -----------------------------------------------------------------------------------------------------
 
     def key_seen(self, event: events.Key) -> None:
         """Every key, whatever has the focus, before anything acts on it."""
-        if self._noticed is not None and monotonic() - self._noticed_at > 1.0:
-            self._clear_notice()
+        self.painting.key_pressed()
         self.gate.observe(event.key, event.time)
 
     def on_key(self, event: events.Key) -> None:
@@ -199,9 +136,9 @@ class ConsoleScreen(QuietScreen[None]):
         self.session.store.armed = trigger.behavior if trigger is not None else ""
         if trigger is not None:
             self.session.tell(Notice(f"{trigger.behavior}: Enter or the same key again within 2 s starts it", "wait"))
-        elif self.session.store.notice is self._noticed:
-            self.session.store.notice = None
-        self._changed({"acts", "notice"})
+        else:
+            self.painting.clear_notice()
+        self.painting.changed({"acts"})
 
     # --- what panes and hints ask -----------------------------------------------------------------------------------
 
@@ -238,9 +175,7 @@ class ConsoleScreen(QuietScreen[None]):
             self.session.store.act_shown = event.name
         else:
             self.session.store.rule_shown = event.name
-        for pane in self.panes.shown():
-            if pane.PLACE in ("act", "rule"):
-                pane.repaint()
+        self.painting.repaint("act", "rule")
 
     # --- actions of the registry --------------------------------------------------------------------------------------
 
@@ -293,7 +228,3 @@ class ConsoleScreen(QuietScreen[None]):
         said.append("After this, keys start acts and rules again.")
         dialog = Dialog("Release the stop?", said, yes="Release", key="r", no="Stay stopped")
         self.app.push_screen(dialog, lambda yes: self.send("releaseStop") if yes else None)
-
-    def repaint_all(self) -> None:
-        """After a change of theme."""
-        self._changed(EVERYTHING)
