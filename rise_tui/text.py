@@ -81,6 +81,18 @@ def spread(left: Line, right: Line, width: int) -> Line:
     return (*left, (" " * (room - width_of(left)), "plain"), *right)
 
 
+def wrap(text: str, width: int) -> list[str]:
+    """A text over as many lines as it needs; a word that is longer than a line is cut."""
+    lines, line = [], ""
+    for word in clean(text).split():
+        if line and cell_len(line) + 1 + cell_len(word) > width:
+            lines.append(line)
+            line = word
+        else:
+            line = f"{line} {word}".strip()
+    return [*lines, line]
+
+
 def seconds(value: float) -> str:
     """A duration: `0.4`, `12.3`, `3:05`, `1:02:07`; to a tenth below a minute."""
     value = max(0.0, value)

@@ -17,6 +17,8 @@ FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` may nest."""
 _FUNCTIONS = frozenset(FUNCTIONS)
+NONE: frozenset[str] = frozenset()
+_COND = frozenset({"cond"})
 _STATEMENTS = ("function", "if", "oneOf")
 _ELSE = ("else", "elseif")
 _PLACES = {
@@ -50,15 +52,19 @@ class BlockReader:
     def error(self, code: str, element: Element, message: str) -> None:
         self.findings.error(code, self.file.place(element), message)
 
-    def attributes(self, element: Element, known: tuple[str, ...]) -> None:
-        name: Any
-        for name in element.keys():  # noqa: SIM118  # lxml elements are no mappings
-            if name not in known:
-                self.findings.error(
-                    "unknown-attribute",
-                    self.file.attribute_place(element, name),
-                    f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, known)}",
-                )
+    def attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
+        """An element's attributes, with a finding for each that nobody reads."""
+        pairs: Any = element.items()
+        attributes: dict[str, str] = dict(pairs)
+        if not known.issuperset(attributes):
+            for name in attributes:
+                if name not in known:
+                    self.findings.error(
+                        "unknown-attribute",
+                        self.file.attribute_place(element, name),
+                        f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, sorted(known))}",
+                    )
+        return attributes
 
     def misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
         """What to say about an element that does not belong where it stands."""
@@ -121,7 +127,7 @@ class BlockReader:
                 before = self.branches(child, depth)
                 statements.append(If(tuple(before), self.file.place(child)))
             elif tag == "oneOf":
-                self.attributes(child, ())
+                self.attributes(child, NONE)
                 choices = self.statements(child, depth + 1, chain=False)[0]
                 if choices:
                     statements.append(OneOf(choices, self.file.place(child)))
@@ -133,8 +139,7 @@ class BlockReader:
 
     def branches(self, element: Element, depth: int) -> list[Branch]:
         """The branches of an `if` or `elseif`, those nested inside it included."""
-        self.attributes(element, ("cond",))
-        text = element.get("cond")
+        text = self.attributes(element, _COND).get("cond")
         if text is None:
             self.error("missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">')
         condition = self.condition(element, text) if text is not None else None
@@ -148,7 +153,7 @@ class BlockReader:
         if element.tag == "elseif":
             branches += self.branches(element, depth)
         else:
-            self.attributes(element, ())
+            self.attributes(element, NONE)
             branches.append(Branch(None, self.statements(element, depth + 1, chain=False)[0]))
 
     def function(self, element: Element) -> Function | None:

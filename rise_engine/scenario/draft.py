@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, Protocol
+
+from msgspec import Struct
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Act, Json, Place, Rule
@@ -15,24 +17,26 @@ class Where(Protocol):
     def place(self) -> Place: ...
 
 
-class At(NamedTuple):
+class At(Struct, frozen=True, gc=False):
     """A place that is known already."""
 
     place: Place
 
 
-class Mention(NamedTuple):
+class Mention(Struct, frozen=True, gc=False):
     """A name and where it stands."""
 
     name: str
-    where: Where
+    where: Any
+    """A `Where`. (msgspec wants a class here, and would look into a protocol.)"""
 
 
-class BareKey(NamedTuple):
+class BareKey(Struct, frozen=True, gc=False):
     """A parameter value that can only be meant as a memory key."""
 
     key: str
-    where: Where
+    where: Any
+    """A `Where`."""
     sentence: str
     """What is wrong with it if there is no such key."""
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 from rise_engine.scenario.acts import roots
-from rise_engine.scenario.blocks import BlockReader
+from rise_engine.scenario.blocks import NONE, BlockReader
 from rise_engine.scenario.conditions import parse_ahead
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.findings import Findings, suggestion
@@ -18,6 +19,9 @@ WRAPPERS = ("InteractionRules",)
 _AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
+_RULE = frozenset({"name", "initial", "priority"})
+_STATE = frozenset({"id"})
+_TRANSITION = frozenset({"eventTopic", "target", "cond", "after"})
 _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 
@@ -45,7 +49,7 @@ class _RuleReader(BlockReader):
         self.targets: list[tuple[str, Element]] = []
 
     def rule(self, element: Element) -> Rule | None:
-        self.attributes(element, ("name", "initial", "priority"))
+        self.attributes(element, _RULE)
         self.no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
@@ -120,16 +124,16 @@ class _RuleReader(BlockReader):
                 )
 
     def state(self, element: Element) -> State | None:
-        self.attributes(element, ("id",))
+        attributes = self.attributes(element, _STATE)
         self.no_text(element)
-        name = (element.get("id") or "").strip()
+        name = attributes.get("id", "").strip()
         if not name:
             self.error("missing-attribute", element, 'a state needs a name: <State id="...">')
         blocks: dict[str, Block] = {}
         transitions: list[Transition] = []
         always: dict[tuple[str, object], Transition] = {}
         for child in element:
-            tag = str(child.tag)
+            tag: Any = child.tag
             if tag == "transition":
                 transition = self.transition(child)
                 if transition is not None:
@@ -138,7 +142,7 @@ class _RuleReader(BlockReader):
             elif tag in ("onEntry", "onExit"):
                 if tag in blocks:
                     self.error("duplicate-element", child, f"this state has `<{tag}>` twice; join them")
-                self.attributes(child, ())
+                self.attributes(child, NONE)
                 blocks[tag] = blocks.get(tag, ()) + self.block(child)
             else:
                 self.error("unknown-element", child, self.misplaced(child, element, _STATE_PARTS))
@@ -149,8 +153,8 @@ class _RuleReader(BlockReader):
         )
 
     def transition(self, element: Element) -> Transition | None:
-        self.attributes(element, ("eventTopic", "target", "cond", "after"))
-        event, condition, after = element.get("eventTopic"), element.get("cond"), element.get("after")
+        get = self.attributes(element, _TRANSITION).get
+        event, condition, after = get("eventTopic"), get("cond"), get("after")
         if event is not None and after is not None:
             self.findings.error(
                 "trigger",
@@ -166,7 +170,7 @@ class _RuleReader(BlockReader):
                 self.draft.waits.append(Mention(topic, Spot(self.file, element, "eventTopic")))
             else:
                 self.findings.error("trigger", self.file.value_place(element, "eventTopic"), "eventTopic is empty")
-        target = element.get("target")
+        target = get("target")
         if target is not None:
             target = target.strip()
             self.targets.append((target, element))

@@ -7,9 +7,10 @@ so the n-th start tag of the text is the n-th element: one quick scan of the tex
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from lxml import etree
+from msgspec import Struct
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place
@@ -153,7 +154,7 @@ class XmlFile:
         return None
 
 
-class Spot(NamedTuple):
+class Spot(Struct, frozen=True, gc=False):
     """A place that is worked out only when a finding needs it."""
 
     file: XmlFile

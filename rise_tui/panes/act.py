@@ -16,12 +16,13 @@ from rise_tui.graph import levels
 from rise_tui.panes.pane import ListPane
 from rise_tui.states import READY, action_state, newest, task_state
 from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, cell, crop, duration, seconds, spread
+from rise_tui.text import Line, Row, Span, Tone, cell, crop, duration, seconds, spread, wrap
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.rows import RowView
 
 NARROW = 56
 """Below this width, sources stay out."""
+NAME = 13
 DETAILS = 5
 """Lines for the parameters of the selected action."""
 
@@ -148,19 +149,20 @@ class ActPane(ListPane):
         task = newest(self.store, act.name)
         done = task.actions.get(action.id) if task is not None else None
         lines: list[Line] = []
+        width = self.details.size.width
         if done is not None:
-            lines += [_parameter(name, as_text(value), "") for name, value in done.parameters.items()]
+            for name, value in done.parameters.items():
+                lines += _parameter(name, as_text(value), "plain", width)
+            lines += _parameter("reason", done.reason, "fault", width) if done.reason else []
         else:
             for number, call in enumerate(action.calls, 1):
                 prefix = f"{number}. " if len(action.calls) > 1 else ""
                 for name, template in call.parameters.items():
-                    written = template.text if template.constant is None else ""
-                    lines.append(_parameter(prefix + name, self._filled(template), written))
-        if done is not None and done.reason:
-            lines.append(((" reason ", "muted"), (done.reason, "fault")))
-        width = self.details.size.width
+                    lines += _parameter(prefix + name, self._filled(template), "plain", width)
+                    if template.constant is None:
+                        lines += _parameter("", f"written: {template.text}", "muted", width)
         if len(lines) > DETAILS:
-            lines[DETAILS - 1 :] = [((f" and {len(lines) - DETAILS + 1} more", "muted"),)]
+            lines[DETAILS - 1 :] = [((f" and {len(lines) - DETAILS + 1} more lines", "muted"),)]
         self.details.show(*(crop(line, width) for line in lines))
 
 
@@ -170,6 +172,7 @@ def _bracket(place: int, of: int) -> str:
     return "┌" if place == 0 else "└" if place == of - 1 else "│"
 
 
-def _parameter(name: str, value: str, written: str) -> Line:
-    line: Line = (cell(f" {name}", 12, "muted"), (f" {value}", "plain"))
-    return (*line, (f"   from {written}", "muted")) if written else line
+def _parameter(name: str, value: str, tone: Tone, width: int) -> list[Line]:
+    """A parameter and its value, over as many lines as it needs."""
+    lines = wrap(value, max(10, width - NAME - 2))
+    return [(cell(f" {name if at == 0 else ''}", NAME, "muted"), (f" {line}", tone)) for at, line in enumerate(lines)]

@@ -9,7 +9,6 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.command import CommandPalette
 from textual.message import Message
-from textual.timer import Timer
 from textual.widgets import Input
 
 from rise_tui.actions import BY_ID, bindings
@@ -49,13 +48,10 @@ class ConsoleScreen(QuietScreen[None]):
         super().__init__()
         self.session = session
         self.panes = Arrangement(session.store)
-        self.painting = Painting(session.store, self.panes, self._later)
+        self.painting = Painting(session.store, self.panes, self.set_timer)
         self.status, self.alarm = self.painting.status, self.painting.alarm
         self.notice, self.hints = self.painting.notice, self.painting.hints
-        self.gate = Gate(self._fire, self._arm, self.say, self._later)
-
-    def _later(self, seconds: float, call: Callable[[], None]) -> Timer:
-        return self.set_timer(seconds, call)
+        self.gate = Gate(self._fire, self._arm, self.say, self.set_timer)
 
     def compose(self) -> ComposeResult:
         yield self.status
@@ -75,10 +71,9 @@ class ConsoleScreen(QuietScreen[None]):
     def _bar_resized(self) -> None:
         self.painting.draw_bars()
 
-    def on_descendant_focus(self) -> None:
-        self.painting.draw_hints()
-
-    def on_descendant_blur(self) -> None:
+    @on(events.DescendantFocus)
+    @on(events.DescendantBlur)
+    def _focus_moved(self) -> None:
         self.painting.draw_hints()
 
     # --- keys -----------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from textual.widgets import Input
 from rise_tui.actions import PLACES, at
 from rise_tui.quiet import QuietModal
 from rise_tui.store import Store, describe
-from rise_tui.text import Line, Row, cell, crop, plain
+from rise_tui.text import Line, Row, cell, crop, plain, wrap
 from rise_tui.widgets.editor import Field
 from rise_tui.widgets.rows import RowList, RowView
 
@@ -90,14 +90,7 @@ def _wrapped(action: str, head: Line, text: str, width: int) -> list[Row]:
     """A help text over as many rows as it needs."""
     lead = 38
     room = max(20, width - lead - 1)
-    lines, line = [], ""
-    for word in text.split():
-        if line and len(line) + 1 + len(word) > room:
-            lines.append(line)
-            line = word
-        else:
-            line = f"{line} {word}".strip()
-    lines.append(line)
+    lines = wrap(text, room)
     rows = [Row(action, crop((*head, (lines[0], "muted")), width))]
     rows += [Row(action, crop(((" " * lead, "plain"), (more, "muted")), width)) for more in lines[1:]]
     return rows

@@ -125,7 +125,9 @@ async def test_the_act_pane_shows_levels_states_and_parameters_with_the_memory()
         assert lines[3].split()[:4] == ["2", "─", "3", "Wait"] and "after 1, 2" in lines[3]
         assert "after 3  Please put the fork" in lines[4]
         await it.press("end")
-        await it.until(lambda: "from Please put the fork to the {side}." in it.screen.query_one("#act-details").text)
+        await it.until(
+            lambda: "written: Please put the fork to the {side}." in it.screen.query_one("#act-details").text
+        )
 
 
 async def test_the_scheduler_reorders_and_cancels() -> None:
