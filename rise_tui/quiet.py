@@ -49,6 +49,19 @@ class QuietScrollView(ScrollView):
         if self.container_size:
             self._scroll_update(size)
 
+    def _on_focus(self, event: events.Focus) -> None:
+        """As `Widget._on_focus`, but without repainting all of it: a subclass repaints what shows its focus."""
+        event.prevent_default()
+        self.has_focus = True
+        if self.parent is not None:
+            self.parent.post_message(events.DescendantFocus(self))
+
+    def _on_blur(self, event: events.Blur) -> None:
+        event.prevent_default()
+        self.has_focus = False
+        if self.parent is not None:
+            self.parent.post_message(events.DescendantBlur(self))
+
     @property
     def row_width(self) -> int:
         """Cells of one row, without the scrollbar."""

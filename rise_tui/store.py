@@ -97,10 +97,13 @@ class Store:
     deleted: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
+    _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
     _estimates: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.view = self.hello.view
+        for key in reversed(self.scenario.keys.values()):  # of several, the first of the file
+            self._keys[key.function, key.behavior.strip().lstrip("/")] = key
         self.log = list(self.view.tasks)
         self.act_shown = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
         self.rule_shown = next(iter(self.view.stack()), "")
@@ -148,11 +151,7 @@ class Store:
 
     def key_of(self, function: str, behavior: str) -> KeyBinding | None:
         """The scenario's key that submits this, if there is one."""
-        for binding in self.scenario.keys.values():
-            same = binding.behavior.strip().lstrip("/") == behavior.strip().lstrip("/")
-            if binding.function == function and same:
-                return binding
-        return None
+        return self._keys.get((function, behavior.strip().lstrip("/")))
 
     def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from typing import Any, TypeAlias
 
 from msgspec import Struct
 
@@ -12,6 +12,10 @@ from rise_engine.kernel.chance import Chance
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.records import AnyRecord, EventRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.scenario.model import Scenario
+
+
+Event: TypeAlias = tuple[str, str, str]
+"""Raised and not yet routed: topic for routing, topic for records, source."""
 
 
 class Task(Struct):
@@ -65,8 +69,7 @@ class Core:
         """Counts inputs: what happens within one of them happens in one go."""
         self.records: list[AnyRecord] = []
         self.commands: list[Command] = []
-        self.events: deque[tuple[str, str, str]] = deque()
-        """Raised and not yet routed: topic for routing, topic for records, source."""
+        self.events: deque[Event] = deque()
         self.next_task = 1
         self.next_timer = 1
         self.timers: dict[int, TimerTarget] = {}

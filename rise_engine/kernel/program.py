@@ -1,15 +1,15 @@
-"""Rules made ready to run: indexed by topic, conditions compiled, blocks as flat tuples. Done once, at load."""
+"""Rules made ready to run: indexed by topic, conditions compiled, blocks as chains of steps. Done once, at load."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from rise_engine.expression import Assignment, Expression
+from rise_engine.kernel.core import Event
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Statement, Transition, normal_topic
 
-RAISE, ASSIGN, CALL, TEST, JUMP, PICK = range(6)
-"""What an Op does. A block is flat: `if` and `oneOf` become jumps within it, so that running one needs no recursion, and
-an error that skips the rest of a block is a jump to its end."""
+RAISE, ASSIGN, CALL, TEST, PICK = range(5)
+"""What an Op does."""
 
 
 class Condition:
@@ -27,37 +27,57 @@ class Condition:
 
 
 class Op:
-    """One step of a block. Which fields are set depends on `kind`."""
+    """One step of a block, and the step after it: null at the end of the block.
 
-    __slots__ = ("argument", "assignments", "condition", "function", "kind", "shown", "target", "targets", "topic")
+    A block is a chain. The arms of an `if` and of a `oneOf` go on with what follows it, so that running a block needs
+    neither recursion nor jumps, and an error that skips the rest of a block just ends the chain.
+    Which fields are set depends on `kind`.
+    """
+
+    __slots__ = (
+        "argument",
+        "assignments",
+        "choices",
+        "condition",
+        "event",
+        "function",
+        "kind",
+        "next",
+        "otherwise",
+        "source",
+    )
 
     kind: int
+    next: Op | None
+    """TEST: where to go on when the condition is true."""
+    source: str
+    """Whose step it is, for records."""
     function: str
     argument: str
-    topic: str
-    """RAISE: without slash, for routing."""
-    shown: str
-    """RAISE: with slash, for records."""
+    event: Event
+    """RAISE: what it puts in the queue, made once."""
     assignments: tuple[Assignment, ...]
     condition: Condition
-    target: int
-    """TEST: where to go on when the condition is false. JUMP: where to go on."""
-    targets: tuple[int, ...]
+    otherwise: Op | None
+    """TEST: where to go on when the condition is false."""
+    choices: tuple[Op | None, ...]
     """PICK: where each choice begins."""
 
-    def __init__(self, kind: int) -> None:
+    def __init__(self, kind: int, source: str, next: Op | None) -> None:
         self.kind = kind
+        self.source = source
+        self.next = next
 
 
 class TransitionCode:
-    __slots__ = ("after", "condition", "direct", "index", "ops", "target", "topic", "trigger")
+    __slots__ = ("after", "block", "condition", "direct", "index", "target", "topic", "trigger")
 
-    def __init__(self, transition: Transition, index: int) -> None:
+    def __init__(self, transition: Transition, index: int, source: str) -> None:
         self.index = index
         self.topic = transition.event
         self.condition = Condition(transition.condition) if transition.condition is not None else None
         self.after = transition.after
-        self.ops = _block(transition.block)
+        self.block = _block(transition.block, source)
         self.target: StateCode | None = None
         self.direct = False
         """Nothing runs between leaving the old state and entering the new one."""
@@ -87,7 +107,7 @@ class StateCode:
         "watching",
     )
 
-    def __init__(self, id: str, entry: tuple[Op, ...], exit: tuple[Op, ...], transitions: list[TransitionCode]) -> None:
+    def __init__(self, id: str, entry: Op | None, exit: Op | None, transitions: list[TransitionCode]) -> None:
         self.id = id
         self.entry = entry
         self.exit = exit
@@ -124,16 +144,16 @@ class RuleCode:
         self.states = {
             state.id: StateCode(
                 state.id,
-                _block(state.on_entry),
-                _block(state.on_exit),
-                [TransitionCode(transition, index) for index, transition in enumerate(state.transitions)],
+                _block(state.on_entry, self.source),
+                _block(state.on_exit, self.source),
+                [TransitionCode(transition, index, self.source) for index, transition in enumerate(state.transitions)],
             )
             for state in rule.states.values()
         }
         for state in rule.states.values():
             for way, transition in zip(self.states[state.id].transitions, state.transitions, strict=True):
                 way.target = self.states[transition.target] if transition.target is not None else None
-                way.direct = way.target is not None and not way.ops and not state.on_exit
+                way.direct = way.target is not None and way.block is None and not state.on_exit
         for code in self.states.values():
             code.lists = tuple(
                 lists.setdefault(name, {})
@@ -143,61 +163,45 @@ class RuleCode:
         self.initial = self.states[rule.initial]
 
 
-def _block(block: Block) -> tuple[Op, ...]:
-    ops: list[Op] = []
-    for statement in block:
-        _append(ops, statement)
-    return tuple(ops)
+def _block(block: Block, source: str, then: Op | None = None) -> Op | None:
+    """The first step of a block that goes on with `then`. Built from its end, so that each step knows the next."""
+    for statement in reversed(block):
+        then = _statement(statement, source, then)
+    return then
 
 
-def _append(ops: list[Op], statement: Statement) -> None:
+def _statement(statement: Statement, source: str, then: Op | None) -> Op | None:
     match statement:
         case Function():
-            ops.append(_function(statement))
+            return _function(statement, source, then)
         case If():
-            jumps = []
-            for branch in statement.branches:
-                test = None
-                if branch.condition is not None:
-                    test = Op(TEST)
+            otherwise = then
+            for branch in reversed(statement.branches):
+                arm = _block(branch.block, source, then)
+                if branch.condition is None:
+                    otherwise = arm
+                else:
+                    test = Op(TEST, source, arm)
                     test.condition = Condition(branch.condition)
-                    ops.append(test)
-                for inner in branch.block:
-                    _append(ops, inner)
-                jumps.append(_jump(ops))
-                if test is not None:
-                    test.target = len(ops)
-            for jump in jumps:
-                jump.target = len(ops)
+                    test.otherwise = otherwise
+                    otherwise = test
+            return otherwise
         case OneOf():
-            pick = Op(PICK)
-            ops.append(pick)
-            targets, jumps = [], []
-            for choice in statement.choices:
-                targets.append(len(ops))
-                _append(ops, choice)
-                jumps.append(_jump(ops))
-            pick.targets = tuple(targets)
-            for jump in jumps:
-                jump.target = len(ops)
+            pick = Op(PICK, source, then)
+            pick.choices = tuple(_statement(choice, source, then) for choice in statement.choices)
+            return pick
 
 
-def _jump(ops: list[Op]) -> Op:
-    jump = Op(JUMP)
-    ops.append(jump)
-    return jump
-
-
-def _function(function: Function) -> Op:
+def _function(function: Function, source: str, then: Op | None) -> Op:
     if function.name == "raiseEventTopic":
-        op = Op(RAISE)
-        op.topic = normal_topic(function.argument)
-        op.shown = "/" + op.topic
+        op = Op(RAISE, source, then)
+        topic = normal_topic(function.argument)
+        op.event = (topic, "/" + topic, source)
     elif function.name == "assignValue" and function.assignment is not None:
-        op = Op(ASSIGN)
+        op = Op(ASSIGN, source, then)
         op.assignments = (function.assignment,)
     else:
-        op = Op(CALL)
+        op = Op(CALL, source, then)
         op.function = function.name
     op.argument = function.argument
     return op

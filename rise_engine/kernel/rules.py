@@ -11,15 +11,14 @@ thousand deep, is no deeper than the first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TypeAlias
 
 from rise_engine.expression import EvaluationError
-from rise_engine.kernel.core import Core, Task, TimerTarget
+from rise_engine.kernel.core import Core, Event, Task, TimerTarget
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.program import (
     ASSIGN,
     CALL,
-    JUMP,
     RAISE,
     TEST,
     Condition,
@@ -46,7 +45,7 @@ Rank = tuple[float, int]
 class RuleRun:
     """A running rule."""
 
-    __slots__ = ("alive", "code", "held", "name", "priority", "stamp", "state", "steps", "steps_seq", "task", "timers")
+    __slots__ = ("alive", "code", "held", "name", "priority", "stamp", "state", "step", "steps", "task", "timers")
 
     def __init__(self, code: RuleCode, state: StateCode, task: Task) -> None:
         self.code = code
@@ -59,15 +58,16 @@ class RuleRun:
         self.timers: dict[int, TransitionCode] = {}
         self.held: set[int] = set()
         """Transitions of the state, by index, whose condition was true when last looked at and that were taken for it."""
+        self.step = -1
+        """The input during which it last took a transition, and how many it has taken since."""
         self.steps = 0
-        self.steps_seq = -1
 
 
 BLOCK, ENTERED, ENTER = range(3)
-"""What comes after a frame's block: nothing, the state has been entered, a transition's target is to be entered."""
+"""What comes after a block: nothing, the state has been entered, a transition's target is to be entered."""
 
-Frame = list[Any]
-"""[run, ops, next op, what comes after, transition]. A list, because one is made at every transition."""
+Frame: TypeAlias = tuple[RuleRun, Op | None, int, TransitionCode | None]
+"""What is left of a block: the rule, the next step, what comes after the block, the transition that ENTER means."""
 
 
 class RuleMachine:
@@ -184,26 +184,23 @@ class RuleMachine:
             if self._dirty:
                 self._look_at_conditions()
             elif events:
-                self._route(*events.popleft())
+                self._route(events.popleft())
             elif not self._frames:
                 return
 
-    def _route(self, topic: str, shown: str, source: str) -> None:
+    def _route(self, event: Event) -> None:
         """Give an event to the highest rule that would take it."""
         core = self._core
-        taker = None
+        topic, shown, source = event
         if runs := self._waiting.get(topic):
             for run in reversed(runs):
                 for transition in run.state.by_topic[topic]:
                     if transition.condition is None or self._holds(run, transition.condition):
-                        taker = run.name
-                        break
-                if taker is not None:
-                    break
-        core.seq = seq = core.seq + 1
-        core.records.append(EventRecord(seq, core.t, "", shown, source, taker))
-        if taker is not None:
-            self._take(run, transition)
+                        core.seq = seq = core.seq + 1
+                        core.records.append(EventRecord(seq, core.t, "", shown, source, run.name))
+                        self._take(run, transition)
+                        return
+        core.event_record(shown, source, None)
 
     def _look_at_conditions(self) -> None:
         """Let the highest of the rules that have something to look at take a transition without event."""
@@ -233,15 +230,15 @@ class RuleMachine:
     # --- transitions ---
 
     def _take(self, run: RuleRun, transition: TransitionCode) -> None:
-        core = self._core
-        if run.steps_seq == core.step:
-            run.steps += 1
-            if run.steps > STEP_LIMIT:
-                self._end(run, "faulted", "ABORTED", RAN_AWAY)
-                return
-        else:
-            run.steps_seq = core.step
+        step = self._core.step
+        if run.step != step:
+            run.step = step
             run.steps = 1
+        elif run.steps < STEP_LIMIT:
+            run.steps += 1
+        else:
+            self._end(run, "faulted", "ABORTED", RAN_AWAY)
+            return
         if transition.direct:
             self._enter(run, transition)
         elif transition.target is None:
@@ -251,11 +248,11 @@ class RuleMachine:
             self._to_top(run)
             self._join_lists(run)
             self._record(run, "entered", state.id, transition.trigger, transition.index)
-            self._frames.append([run, transition.ops, 0, ENTERED, None])
+            self._frames.append((run, transition.block, ENTERED, None))
         else:
-            self._frames.append([run, (), 0, ENTER, transition])
-            self._frames.append([run, transition.ops, 0, BLOCK, None])
-            self._frames.append([run, run.state.exit, 0, BLOCK, None])
+            self._frames.append((run, None, ENTER, transition))
+            self._frames.append((run, transition.block, BLOCK, None))
+            self._frames.append((run, run.state.exit, BLOCK, None))
 
     def _enter(self, run: RuleRun, transition: TransitionCode) -> None:
         """Leave the state that a rule is in and enter the transition's target. The inner part of what an event costs."""
@@ -265,9 +262,8 @@ class RuleMachine:
         run.state = state
         for line in previous.lists:
             del line[run]
-        if run.timers:
+        if not previous.quiet:
             self._cancel_timers(run)
-        if run.held:
             run.held.clear()
         self.stamp = run.stamp = self.stamp + 1
         if self._top is not run:
@@ -292,8 +288,8 @@ class RuleMachine:
         )
         if not state.quiet:
             self._arrive(run)
-        elif state.entry:
-            self._frames.append([run, state.entry, 0, BLOCK, None])
+        elif state.entry is not None:
+            self._frames.append((run, state.entry, BLOCK, None))
 
     def _arrive(self, run: RuleRun) -> None:
         """What entering a state sets going besides waiting for its events."""
@@ -301,8 +297,8 @@ class RuleMachine:
         for timed in state.timed:
             timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
             run.timers[timer] = timed
-        if state.entry:
-            self._frames.append([run, state.entry, 0, ENTERED, None])
+        if state.entry is not None:
+            self._frames.append((run, state.entry, ENTERED, None))
         else:
             self._entered(run)
 
@@ -319,51 +315,42 @@ class RuleMachine:
         frames = self._frames
         core = self._core
         while frames:
-            frame = frames[-1]
-            run, ops, at, after, transition = frame
+            run, op, after, transition = frames.pop()
             if not run.alive:
-                frames.pop()
                 continue
-            end = len(ops)
-            while at < end:
-                op = ops[at]
-                at += 1
+            while op is not None:
                 kind = op.kind
                 if kind == TEST:
-                    if not self._holds(run, op.condition):
-                        at = op.target
+                    op = op.next if self._holds(run, op.condition) else op.otherwise
                 elif kind == RAISE:
-                    source = run.code.source
                     task = core.next_task
                     core.next_task = task + 1
                     core.seq = seq = core.seq + 1
                     core.records.append(
-                        TaskRecord(seq, core.t, "", task, "raiseEventTopic", op.argument, "None", source, "SUCCEEDED")
+                        TaskRecord(
+                            seq, core.t, "", task, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED"
+                        )
                     )
-                    core.events.append((op.topic, op.shown, source))
-                elif kind == JUMP:
-                    at = op.target
+                    core.events.append(op.event)
+                    op = op.next
                 elif kind == ASSIGN:
-                    if not self._assign(run, op):
-                        at = end  # an error in a function skips the rest of its block
+                    op = op.next if self._assign(run, op) else None  # an error skips the rest of the block
                 elif kind == CALL:
-                    frame[2] = at
-                    self._submit(op.function, op.argument, run.code.source)
-                    if frames[-1] is not frame or not run.alive:
-                        break  # it started a rule, whose functions come first, or stopped this one
+                    frames.append((run, op.next, after, transition))
+                    self._submit(op.function, op.argument, op.source)
+                    break  # what it started comes first, and it may have stopped this rule
                 else:
-                    at = op.targets[core.chance.below(len(op.targets))]
+                    op = op.choices[core.chance.below(len(op.choices))]
             else:
-                frames.pop()
                 if after == ENTERED:
                     self._entered(run)
-                elif after == ENTER:
+                elif after == ENTER and transition is not None:
                     self._enter(run, transition)
 
     def _assign(self, run: RuleRun, op: Op) -> bool:
         """False when the value could not be computed."""
         core = self._core
-        source = run.code.source
+        source = op.source
         try:
             written = self._memory.compute(op.assignments)
         except EvaluationError as error:

@@ -11,7 +11,7 @@ from rise_engine.scenario.graph import cycles
 from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
 from rise_engine.scenario.parameters import convert
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
-from rise_engine.scenario.xml import Element, Spot, XmlFile, attribute_names
+from rise_engine.scenario.xml import Element, Spot, XmlFile
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
@@ -47,10 +47,10 @@ def roots(file: XmlFile, tag: str, wrappers: tuple[str, ...], findings: Findings
         findings.error(
             "unknown-element",
             file.place(root),
-            f"`<{root.tag}>` cannot be the outermost element here{suggestion(str(root.tag), (tag, *wrappers))}",
+            f"`<{root.tag}>` cannot be the outermost element here{suggestion(root.tag, (tag, *wrappers))}",
         )
         return
-    for name in attribute_names(root):
+    for name in root.attributes:
         findings.error("unknown-attribute", file.attribute_place(root, name), f"`<{root.tag}>` has no attributes")
     no_text(file, root, findings)
     for child in root:
@@ -184,7 +184,7 @@ class _ActReader:
 
     def spec(self, element: Element) -> ActionSpec | None:
         """The declaration of an action element; None, after a finding, when this robot has none."""
-        name = str(element.tag)
+        name = element.tag
         spec = self.robot.actions.get(name)
         if spec is None:
             known = [each.name for each in self.robot.actions.values() if each.supported]
@@ -235,14 +235,14 @@ class _ActReader:
         self.attributes(element, ())
         for child in element:
             self.error("unknown-element", child, f"`<{element.tag}>` holds only text")
-        return (element.text or "").strip()
+        return element.text.strip()
 
     def call(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> Call:
         no_text(self.file, element, self.findings)
         parameters: dict[str, Template] = {}
         seen: dict[str, Element] = {}
         for child in element:
-            name = str(child.tag)
+            name = child.tag
             if name in seen:
                 self.error("duplicate-parameter", child, f"`{name}` stands here twice")
                 continue
@@ -262,7 +262,7 @@ class _ActReader:
         return Call(spec.name, parameters)
 
     def unknown_parameter(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> None:
-        name = str(element.tag)
+        name = element.tag
         if name in COMMON:
             self.error("unknown-parameter", element, f"`{name}` stands in `<Variants>`, not in its single actions")
         elif name in self.robot.actions or name == "Variants":
@@ -282,14 +282,14 @@ class _ActReader:
         try:
             template = parse_template(text)
         except TemplateError as error:
-            place = self.file.text_place(element, _raw_index(element.text or "", error.column - 1))
+            place = self.file.text_place(element, _raw_index(element.text, error.column - 1))
             self.findings.error("template", place, str(error))
             return None
         constant = template.constant
         if constant is None:
             for slot in template.parts:
                 if not isinstance(slot, str) and slot.fallback is None:
-                    index = (element.text or "").find("{" + slot.key)
+                    index = element.text.find("{" + slot.key)
                     self.draft.key_reads.append(Mention(slot.key, Spot(self.file, element, None, max(index, 0))))
             return template
         if parameter.type == "text":
@@ -297,7 +297,7 @@ class _ActReader:
         try:
             convert(parameter, constant)
         except ValueError as error:
-            where = Spot(self.file, element, None, _raw_index(element.text or "", 0))
+            where = Spot(self.file, element, None, _raw_index(element.text, 0))
             if parameter.type != "name" and _KEY.match(constant):
                 self.draft.bare_keys.append(BareKey(constant, where, str(error)))
                 self.draft.key_reads.append(Mention(constant, where))
@@ -307,11 +307,11 @@ class _ActReader:
         return template
 
     def attributes(self, element: Element, known: tuple[str, ...]) -> None:
-        for name in attribute_names(element):
+        for name in element.attributes:
             if name in known:
                 continue
             message = f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, known)}"
-            spec = self.robot.actions.get(str(element.tag))
+            spec = self.robot.actions.get(element.tag)
             if spec is not None and (name in spec.parameters or name in COMMON):
                 value = element.get(name)
                 message = (

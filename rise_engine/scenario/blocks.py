@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from typing import Any, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
@@ -54,8 +54,7 @@ class BlockReader:
 
     def attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
         """An element's attributes, with a finding for each that nobody reads."""
-        pairs: Any = element.items()
-        attributes: dict[str, str] = dict(pairs)
+        attributes = element.attributes
         if not known.issuperset(attributes):
             for name in attributes:
                 if name not in known:
@@ -68,14 +67,14 @@ class BlockReader:
 
     def misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
         """What to say about an element that does not belong where it stands."""
-        name = str(element.tag)
+        name = element.tag
         if name in _PLACES:
             return f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
         return f"unknown element `<{name}>` in `<{parent.tag}>`{suggestion(name, known)}"
 
     def block(self, parent: Element) -> Block:
         """The statements inside `onEntry`, `onExit` or `transition`."""
-        if not len(parent) and not self.has_text:
+        if not parent and not self.has_text:
             return ()
         return self.statements(parent, 0, chain=False)[0]
 
@@ -93,7 +92,7 @@ class BlockReader:
             self.error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
             return (), []
         for child in parent:
-            tag: Any = child.tag
+            tag = child.tag
             if tag in _ELSE:
                 if chain:
                     if before is not None:
@@ -131,7 +130,7 @@ class BlockReader:
                 choices = self.statements(child, depth + 1, chain=False)[0]
                 if choices:
                     statements.append(OneOf(choices, self.file.place(child)))
-                elif not len(child):
+                elif not child:
                     self.error("no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none")
             else:
                 self.error("unknown-element", child, self.misplaced(child, parent, _STATEMENTS))
@@ -158,13 +157,13 @@ class BlockReader:
 
     def function(self, element: Element) -> Function | None:
         """One call. Names that it uses are noted for the checks across files."""
-        given: Sequence[tuple[Any, Any]] = element.items()
-        if len(given) != 1 or given[0][0] not in _FUNCTIONS or len(element) or self.has_text:
-            self.check_function(element, [name for name, _ in given])
-        found = next((pair for pair in given if pair[0] in _FUNCTIONS), None)
-        if found is None:
-            return None
-        name, written = found
+        given = element.attributes
+        name: Any = next((name for name in given if name in _FUNCTIONS), None)
+        if name is None or len(given) != 1 or element or self.has_text:
+            self.check_function(element, given)
+            if name is None:
+                return None
+        written = given[name]
         argument = written.strip()
         where = Spot(self.file, element, name)
         assignment: Assignment | None = None
@@ -180,7 +179,7 @@ class BlockReader:
             self.draft.rule_mentions.append(Mention(argument, where))
         return Function(name, argument, assignment, self.file.place(element))
 
-    def check_function(self, element: Element, given: list[str]) -> None:
+    def check_function(self, element: Element, given: Collection[str]) -> None:
         """What is wrong with the form of a `<function>`."""
         for child in element:
             self.error("unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it")

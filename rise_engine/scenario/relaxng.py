@@ -65,7 +65,7 @@ def rule_schema() -> etree.RelaxNG:
 
 def validate(file: XmlFile, schema: etree.RelaxNG, findings: Findings) -> None:
     """A finding when a schema refuses a file that the checks have accepted."""
-    if schema.validate(file.root):
+    if schema.validate(file.tree):
         return
     entry = schema.error_log[0] if len(schema.error_log) else None
     line = entry.line if entry is not None else 1

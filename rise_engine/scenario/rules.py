@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
 
 from rise_engine.scenario.acts import roots
 from rise_engine.scenario.blocks import NONE, BlockReader
@@ -115,8 +114,8 @@ class _RuleReader(BlockReader):
         return int(value) if value.is_integer() else value
 
     def check_reachable(self, initial: str, states: dict[str, State]) -> None:
-        ways = {name: [t.target for t in state.transitions if t.target in states] for name, state in states.items()}
-        found = reachable(initial, {name: [t for t in targets if t] for name, targets in ways.items()})
+        ways = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
+        found = reachable(initial, ways)
         for name, state in states.items():
             if name not in found:
                 self.findings.warning(
@@ -133,7 +132,7 @@ class _RuleReader(BlockReader):
         transitions: list[Transition] = []
         always: dict[tuple[str, object], Transition] = {}
         for child in element:
-            tag: Any = child.tag
+            tag = child.tag
             if tag == "transition":
                 transition = self.transition(child)
                 if transition is not None:

@@ -1,13 +1,15 @@
 """XML files, read by a hardened parser, with exact places for every element, attribute and character of a value.
 
-lxml knows only lines, and for a start tag over several lines the wrong one. But documents with a DOCTYPE are refused,
-so the n-th start tag of the text is the n-th element: one quick scan of the text tells where everything stands.
+lxml decides whether a file is well-formed, and holds it for the schema. The checks walk over a tree of our own, made by
+expat: it tells line and column of every element (lxml only the line, and for a start tag over several lines the wrong
+one), and walking over it costs half as much. What expat would do with a DOCTYPE does not matter: there is none.
 """
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
+from xml.parsers import expat
 
 from lxml import etree
 from msgspec import Struct
@@ -19,14 +21,34 @@ from rise_engine.scenario.source import Source
 if TYPE_CHECKING:
     from rise_engine.scenario.xml_repair import Mended
 
-Element: TypeAlias = "etree._Element"
+
+class Element(list["Element"]):
+    """An element: a list of its children."""
+
+    __slots__ = ("attributes", "column", "line", "tag", "tail", "text")
+
+    def __init__(self, tag: str, attributes: dict[str, str], line: int, column: int) -> None:
+        self.tag = tag
+        self.attributes = attributes
+        """In file order."""
+        self.line = line
+        self.column = column
+        """Where its start tag begins in the text that was parsed; the line from 1, the column from 0."""
+        self.text = ""
+        """What stands before its first child. Comments leave no trace."""
+        self.tail = ""
+        """What stands behind it, before the next element."""
+
+    def get(self, name: str) -> str | None:
+        """The value of an attribute."""
+        return self.attributes.get(name)
+
 
 _TAG = re.compile(
     r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|</[^>]*>|<[^!?/>\"'][^>\"']*(?:\"[^\"]*\"[^>\"']*|'[^']*'[^>\"']*)*>",
     re.DOTALL,
 )
-_START = re.compile(r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|<[^/]", re.DOTALL)
-_PLAIN_START = re.compile(r"<[^/]")
+_MAYBE_TEXT = re.compile(r">\s*+[^<]")
 _ATTRIBUTE = re.compile(r"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n|.", re.DOTALL)
 _VISIBLE = re.compile(r"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
@@ -38,26 +60,22 @@ _DECLARED = re.compile(r"""\A\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']"""
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: Source, root: Element, text: str, mended: Mended | None) -> None:
+    def __init__(self, source: Source, tree: etree._Element, text: str, mended: Mended | None) -> None:
         self.source = source
-        self.root = root
+        self.tree = tree
+        """As lxml has it."""
+        self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
+        """Whether there may be visible text between tags."""
+        self.root = _build(text, self.has_text)
+        self._parsed = source if mended is None else Source(source.name, b"", text)
         self._text = text
         self._mended = mended
-        self._starts: list[int] | None = None
-        """Offsets of all start tags, in document order."""
-        self._places: dict[Element, Place] = {}
-        self._order: dict[Element, int] = {}
 
     def place(self, element: Element) -> Place:
         """Where an element's start tag begins."""
-        if self._starts is None:
-            self._locate()
-        return self._places.get(element) or self._about(element)
-
-    @property
-    def has_text(self) -> bool:
-        """Whether there is any visible text between tags."""
-        return bool(self.root.xpath("boolean(//text()[normalize-space()])"))
+        if self._mended is None:
+            return Place(self.source.name, element.line, element.column + 1)
+        return self._at(self._start(element))
 
     def attribute_place(self, element: Element, name: str) -> Place:
         """Where an attribute's name stands."""
@@ -75,8 +93,6 @@ class XmlFile:
     def text_place(self, element: Element, index: int = 0) -> Place:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
         start = self._start(element)
-        if start is None:
-            return self._about(element)
         tag = _TAG.match(self._text, start)
         at = tag.end() if tag else start
         while True:
@@ -98,8 +114,6 @@ class XmlFile:
     def tail_place(self, element: Element) -> Place:
         """Where the first visible character behind an element's end stands."""
         start = self._start(element)
-        if start is None:
-            return self._about(element)
         depth = 0
         for tag in _TAG.finditer(self._text, start):
             written = tag.group()
@@ -115,37 +129,11 @@ class XmlFile:
     def _at(self, offset: int) -> Place:
         return self.source.place(self._mended.original(offset) if self._mended else offset)
 
-    def _about(self, element: Element) -> Place:
-        line: Any = element.sourceline  # its type in the stubs is a placeholder
-        return Place(self.source.name, line or 1)
-
-    def _start(self, element: Element) -> int | None:
-        if self._starts is None:
-            self._locate()
-        assert self._starts is not None
-        if not self._order:
-            self._order = {each: index for index, each in enumerate(self._places)}
-        index = self._order.get(element)
-        return self._starts[index] if index is not None else None
-
-    def _locate(self) -> None:
-        """Find every start tag. Should the count ever be wrong, lines must do."""
-        text = self._text
-        if "<!" in text or "<?" in text:
-            starts = [tag.start() for tag in _START.finditer(text) if text[tag.start() + 1] not in "!?"]
-        else:
-            starts = [tag.start() for tag in _PLAIN_START.finditer(text)]
-        elements = list(self.root.iter())
-        if len(starts) != len(elements):
-            starts, elements = [], []
-        self._starts = starts
-        if self._mended:
-            starts = [self._mended.original(start) for start in starts]
-        self._places = dict(zip(elements, self.source.places(starts), strict=True))
+    def _start(self, element: Element) -> int:
+        return self._parsed.offset(element.line, element.column + 1)
 
     def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
-        start = self._start(element)
-        tag = _TAG.match(self._text, start) if start is not None else None
+        tag = _TAG.match(self._text, self._start(element))
         if tag is None:
             return None
         for found in _ATTRIBUTE.finditer(self._text, tag.start(), tag.end()):
@@ -172,20 +160,21 @@ class Spot(Struct, frozen=True, gc=False):
         return self.file.place(self.element)
 
 
-_CONDITIONS = etree.XPath("//@cond", smart_strings=False)
-_ASSIGNMENTS = etree.XPath("//@assignValue", smart_strings=False)
-
-
 def expression_texts(file: XmlFile) -> tuple[list[str], list[str]]:
-    """All conditions and all assignments of a rule file, as written."""
-    conditions: Any = _CONDITIONS(file.root)
-    assignments: Any = _ASSIGNMENTS(file.root)
-    return list(dict.fromkeys(conditions)), list(dict.fromkeys(assignments))
-
-
-def attribute_names(element: Element) -> list[str]:
-    """The names of an element's attributes, in file order."""
-    return [str(name) for name in element.keys()]  # noqa: SIM118  # lxml elements are no mappings
+    """All conditions and all assignments of a rule file, as written, each once."""
+    conditions: dict[str, None] = {}
+    assignments: dict[str, None] = {}
+    pending = [file.root]
+    while pending:
+        for element in pending.pop():
+            if element:
+                pending.append(element)
+            attributes = element.attributes
+            if "cond" in attributes:
+                conditions[attributes["cond"]] = None
+            elif "assignValue" in attributes:
+                assignments[attributes["assignValue"]] = None
+    return list(conditions), list(assignments)
 
 
 def read_xml(source: Source, findings: Findings) -> XmlFile | None:
@@ -223,7 +212,7 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         return None
 
 
-def _parse(text: str) -> Element:
+def _parse(text: str) -> etree._Element:
     parser = etree.XMLParser(
         remove_comments=True,
         remove_pis=True,
@@ -233,6 +222,36 @@ def _parse(text: str) -> Element:
         huge_tree=False,
     )
     return etree.fromstring(text.encode(), parser)
+
+
+def _build(text: str, has_text: bool) -> Element:
+    """The tree of a text that lxml has found well-formed."""
+    parser = expat.ParserCreate("utf-8")
+    outside = Element("", {}, 0, 0)
+    open_elements = [outside]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber)
+        open_elements[-1].append(element)
+        open_elements.append(element)
+
+    def end(tag: str) -> None:
+        open_elements.pop()
+
+    def characters(data: str) -> None:
+        inside = open_elements[-1]
+        if inside:
+            inside[-1].tail += data
+        else:
+            inside.text += data
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    if has_text:
+        parser.buffer_text = True
+        parser.CharacterDataHandler = characters
+    parser.Parse(text.encode(), True)
+    return outside[0]
 
 
 def _advance(text: str, start: int, end: int, index: int) -> int:

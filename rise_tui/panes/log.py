@@ -60,7 +60,7 @@ class LogPane(Pane):
         if self.filter_text:
             self.title.draw(((f"/{self.filter_text}  {view.count} of {len(self.store.log)}  ", "wait"), (state, tone)))
         else:
-            self.title.draw(((state, tone),))
+            self.title.draw(((state if view.count else "no task yet", tone),))
 
     @on(RowView.Moved)
     def _moved(self, event: RowView.Moved) -> None:

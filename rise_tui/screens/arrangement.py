@@ -67,6 +67,7 @@ class Arrangement(Container):
         self._front = "rule"
         self._layout_kind: Layout = "one"
         self._zoomed = ""
+        self._placed: tuple[str, ...] = ()
         rules = len(store.scenario.rules)
         self.panes["rules"].styles.height = max(4, rules + 1)
 
@@ -110,7 +111,7 @@ class Arrangement(Container):
         if self._zoomed:
             self._zoomed = name
         self._place_all()
-        self.panes[name].rows.focus()
+        self.screen.set_focus(self.panes[name].rows)  # `Widget.focus` would repaint the whole list
 
     def go_to_control(self) -> None:
         self.go_to("rules" if self.panes["acts"].has_focus_within else "acts")
@@ -155,6 +156,11 @@ class Arrangement(Container):
         return MONITORING
 
     def _place_all(self) -> None:
+        """Show and hide by layout, tabs and zoom; costs nothing when nothing of these has changed."""
+        now = (self._layout_kind, self._zoomed, *self._active.values(), self._front)
+        if now == self._placed:
+            return
+        self._placed = now
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")
         self.set_class(bool(self._zoomed), "-zoom")

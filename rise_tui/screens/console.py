@@ -25,7 +25,7 @@ from rise_tui.store import Notice, describe
 from rise_tui.widgets.line import Lines
 
 CLOCK = 1.0
-TENTHS = 0.2
+TENTHS = 0.5
 """How often running times move, and only while something runs."""
 
 

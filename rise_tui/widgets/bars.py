@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from textual import events
+from textual.app import ComposeResult
+from textual.containers import Horizontal
 
 from rise_tui.actions import BY_ID, Action
 from rise_tui.messages import ActionAsked
@@ -17,34 +19,51 @@ ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
 NOTICES: dict[str, tuple[str, Tone]] = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}
 
 
-class StatusLine(Lines):
-    """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything."""
+class StatusLine(Horizontal):
+    """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything.
+
+    The clock is a widget of its own, so that a second costs the clock and not the line.
+    """
 
     DEFAULT_CSS = """
-    StatusLine { background: $rise-bar; }
+    StatusLine { height: 1; }
+    StatusLine Lines { background: $rise-bar; }
+    StatusLine #status-clock { width: 10; }
     """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._left, self._clock, self._right = Lines(), Lines(id="status-clock"), Lines()
+
+    def compose(self) -> ComposeResult:
+        yield self._left
+        yield self._clock
+        yield self._right
+
+    @property
+    def text(self) -> str:
+        """The characters shown."""
+        return f"{self._left.text}{self._clock.text}{self._right.text}"
 
     def draw(self, store: Store) -> None:
         hello, robot = store.hello, store.view.robot
         status = robot.status if robot is not None else "no link"
-        armed: Span = (f" {store.state} ", "alarm" if store.state == "STOPPED" else "strong")
-        if store.gone:
-            armed = (" ENDED ", "alarm")
         tone: Tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
         gap: Span = ("  ", "plain")
-        right: Line = (
+        mode: Line = (
             (hello.mode.upper(), "wait" if hello.mode == "real" else "accent"),
             gap,
             (f"{hello.robot} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),
-            gap,
-            (clock(store.now()), "plain"),
-            gap,
-            armed,
-            gap,
-            (fit(store.wizard, min(len(store.wizard), 12)), "muted"),
-            (" ", "plain"),
         )
-        self.show(spread(((f" {store.scenario.title}", "strong"),), right, self.size.width))
+        armed: Span = (f" {store.state} ", "alarm" if store.state == "STOPPED" else "strong")
+        if store.gone:
+            armed = (" ENDED ", "alarm")
+        right: Line = (gap, armed, gap, (fit(store.wizard, min(len(store.wizard), 12)), "muted"), (" ", "plain"))
+        if self._right.styles.width is None or self._right.styles.width.value != width_of(right):
+            self._right.styles.width = width_of(right)
+        self._left.show(spread(((f" {store.scenario.title}", "strong"),), mode, self._left.size.width))
+        self._clock.show(((f"  {clock(store.now())}", "plain"),))
+        self._right.show(right)
 
 
 class AlarmBar(Lines):

@@ -85,6 +85,26 @@ async def test_growing_content_asks_for_no_layout_and_moves_the_scrollbar() -> N
         assert view.virtual_size.height == 200 and view.max_scroll_y == 180
 
 
+async def test_the_focus_repaints_no_whole_list_and_is_still_known() -> None:
+    class Two(App[None]):
+        def compose(self) -> ComposeResult:
+            yield Plain(id="one")
+            yield Plain(id="two")
+
+    app = Two()
+    async with app.run_test() as pilot:
+        app.query_one("#one").focus()
+        await pilot.pause()
+        asked = paints(app.screen)
+        try:
+            app.screen.set_focus(app.query_one("#two"))
+            await pilot.pause()
+        finally:
+            app.screen.__dict__["_restore"]()
+        assert app.query_one("#two").has_focus and not app.query_one("#one").has_focus
+        assert not [widget for widget in asked if isinstance(widget, Plain)]
+
+
 async def test_every_key_is_seen_once_also_those_that_a_text_field_takes() -> None:
     class Watching(KeyWatch):
         seen: list[str]
