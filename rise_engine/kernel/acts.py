@@ -83,7 +83,7 @@ class ActRunner:
         self._advance(run)
 
     def _advance(self, run: ActRun) -> None:
-        """Start what can start, in file order; an action that ends at once makes others ready. Then see if all is over."""
+        """Start what can start, in file order; one that ends at once makes others ready. Then see if all is over."""
         if run.starting:
             return
         run.starting = True
@@ -122,18 +122,21 @@ class ActRunner:
         if self.robot_lost is not None:
             self._end_action(run, id, "failed", f"the robot is not connected: {self.robot_lost}")
             return
-        goal = call.type
-        if spec.substitute is not None:
-            goal = state.sent_as = spec.substitute
-        elif not spec.supported:
+        if not spec.supported and spec.substitute is None:
             self._end_action(run, id, "failed", f"{core.scenario.robot.name} cannot do {call.type}")
             return
+        parameters = state.parameters
+        if spec.substitute is not None:
+            state.sent_as = spec.substitute
+            spec = core.scenario.robot.actions[spec.substitute]
+            # The robot does something else instead, which need not know every parameter (a gaze has no hand).
+            parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
         state.state = "running"
         self._record(run, id, "started")
         core.commands.append(
-            StartAction(f"{run.task.id}/{id}", goal, state.parameters, expected_seconds(spec, state.parameters))
+            StartAction(f"{run.task.id}/{id}", spec.name, parameters, expected_seconds(spec, parameters))
         )
-        limit = limit_seconds(spec, state.parameters)
+        limit = limit_seconds(spec, parameters)
         state.timers = [core.set_timer(limit, TimerTarget("limit", str(run.task.id), id))]
 
     def _pick(self, run: ActRun, action: Action) -> Call:
@@ -194,7 +197,7 @@ class ActRunner:
     # --- cancel and end ---
 
     def cancel(self, run: ActRun, reason: str) -> None:
-        """Stop an act: what runs is cancelled, what has not started is skipped. It ends when the robot has confirmed."""
+        """Stop an act: what runs is cancelled, what has not started is skipped; it ends when the robot has confirmed."""
         if run.canceling is not None:
             return
         run.canceling = reason

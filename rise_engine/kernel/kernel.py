@@ -25,7 +25,7 @@ from rise_engine.kernel.inputs import (
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, RobotRecord, SessionRecord, StopRecord
+from rise_engine.kernel.records import AnyRecord, RobotRecord, SessionRecord, StopRecord, TaskRecord
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, restore, take
@@ -183,8 +183,28 @@ class Kernel:
                 return
             named = (topic, "/" + topic)
         topic, shown = named
-        self.core.settled(input.function, input.behavior, input.source, "SUCCEEDED", "", input.ref)
-        self.core.events.append((topic, shown, input.source))
+        core = self.core
+        id = core.next_task
+        core.next_task = id + 1
+        core.seq = seq = core.seq + 1
+        source = input.source
+        core.records.append(
+            TaskRecord(
+                seq,
+                core.t,
+                "",
+                id,
+                "raiseEventTopic",
+                input.behavior,
+                "None",
+                source,
+                "SUCCEEDED",
+                "",
+                None,
+                input.ref,
+            )
+        )
+        core.events.append((topic, shown, source))
 
     def _assign(self, input: Submit) -> None:
         try:

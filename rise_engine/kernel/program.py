@@ -100,6 +100,7 @@ class StateCode:
         "id",
         "lists",
         "quiet",
+        "sure",
         "timed",
         "topics",
         "transitions",
@@ -117,6 +118,8 @@ class StateCode:
             if transition.topic is not None:
                 by_topic.setdefault(transition.topic, []).append(transition)
         self.by_topic = {topic: tuple(taken) for topic, taken in by_topic.items()}
+        self.sure = {topic: taken[0] for topic, taken in by_topic.items() if taken[0].condition is None}
+        """What is taken without looking at any condition."""
         self.topics = tuple(by_topic)
         self.timed = tuple(t for t in transitions if t.after is not None)
         self.watching = tuple(t for t in transitions if t.topic is None and t.after is None)

@@ -70,6 +70,9 @@ Frame: TypeAlias = tuple[RuleRun, Op | None, int, TransitionCode | None]
 """What is left of a block: the rule, the next step, what comes after the block, the transition that ENTER means."""
 
 
+_NOBODY: Waiting = {}
+
+
 class RuleMachine:
     """All running rules and the routing of events to them."""
 
@@ -190,17 +193,27 @@ class RuleMachine:
 
     def _route(self, event: Event) -> None:
         """Give an event to the highest rule that would take it."""
-        core = self._core
         topic, shown, source = event
-        if runs := self._waiting.get(topic):
-            for run in reversed(runs):
-                for transition in run.state.by_topic[topic]:
-                    if transition.condition is None or self._holds(run, transition.condition):
-                        core.seq = seq = core.seq + 1
-                        core.records.append(EventRecord(seq, core.t, "", shown, source, run.name))
-                        self._take(run, transition)
-                        return
-        core.event_record(shown, source, None)
+        core = self._core
+        run = self._top
+        # Mostly it is the top rule, the one that moved last, and mostly without a condition: then nothing is searched.
+        transition = run.state.sure.get(topic) if run is not None else None
+        if transition is None:
+            run, transition = self._search(topic)
+        core.seq = seq = core.seq + 1
+        if run is None or transition is None:
+            core.records.append(EventRecord(seq, core.t, "", shown, source, None))
+        else:
+            core.records.append(EventRecord(seq, core.t, "", shown, source, run.name))
+            self._take(run, transition)
+
+    def _search(self, topic: str) -> tuple[RuleRun, TransitionCode] | tuple[None, None]:
+        """The highest rule that takes an event, and its transition."""
+        for run in reversed(self._waiting.get(topic, _NOBODY)):
+            for transition in run.state.by_topic[topic]:
+                if transition.condition is None or self._holds(run, transition.condition):
+                    return run, transition
+        return None, None
 
     def _look_at_conditions(self) -> None:
         """Let the highest of the rules that have something to look at take a transition without event."""

@@ -263,5 +263,6 @@ def test_a_head_without_hands_points_with_its_gaze(tmp_path: Path) -> None:
     )
     s.act("A")
     assert s.goals["1/1"].type == "LookAt"
+    assert s.goals["1/1"].parameters == {"pointx": 1, "pointy": 0, "pointz": 0}, "a gaze has no hand"
     (record,) = [r for r in s.records if isinstance(r, ActionRecord)]
     assert (record.type, record.sent_as) == ("PointAt", "LookAt")
