@@ -13,7 +13,6 @@ from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.records import AnyRecord, EventRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.scenario.model import Scenario
 
-
 Event: TypeAlias = tuple[str, str, str]
 """Raised and not yet routed: topic for routing, topic for records, source."""
 

@@ -87,14 +87,10 @@ class Kernel:
         records: list[AnyRecord] = []
         commands: list[Command] = []
         core.records, core.commands = records, commands
-        kind = type(input)
-        if kind is Submit:
-            handler = self._functions.get(input.function)  # type: ignore[union-attr]
-            if handler is None:
-                handler = self._no_such_function
-            handler(input)  # type: ignore[arg-type]
+        if type(input) is Submit:
+            (self._functions.get(input.function) or self._no_such_function)(input)
         else:
-            self._inputs[kind](input)
+            self._inputs[type(input)](input)
         self.rules.settle()
         return records, commands
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 from rise_engine.expression import Assignment, Expression
@@ -70,7 +71,7 @@ class Op:
 
 
 class TransitionCode:
-    __slots__ = ("after", "block", "condition", "direct", "index", "target", "topic", "trigger")
+    __slots__ = ("after", "block", "condition", "enters", "index", "landing", "topic", "trigger")
 
     def __init__(self, transition: Transition, index: int, source: str) -> None:
         self.index = index
@@ -78,9 +79,10 @@ class TransitionCode:
         self.condition = Condition(transition.condition) if transition.condition is not None else None
         self.after = transition.after
         self.block = _block(transition.block, source)
-        self.target: StateCode | None = None
-        self.direct = False
-        """Nothing runs between leaving the old state and entering the new one."""
+        self.enters: StateCode | None = None
+        """The state that is entered at once; null when functions come first, or when the state is not left."""
+        self.landing: TransitionCode | None = None
+        """When functions come first: the same transition without them, which enters its target after they have run."""
         if transition.event is not None:
             self.trigger = "/" + transition.event
         elif transition.after is not None:
@@ -98,7 +100,7 @@ class StateCode:
         "exit",
         "final",
         "id",
-        "lists",
+        "lines",
         "quiet",
         "sure",
         "timed",
@@ -129,12 +131,12 @@ class StateCode:
         self.final = not transitions
         self.quiet = not (self.timed or self.final or self.watching)
         """Entering it needs no more than waiting for events."""
-        self.lists: tuple[Waiting, ...] = ()
-        """Where a rule in this state stands in line: one list per topic, one per key that it watches."""
+        self.lines: tuple[Waiting, ...] = ()
+        """Where a rule in this state stands in line: one line per topic, one per key that it watches."""
 
 
 Waiting = dict[Any, None]
-"""Running rules in stack order, the top one last."""
+"""A line of running rules in stack order, the highest last."""
 
 
 class RuleCode:
@@ -155,12 +157,15 @@ class RuleCode:
         }
         for state in rule.states.values():
             for way, transition in zip(self.states[state.id].transitions, state.transitions, strict=True):
-                way.target = self.states[transition.target] if transition.target is not None else None
-                way.direct = way.target is not None and way.block is None and not state.on_exit
+                if transition.target is not None:
+                    landing = way
+                    if transition.block or state.on_exit:
+                        landing = way.landing = copy(way)
+                    landing.enters = self.states[transition.target]
         for code in self.states.values():
-            code.lists = tuple(
-                lists.setdefault(name, {})
-                for lists, names in ((waiting, code.topics), (watching, code.watched))
+            code.lines = tuple(
+                lines.setdefault(name, {})
+                for lines, names in ((waiting, code.topics), (watching, code.watched))
                 for name in names
             )
         self.initial = self.states[rule.initial]

@@ -1,8 +1,10 @@
 """The rules: run to completion, one taker per event, the stack (semantics, section 3).
 
-Costs follow the takers, not the number of running rules: each topic has its waiting rules in stack order, each memory key
-the rules that watch it. All are insertion-ordered dicts whose last entry is the top: a rule that takes a transition
-moves to the top, so that appending keeps them sorted; only a start below others has to insert.
+Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
+that moved last, and mostly the one that moves next. The others stand in line: each topic has a line of the rules that
+wait for it, each memory key one of those that watch it. A line is a dict in stack order. A rule that takes a transition
+leaves its lines and moves to the top; the one that it displaces there was above all others, so it joins its lines at
+the end and they stay sorted. Only a start below others has to sort.
 
 Functions run on an explicit list of frames, not on Python's stack: a rule that starts a rule that starts a rule, ten
 thousand deep, is no deeper than the first.
@@ -11,10 +13,11 @@ thousand deep, is no deeper than the first.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from typing import TypeAlias
 
 from rise_engine.expression import EvaluationError
-from rise_engine.kernel.core import Core, Event, Task, TimerTarget
+from rise_engine.kernel.core import Core, Task, TimerTarget
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.program import (
     ASSIGN,
@@ -54,23 +57,23 @@ class RuleRun:
         self.task = task
         self.priority = code.priority
         self.stamp = 0
+        """Grows whenever the rule moves to the top: its recency."""
         self.alive = True
         self.timers: dict[int, TransitionCode] = {}
         self.held: set[int] = set()
-        """Transitions of the state, by index, whose condition was true when last looked at and that were taken for it."""
+        """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
         self.step = -1
-        """The input during which it last took a transition, and how many it has taken since."""
+        """The input (`Core.step`) during which it last took a transition."""
         self.steps = 0
+        """How many it has taken during that input."""
 
 
-BLOCK, ENTERED, ENTER = range(3)
-"""What comes after a block: nothing, the state has been entered, a transition's target is to be entered."""
-
-Frame: TypeAlias = tuple[RuleRun, Op | None, int, TransitionCode | None]
-"""What is left of a block: the rule, the next step, what comes after the block, the transition that ENTER means."""
-
+Frame: TypeAlias = tuple[RuleRun, Op | None, bool, TransitionCode | None]
+"""What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, and the
+transition that then arrives."""
 
 _NOBODY: Waiting = {}
+"""The line of a topic that no rule of the scenario waits for."""
 
 
 class RuleMachine:
@@ -107,7 +110,7 @@ class RuleMachine:
         self.stack: dict[str, RuleRun] = {}
         """The running rules by name, bottom first."""
         self._top: RuleRun | None = None
-        """The last of the stack."""
+        """The last of the stack. It stands in no line."""
 
     @property
     def memory(self) -> WorkingMemory:
@@ -124,13 +127,13 @@ class RuleMachine:
             run.priority = max(run.priority, top.priority)
         self.stamp = run.stamp = self.stamp + 1
         self.stack[name] = run
-        self._join_lists(run)
         if top is not None and run.priority < top.priority:
             self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            for line in run.state.lists:
+            _join_lines(run)
+            for line in run.state.lines:
                 _sort(line)
         else:
-            self._top = run
+            self._crown(run)
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
         self._arrive(run)
@@ -150,12 +153,16 @@ class RuleMachine:
     def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
         core = self._core
         run.alive = False
-        self._leave_lists(run)
         self._cancel_timers(run)
         self._dirty.pop(run, None)
         del self.stack[run.name]
-        if self._top is run:
-            self._top = self.stack[next(reversed(self.stack))] if self.stack else None
+        if self._top is not run:
+            _leave_lines(run)
+        elif self.stack:
+            self._top = self.stack[next(reversed(self.stack))]
+            _leave_lines(self._top)
+        else:
+            self._top = None
         core.seq += 1
         core.records.append(
             RuleRecord(core.seq, core.t, "", run.name, status, run.state.id, None, None, None, run.priority, reason)  # type: ignore[arg-type]
@@ -167,13 +174,13 @@ class RuleMachine:
     def resume(
         self, name: str, state: str, task: Task, priority: float, stamp: int, timers: dict[int, int], held: set[int]
     ) -> None:
-        """Put a rule of a snapshot back where it was. Bottom of the stack first; nothing runs and nothing is recorded."""
+        """Put a rule of a snapshot back where it was, bottom of the stack first. Nothing runs, nothing is recorded."""
         code = self._codes[name]
         run = RuleRun(code, code.states[state], task)
         run.priority, run.stamp, run.held = priority, stamp, held
         run.timers = {timer: run.state.transitions[index] for timer, index in timers.items()}
-        self.stack[name] = self._top = run
-        self._join_lists(run)
+        self.stack[name] = run
+        self._crown(run)
 
     # --- run to completion ---
 
@@ -181,38 +188,36 @@ class RuleMachine:
         """Handle everything that the current input has set off, until all rules wait again."""
         core = self._core
         events = core.events
+        frames = self._frames
         while True:
-            if self._frames:
+            if frames:
                 self._drive()
             if self._dirty:
                 self._look_at_conditions()
             elif events:
-                self._route(events.popleft())
-            elif not self._frames:
+                topic, shown, source = events.popleft()
+                run = self._top
+                # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
+                transition = run.state.sure.get(topic) if run is not None else None
+                if transition is None:
+                    run, transition = self._search(topic)
+                core.seq = seq = core.seq + 1
+                if run is None or transition is None:
+                    core.records.append(EventRecord(seq, core.t, "", shown, source, None))
+                else:
+                    core.records.append(EventRecord(seq, core.t, "", shown, source, run.name))
+                    self._take(run, transition)
+            elif not frames:
                 return
 
-    def _route(self, event: Event) -> None:
-        """Give an event to the highest rule that would take it."""
-        topic, shown, source = event
-        core = self._core
-        run = self._top
-        # Mostly it is the top rule, the one that moved last, and mostly without a condition: then nothing is searched.
-        transition = run.state.sure.get(topic) if run is not None else None
-        if transition is None:
-            run, transition = self._search(topic)
-        core.seq = seq = core.seq + 1
-        if run is None or transition is None:
-            core.records.append(EventRecord(seq, core.t, "", shown, source, None))
-        else:
-            core.records.append(EventRecord(seq, core.t, "", shown, source, run.name))
-            self._take(run, transition)
-
     def _search(self, topic: str) -> tuple[RuleRun, TransitionCode] | tuple[None, None]:
-        """The highest rule that takes an event, and its transition."""
-        for run in reversed(self._waiting.get(topic, _NOBODY)):
-            for transition in run.state.by_topic[topic]:
-                if transition.condition is None or self._holds(run, transition.condition):
-                    return run, transition
+        """The highest rule that would take an event, and the transition."""
+        top = self._top
+        if top is not None:
+            for run in chain((top,), reversed(self._waiting.get(topic, _NOBODY))):
+                for transition in run.state.by_topic.get(topic, ()):
+                    if transition.condition is None or self._holds(run, transition.condition):
+                        return run, transition
         return None, None
 
     def _look_at_conditions(self) -> None:
@@ -221,7 +226,7 @@ class RuleMachine:
         del self._dirty[run]
         for transition in run.state.watching:
             if transition.condition is None or self._holds(run, transition.condition):
-                # It is taken when it *becomes* true: one that stays in the state must turn false before it is taken again.
+                # It is taken when it *becomes* true: if the rule stays in the state, it must turn false in between.
                 if transition.index not in run.held:
                     run.held.add(transition.index)
                     self._take(run, transition)
@@ -239,51 +244,34 @@ class RuleMachine:
     def key_changed(self, key: str) -> None:
         if runs := self._watching.get(key):
             self._dirty.update(runs)
+        top = self._top
+        if top is not None and key in top.state.watched:
+            self._dirty[top] = None
 
     # --- transitions ---
 
     def _take(self, run: RuleRun, transition: TransitionCode) -> None:
-        step = self._core.step
-        if run.step != step:
-            run.step = step
-            run.steps = 1
-        elif run.steps < STEP_LIMIT:
-            run.steps += 1
-        else:
+        """Take a transition: at once when no functions stand in between. The inner part of what an event costs."""
+        core = self._core
+        step = core.step
+        steps = run.steps + 1 if run.step == step else 1
+        if steps > STEP_LIMIT:
             self._end(run, "faulted", "ABORTED", RAN_AWAY)
             return
-        if transition.direct:
-            self._enter(run, transition)
-        elif transition.target is None:
-            state = run.state
-            self._leave_lists(run)
-            self.stamp = run.stamp = self.stamp + 1
-            self._to_top(run)
-            self._join_lists(run)
-            self._record(run, "entered", state.id, transition.trigger, transition.index)
-            self._frames.append((run, transition.block, ENTERED, None))
-        else:
-            self._frames.append((run, None, ENTER, transition))
-            self._frames.append((run, transition.block, BLOCK, None))
-            self._frames.append((run, run.state.exit, BLOCK, None))
-
-    def _enter(self, run: RuleRun, transition: TransitionCode) -> None:
-        """Leave the state that a rule is in and enter the transition's target. The inner part of what an event costs."""
+        state = transition.enters
+        if state is None:
+            self._run_functions(run, transition, steps)
+            return
+        run.step = step
+        run.steps = steps
         previous = run.state
-        state = transition.target
-        assert state is not None
-        run.state = state
-        for line in previous.lists:
-            del line[run]
         if not previous.quiet:
             self._cancel_timers(run)
             run.held.clear()
         self.stamp = run.stamp = self.stamp + 1
         if self._top is not run:
             self._to_top(run)
-        for line in state.lists:
-            line[run] = None
-        core = self._core
+        run.state = state
         core.seq = seq = core.seq + 1
         core.records.append(
             RuleRecord(
@@ -302,7 +290,22 @@ class RuleMachine:
         if not state.quiet:
             self._arrive(run)
         elif state.entry is not None:
-            self._frames.append((run, state.entry, BLOCK, None))
+            self._frames.append((run, state.entry, False, None))
+
+    def _run_functions(self, run: RuleRun, transition: TransitionCode, steps: int) -> None:
+        """Set going the functions of a transition that does not enter its target at once."""
+        frames = self._frames
+        if transition.landing is not None:  # innermost last: onExit, the transition's own, then the move, which counts
+            frames.append((run, None, False, transition.landing))
+            frames.append((run, transition.block, False, None))
+            frames.append((run, run.state.exit, False, None))
+        else:
+            run.step = self._core.step
+            run.steps = steps
+            self.stamp = run.stamp = self.stamp + 1
+            self._to_top(run)
+            self._record(run, "entered", run.state.id, transition.trigger, transition.index)
+            frames.append((run, transition.block, True, None))
 
     def _arrive(self, run: RuleRun) -> None:
         """What entering a state sets going besides waiting for its events."""
@@ -311,7 +314,7 @@ class RuleMachine:
             timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
             run.timers[timer] = timed
         if state.entry is not None:
-            self._frames.append((run, state.entry, ENTERED, None))
+            self._frames.append((run, state.entry, True, None))
         else:
             self._entered(run)
 
@@ -328,7 +331,7 @@ class RuleMachine:
         frames = self._frames
         core = self._core
         while frames:
-            run, op, after, transition = frames.pop()
+            run, op, entered, landing = frames.pop()
             if not run.alive:
                 continue
             while op is not None:
@@ -349,16 +352,16 @@ class RuleMachine:
                 elif kind == ASSIGN:
                     op = op.next if self._assign(run, op) else None  # an error skips the rest of the block
                 elif kind == CALL:
-                    frames.append((run, op.next, after, transition))
+                    frames.append((run, op.next, entered, landing))
                     self._submit(op.function, op.argument, op.source)
                     break  # what it started comes first, and it may have stopped this rule
                 else:
                     op = op.choices[core.chance.below(len(op.choices))]
             else:
-                if after == ENTERED:
+                if entered:
                     self._entered(run)
-                elif after == ENTER and transition is not None:
-                    self._enter(run, transition)
+                elif landing is not None:
+                    self._take(run, landing)
 
     def _assign(self, run: RuleRun, op: Op) -> bool:
         """False when the value could not be computed."""
@@ -392,7 +395,7 @@ class RuleMachine:
         core.records.append(record)
         return result
 
-    # --- the stack and the lists ---
+    # --- the stack and the lines ---
 
     def _to_top(self, run: RuleRun) -> None:
         """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
@@ -400,16 +403,15 @@ class RuleMachine:
         if top is not None and top is not run:
             run.priority = top.priority
             del self.stack[run.name]
-            self.stack[run.name] = self._top = run
+            self.stack[run.name] = run
+            _leave_lines(run)
+            self._crown(run)
 
-    def _join_lists(self, run: RuleRun) -> None:
-        """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
-        for line in run.state.lists:
-            line[run] = None
-
-    def _leave_lists(self, run: RuleRun) -> None:
-        for line in run.state.lists:
-            del line[run]
+    def _crown(self, run: RuleRun) -> None:
+        """Make a rule that stands in no line the top one; the one before it has to stand in line from now on."""
+        if self._top is not None:
+            _join_lines(self._top)
+        self._top = run
 
     def _cancel_timers(self, run: RuleRun) -> None:
         for timer in run.timers:
@@ -437,6 +439,17 @@ class RuleMachine:
 
 def _rank(run: RuleRun) -> Rank:
     return (run.priority, run.stamp)
+
+
+def _join_lines(run: RuleRun) -> None:
+    """Stand in line, last, for what the rule's state waits for."""
+    for line in run.state.lines:
+        line[run] = None
+
+
+def _leave_lines(run: RuleRun) -> None:
+    for line in run.state.lines:
+        del line[run]
 
 
 def _sort(line: Waiting) -> None:

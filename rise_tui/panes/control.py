@@ -50,7 +50,15 @@ class ActsPane(ControlPane):
     FUNCTION = "startCommunicationRobotAct"
 
     def subtitle(self) -> Line:
-        return ((f"{len(self.store.scenario.acts)}", "muted"),)
+        """What the robot does now, wherever the list stands; the number of acts when it does nothing."""
+        view = self.store.view
+        if not view.running:
+            return ((f"{len(self.store.scenario.acts)}", "muted"),)
+        task = view.tasks[view.running[-1]]
+        elapsed = seconds(self.store.now() - (task.started or 0.0))
+        others = len(view.running) - 1
+        more = (f" +{others}" if others else "") + (f", {len(view.waiting)} wait" if view.waiting else "")
+        return (("► ", "accent"), (f"{task.behavior} {elapsed} s", "accent"), (more, "muted"))
 
     def make_rows(self, width: int) -> list[Row]:
         wide = width >= WIDE

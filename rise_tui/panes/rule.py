@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from textual.widget import Widget
+
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_engine.view import RuleView
 from rise_tui.actions import bindings
@@ -12,6 +16,10 @@ from rise_tui.panes.pane import ListPane
 from rise_tui.states import rule_state
 from rise_tui.store import Store
 from rise_tui.text import Line, Row, Span, cell, clock, crop, spread, width_of
+from rise_tui.widgets.rows import RowList
+
+HERE = "here"
+"""The id of the row of the present state."""
 
 
 class RulePane(ListPane):
@@ -22,17 +30,30 @@ class RulePane(ListPane):
     TITLE = "Rule"
     TOPICS = frozenset({"rules", "memory"})
     EMPTY = "select a rule in the list of rules"
+    DEFAULT_CSS = """
+    RulePane > #rule-rows { height: 1fr; }
+    RulePane > #rule-graph { height: 2fr; margin-top: 1; }
+    """
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
         self._raisers = Raisers(store.scenario)
+        self.graph = RowList(id="rule-graph")
+        self.graph.can_focus = False
+        self.list.beyond = self.graph
+        self._brought: tuple[str, str | None] | None = None
+        """The rule and state that was last brought into view; after that the wizard may scroll."""
 
     @property
     def _rule(self) -> Rule | None:
         name = self.store.rule_shown or next(iter(self.store.view.stack()), "")
         return self.store.scenario.rules.get(name) or next(iter(self.store.scenario.rules.values()), None)
 
+    def body(self) -> Sequence[Widget]:
+        return [self.list, self.graph]
+
     def make_rows(self, width: int) -> list[Row]:
+        """What must always be in view: where the rule stands, and why it stays there."""
         rule = self._rule
         if rule is None:
             return []
@@ -40,10 +61,20 @@ class RulePane(ListPane):
         rows = [*self._head(rule, view, width)]
         if view.running and view.state in rule.states:
             rows += self._why(rule.states[view.state], width)
-        rows.append(Row("", (), selectable=False))
-        for state in rule.states.values():
-            rows += self._state(rule, state, view, width)
         return rows
+
+    def repaint(self) -> None:
+        super().repaint()
+        rule = self._rule
+        if rule is None or self.list.row_width <= 0:
+            return
+        self.list.styles.max_height = self.list.count
+        view = self.store.rule(rule.name)
+        self.graph.show([row for state in rule.states.values() for row in self._state(rule, state, view)])
+        stands = (rule.name, view.state if view.running else None)
+        if stands != self._brought and self.graph.size.height:
+            self._brought = stands
+            self.graph.bring_to_middle(HERE)
 
     def _head(self, rule: Rule, view: RuleView, width: int) -> list[Row]:
         state = rule_state(self.store, rule.name)
@@ -96,7 +127,8 @@ class RulePane(ListPane):
             left = (*left, (f"   {truth.values}", "muted"))
         return spread(left, (verdict,), width)
 
-    def _state(self, rule: Rule, state: State, view: RuleView, width: int) -> list[Row]:
+    def _state(self, rule: Rule, state: State, view: RuleView) -> list[Row]:
+        width = self.graph.row_width or self.list.row_width
         here = view.running and state.id == view.state
         marks = [word for word, true in (("start", state.id == rule.initial), ("end", not state.transitions)) if true]
         line: Line = (
@@ -104,7 +136,7 @@ class RulePane(ListPane):
             (state.id, "accent" if here else "plain"),
             (f"  {', '.join(marks)}" if marks else "", "muted"),
         )
-        rows = [Row("", crop(line, width), selectable=False)]
+        rows = [Row(HERE if here else "", crop(line, width), selectable=False)]
         labels = min(width // 2, max((len(label_of(one)) for one in state.transitions), default=0) + 1)
         for index, transition in enumerate(state.transitions):
             last = view.transition == index and view.previous == state.id and view.status != ""

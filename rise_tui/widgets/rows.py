@@ -55,6 +55,8 @@ class RowView(QuietScrollView, Toned, can_focus=True):
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self.cursor = -1
+        self.beyond: RowView | None = None
+        """A list below that cannot take the focus, and scrolls when there is nothing further on in this one."""
 
     @property
     def count(self) -> int:
@@ -104,9 +106,12 @@ class RowView(QuietScrollView, Toned, can_focus=True):
         if 0 <= index < self.count:
             self.move_to(index)
         else:  # nothing to select further on, but there may be more to read
-            self.scroll_relative(y=direction, animate=False)
+            (self.beyond or self).scroll_relative(y=direction, animate=False)
 
     def action_page(self, direction: int) -> None:
+        if self.beyond is not None:
+            self.beyond.scroll_relative(y=direction * max(1, self.beyond.size.height - 1), animate=False)
+            return
         self._land(self.cursor + direction * max(1, self.size.height - 1), direction)
 
     def action_edge(self, direction: int) -> None:
@@ -181,6 +186,12 @@ class RowList(RowView):
             if row.id == row_id and row.selectable:
                 self.move_to(index, by_wizard=False)
                 return
+
+    def bring_to_middle(self, row_id: str) -> None:
+        """Scroll so that a row is in view with its surroundings; to the top when it is not there."""
+        index = next((index for index, row in enumerate(self._rows) if row.id == row_id), 0)
+        height = self.size.height
+        self.scroll_to(y=0 if index < height - 1 else index - height // 2, animate=False)
 
     def _find(self, row_id: str, before: int) -> int:
         if row_id:

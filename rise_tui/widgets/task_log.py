@@ -51,7 +51,7 @@ class TaskLog(RowView):
         task = self._find(self._ids[index])
         if task is None:
             return Row(str(self._ids[index]), ((f" task {self._ids[index]} is in the journal only", "muted"),))
-        return Row(str(task.id), self.line_of(task, self.size.width))
+        return Row(str(task.id), self.line_of(task, self.row_width))
 
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
         """Show these tasks. `ids` is the caller's list, which only grows; when it is another one: `restart`."""

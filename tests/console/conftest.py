@@ -13,6 +13,7 @@ from rise_tui.app import ConsoleApp
 from rise_tui.launch import Settings
 from rise_tui.panes.pane import Pane
 from rise_tui.screens.console import ConsoleScreen
+from rise_tui.widgets.rows import RowList
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 
@@ -50,7 +51,9 @@ class Console:
         return self.screen.panes.panes[name]
 
     def text(self, name: str) -> str:
-        return getattr(self.pane(name).rows, "text", "")
+        pane = self.pane(name)
+        graph = getattr(pane, "graph", None)
+        return "\n".join(each.text for each in (pane.rows, graph) if isinstance(each, RowList))
 
     def row(self, pane: str, name: str) -> str:
         """The first row with this text, or empty."""
