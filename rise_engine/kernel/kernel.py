@@ -9,6 +9,7 @@ for byte. The first record that a `Submit` causes is the record of its own task.
 from __future__ import annotations
 
 from collections.abc import Callable
+from sys import intern
 from typing import Any
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
@@ -47,7 +48,7 @@ class Kernel:
         self.stop = "released"
         """released, requested (the robot has not answered yet) or latched."""
         self.stop_timer: int | None = None
-        self._topics = {form: (topic, "/" + topic) for topic in scenario.topics for form in (topic, "/" + topic)}
+        self._topics = {form: (topic, intern("/" + topic)) for topic in scenario.topics for form in (topic, "/" + topic)}
         """Both ways to write a topic, to the one for routing and the one for records."""
         self._functions: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,

@@ -1,10 +1,9 @@
 """The rules: run to completion, one taker per event, the stack (semantics, section 3).
 
 Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
-that moved last, and mostly the one that moves next. The others stand in line: each topic has a line of the rules that
-wait for it, each memory key one of those that watch it. A line is a dict in stack order. A rule that takes a transition
-leaves its lines and moves to the top; the one that it displaces there was above all others, so it joins its lines at
-the end and they stay sorted. Only a start below others has to sort.
+that moved last, and mostly the one that moves next. For the others, each topic has a line of the rules that wait for
+it, each memory key one of those that watch it. A line is a dict in stack order: a rule that takes a transition moves to
+the top, so that joining lines at the end keeps them sorted; only a start below others has to sort.
 
 Functions run on an explicit list of frames, not on Python's stack: a rule that starts a rule that starts a rule, ten
 thousand deep, is no deeper than the first.
@@ -13,7 +12,6 @@ thousand deep, is no deeper than the first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain
 from typing import TypeAlias
 
 from rise_engine.expression import EvaluationError
@@ -72,9 +70,6 @@ Frame: TypeAlias = tuple[RuleRun, Op | None, bool, TransitionCode | None]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, and the
 transition that then arrives."""
 
-_NOBODY: Waiting = {}
-"""The line of a topic that no rule of the scenario waits for."""
-
 
 class RuleMachine:
     """All running rules and the routing of events to them."""
@@ -110,7 +105,7 @@ class RuleMachine:
         self.stack: dict[str, RuleRun] = {}
         """The running rules by name, bottom first."""
         self._top: RuleRun | None = None
-        """The last of the stack. It stands in no line."""
+        """The last of the stack."""
 
     @property
     def memory(self) -> WorkingMemory:
@@ -127,13 +122,13 @@ class RuleMachine:
             run.priority = max(run.priority, top.priority)
         self.stamp = run.stamp = self.stamp + 1
         self.stack[name] = run
+        self._join_lines(run)
         if top is not None and run.priority < top.priority:
             self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            _join_lines(run)
             for line in run.state.lines:
                 _sort(line)
         else:
-            self._crown(run)
+            self._top = run
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
         self._arrive(run)
@@ -153,16 +148,12 @@ class RuleMachine:
     def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
         core = self._core
         run.alive = False
+        self._leave_lines(run)
         self._cancel_timers(run)
         self._dirty.pop(run, None)
         del self.stack[run.name]
-        if self._top is not run:
-            _leave_lines(run)
-        elif self.stack:
-            self._top = self.stack[next(reversed(self.stack))]
-            _leave_lines(self._top)
-        else:
-            self._top = None
+        if self._top is run:
+            self._top = self.stack[next(reversed(self.stack))] if self.stack else None
         core.seq += 1
         core.records.append(
             RuleRecord(core.seq, core.t, "", run.name, status, run.state.id, None, None, None, run.priority, reason)  # type: ignore[arg-type]
@@ -179,8 +170,8 @@ class RuleMachine:
         run = RuleRun(code, code.states[state], task)
         run.priority, run.stamp, run.held = priority, stamp, held
         run.timers = {timer: run.state.transitions[index] for timer, index in timers.items()}
-        self.stack[name] = run
-        self._crown(run)
+        self.stack[name] = self._top = run
+        self._join_lines(run)
 
     # --- run to completion ---
 
@@ -212,10 +203,11 @@ class RuleMachine:
 
     def _search(self, topic: str) -> tuple[RuleRun, TransitionCode] | tuple[None, None]:
         """The highest rule that would take an event, and the transition."""
-        top = self._top
-        if top is not None:
-            for run in chain((top,), reversed(self._waiting.get(topic, _NOBODY))):
-                for transition in run.state.by_topic.get(topic, ()):
+        if runs := self._waiting.get(topic):
+            for run in reversed(runs):
+                if transition := run.state.sure.get(topic):
+                    return run, transition
+                for transition in run.state.by_topic[topic]:
                     if transition.condition is None or self._holds(run, transition.condition):
                         return run, transition
         return None, None
@@ -244,9 +236,6 @@ class RuleMachine:
     def key_changed(self, key: str) -> None:
         if runs := self._watching.get(key):
             self._dirty.update(runs)
-        top = self._top
-        if top is not None and key in top.state.watched:
-            self._dirty[top] = None
 
     # --- transitions ---
 
@@ -271,6 +260,10 @@ class RuleMachine:
         self.stamp = run.stamp = self.stamp + 1
         if self._top is not run:
             self._to_top(run)
+        for line in previous.lines:
+            del line[run]
+        for line in state.lines:
+            line[run] = None
         run.state = state
         core.seq = seq = core.seq + 1
         core.records.append(
@@ -304,6 +297,8 @@ class RuleMachine:
             run.steps = steps
             self.stamp = run.stamp = self.stamp + 1
             self._to_top(run)
+            self._leave_lines(run)
+            self._join_lines(run)
             self._record(run, "entered", run.state.id, transition.trigger, transition.index)
             frames.append((run, transition.block, True, None))
 
@@ -403,15 +398,16 @@ class RuleMachine:
         if top is not None and top is not run:
             run.priority = top.priority
             del self.stack[run.name]
-            self.stack[run.name] = run
-            _leave_lines(run)
-            self._crown(run)
+            self.stack[run.name] = self._top = run
 
-    def _crown(self, run: RuleRun) -> None:
-        """Make a rule that stands in no line the top one; the one before it has to stand in line from now on."""
-        if self._top is not None:
-            _join_lines(self._top)
-        self._top = run
+    def _join_lines(self, run: RuleRun) -> None:
+        """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
+        for line in run.state.lines:
+            line[run] = None
+
+    def _leave_lines(self, run: RuleRun) -> None:
+        for line in run.state.lines:
+            del line[run]
 
     def _cancel_timers(self, run: RuleRun) -> None:
         for timer in run.timers:
@@ -439,17 +435,6 @@ class RuleMachine:
 
 def _rank(run: RuleRun) -> Rank:
     return (run.priority, run.stamp)
-
-
-def _join_lines(run: RuleRun) -> None:
-    """Stand in line, last, for what the rule's state waits for."""
-    for line in run.state.lines:
-        line[run] = None
-
-
-def _leave_lines(run: RuleRun) -> None:
-    for line in run.state.lines:
-        del line[run]
 
 
 def _sort(line: Waiting) -> None:
