@@ -234,8 +234,9 @@ class View(Struct):
         rule.status, rule.reason = record.status, record.reason
         rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous
         rule.transition = record.transition
-        rule.since = record.t
-        rule.running = record.status in ("started", "entered")
+        if record.status != "stayed":
+            rule.since = record.t
+        rule.running = record.status in ("started", "entered", "stayed")
         if rule.running:
             rule.priority, rule.entered = record.priority, record.seq
 

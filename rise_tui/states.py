@@ -47,6 +47,7 @@ RULE_STATES = {
     "": READY,
     "started": RUNNING,
     "entered": RUNNING,
+    "stayed": RUNNING,
     "ended": State("✓", "ended", "muted"),
     "stopped": State("■", "stopped", "muted"),
     "faulted": State("✗", "faulted", "fault"),

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Mapping
 from math import isfinite
 
 from rise_engine.expression.environment import Env, Json, list_index, lookup
-from rise_engine.expression.errors import EvaluationError, ExpressionError
+from rise_engine.expression.errors import EvaluationError, ExpressionError, shortened
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.strict_json import read_json
 from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_letters
-from rise_engine.expression.values import named
+from rise_engine.expression.values import MAX_LEVELS, levels, named
 
 _BLANKS = re.compile(r"\s*")
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
@@ -115,11 +115,17 @@ def store(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]
 
     A dotted key sets the flat key of that name, unless there is none and its first part is an object (or a list): then
     it reaches in, as reading does, and gives a copy with the new value inside; objects on the way are made when they do
-    not exist. Raises EvaluationError when the way leads through another value, or beyond the end of a list.
+    not exist. Raises EvaluationError when the way leads through another value, or beyond the end of a list, or when
+    lists and objects would be more than MAX_LEVELS within each other.
     """
     head, *rest = key.split(".")
     if key in memory or not rest or not isinstance(memory.get(head), (dict, list)):
         return key, value
+    if len(rest) + levels(value) > MAX_LEVELS:
+        raise EvaluationError(
+            f"`{head}` would be nested too deeply: more than {MAX_LEVELS} lists and objects within each other",
+            shortened(key),
+        )
     top = here = memory[head].copy()
     way = head
     for part in rest[:-1]:

@@ -126,6 +126,9 @@ class Compiler:
             case Constant(name):
                 constant = CONSTANTS[name]
                 return lambda env: env.memory.get(name, constant)
+            case Negative(Literal(value)) if value.__class__ is int:
+                opposite = -value  # exact, which a double need not be
+                return lambda env: opposite
             case Logic() | Not() | Compare() | Defined():
                 return self.condition(node)
             case Call("lower", (argument,)):

@@ -37,7 +37,14 @@ class EvaluationError(LanguageError):
     """A value of this moment does not fit the expression: a text is added, a number has no beginning, ..."""
 
     def __str__(self) -> str:
+        if _bare(f"`{self.text}`") in _bare(self.message):  # it has been said already
+            return self.message
         return f"{self.message} (in `{shortened(self.text)}`)"
+
+
+def _bare(text: str) -> str:
+    """A text without what differs between how an expression is written and how a message shows it."""
+    return "".join(text.split()).replace("==", "=").replace("'", '"')
 
 
 def shortened(text: str, limit: int = 80) -> str:

@@ -47,7 +47,7 @@ def too_deep(text: str, start: int) -> ExpressionError:
 def chained(text: str, first: Compare, following: Token) -> ExpressionError:
     """`1 < n < 10`."""
     left, right = explicit(first.left), explicit(first.right)
-    again = following.value
+    again = f"{following.value} with" if following.value in ("starts", "ends") else following.value
     hint = f"join two comparisons by `and`: `{left} {first.operator} {right} and {right} {again} ...`"
     if first.operator in ("==", "!="):
         hint += f", or put the first in brackets: `({left} {first.operator} {right}) {again} ...`"

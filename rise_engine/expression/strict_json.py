@@ -8,9 +8,12 @@ from typing import NoReturn
 
 from rise_engine.expression.environment import Json
 from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.values import MAX_LEVELS, is_64_bit
 
-MAX_LEVELS = 100
-"""Lists and objects within each other."""
+
+_TOO_LONG = "a whole number in this JSON value has more than 64 bits"
+_SHORTER = "write it as a text, or as a decimal number (1.5e20)"
+_TOO_DEEP = f"this JSON value is nested too deeply: more than {MAX_LEVELS} lists and objects within each other"
 
 
 class _RefusedError(ValueError):
@@ -29,11 +32,12 @@ def read_json(text: str, start: int) -> Json:
         hint = "JSON wants double quotes" if source[error.pos : error.pos + 1] == "'" else ""
         raise ExpressionError(f"this is no valid JSON: {message}", text, column, hint) from None
     except _RefusedError as error:
-        raise ExpressionError(str(error), text, start + 1) from None
+        hint = _SHORTER if str(error) == _TOO_LONG else ""
+        raise ExpressionError(str(error), text, start + 1, hint) from None
     except ValueError:  # Python's own limit on the digits of an integer
-        raise ExpressionError("a number in this JSON value is too long", text, start + 1) from None
+        raise ExpressionError(_TOO_LONG, text, start + 1, _SHORTER) from None
     except RecursionError:
-        raise ExpressionError("this JSON value is nested too deeply", text, start + 1) from None
+        raise ExpressionError(_TOO_DEEP, text, start + 1) from None
     return value
 
 
@@ -51,8 +55,10 @@ def _constant(name: str) -> NoReturn:
 
 
 def _check(value: Json, level: int) -> None:
-    if level > MAX_LEVELS:
-        raise _RefusedError("this JSON value is nested too deeply")
+    if isinstance(value, (dict, list)) and level >= MAX_LEVELS:
+        raise _RefusedError(_TOO_DEEP)
+    if isinstance(value, int) and not is_64_bit(value):
+        raise _RefusedError(_TOO_LONG)
     if isinstance(value, float) and not isfinite(value):
         raise _RefusedError("a number in this JSON value is too large")
     if isinstance(value, str) and not value.isascii() and any("\ud800" <= character <= "\udfff" for character in value):

@@ -135,11 +135,12 @@ def _number(text: str, digits: str, start: int, end: int) -> int | float:
             start + 1,
             "a key begins with a letter or `_`, and a product needs its `*`",
         )
+    if len(digits) < 20 and digits.isdigit() and (whole := int(digits)) < 2**63:
+        return whole
     value = float(digits)
     if value == float("inf"):
         raise ExpressionError("this number is too large", text, start + 1)
-    # Whole numbers stay integers as long as a double holds them exactly.
-    return int(value) if value.is_integer() and value < 2**53 else value
+    return int(value) if value.is_integer() and value < 2**63 else value
 
 
 def _word_at(text: str, start: int) -> str:

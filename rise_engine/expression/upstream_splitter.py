@@ -117,8 +117,10 @@ class _Splitter:
         if bracket is not None:
             return bracket
         if _NUMBER.fullmatch(text):
+            if len(digits := text.strip()) < 20 and digits.isdigit() and int(digits) < 2**63:
+                return Literal(int(digits))  # in truth a double; how exact a number is makes no other reading
             value = float(text)
-            return Literal(int(value) if value.is_integer() and value < 2**53 else value)
+            return Literal(int(value) if value.is_integer() and value < 2**63 else value)
         leaf = self._leaf(text, budget)
         if leaf is not None:
             return leaf

@@ -17,6 +17,30 @@ def truth(value: Json) -> bool:
     return bool(value)
 
 
+MAX_LEVELS = 64
+"""Lists and objects within each other, wherever a value of the memory comes from (docs/reference/scenario.md)."""
+
+
+def is_64_bit(value: int) -> bool:
+    """Whether a whole number fits into a signed integer of 64 bits; the memory holds no other."""
+    return -(2**63) <= value < 2**63
+
+
+def levels(value: Json) -> int:
+    """How many lists and objects are within each other; counting ends just beyond MAX_LEVELS."""
+    layer = [value]
+    for level in range(MAX_LEVELS + 1):
+        layer = [
+            inner
+            for outer in layer
+            if isinstance(outer, (dict, list))
+            for inner in ((None, *outer.values()) if isinstance(outer, dict) else (None, *outer))
+        ]
+        if not layer:
+            return level
+    return MAX_LEVELS + 1
+
+
 def to_double(value: int | float) -> float:
     """A number as an IEEE double, however long it is."""
     try:
@@ -26,8 +50,8 @@ def to_double(value: int | float) -> float:
 
 
 def native_number(value: float) -> int | float:
-    """A result as the memory keeps it: whole numbers are integers while a double holds them exactly."""
-    if -9007199254740992.0 < value < 9007199254740992.0 and value == (whole := int(value)):
+    """A result as the memory keeps it: a whole number is an integer as long as 64 bits hold it."""
+    if -9223372036854775808.0 <= value < 9223372036854775808.0 and value == (whole := int(value)):
         return whole
     return value
 

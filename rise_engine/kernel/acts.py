@@ -159,7 +159,7 @@ class ActRunner:
     def report(self, goal: str, status: ActionStatus, reason: str) -> None:
         """The robot's word about a goal; late and unknown ones change nothing."""
         task, _, id = goal.partition("/")
-        run = self.runs.get(int(task)) if task.isdigit() else None
+        run = self.runs.get(int(task)) if task.isascii() and task.isdigit() and len(task) < 19 else None
         state = run.actions.get(id) if run is not None else None
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
@@ -197,7 +197,7 @@ class ActRunner:
     # --- cancel and end ---
 
     def cancel(self, run: ActRun, reason: str) -> None:
-        """Stop an act: what runs is cancelled, what has not started is skipped; it ends when the robot has confirmed."""
+        """Stop an act: cancel what runs, skip what has not started. It ends when the robot has confirmed."""
         if run.canceling is not None:
             return
         run.canceling = reason

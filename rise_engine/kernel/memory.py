@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rise_engine.expression import Assignment, store
+from rise_engine.expression import Assignment, lookup, store
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import MemoryRecord
 
@@ -25,6 +25,10 @@ class WorkingMemory:
         """Take in the scenario's start values, recorded with the source `file`."""
         for key, value in self._core.scenario.memory.items():
             self.write(key, value, "file")
+
+    def knows(self, word: str) -> bool:
+        """Whether a bare word is a key: one that exists, or that something in the scenario sets."""
+        return lookup(self._core.memory, word)[0] or word.partition(".")[0] in self._known or word in self._known
 
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
         """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""

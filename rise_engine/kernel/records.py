@@ -71,7 +71,8 @@ class ActionRecord(Record, tag="action"):
 
 class RuleRecord(Record, tag="rule"):
     name: str
-    status: Literal["started", "entered", "ended", "stopped", "faulted"]
+    status: Literal["started", "entered", "stayed", "ended", "stopped", "faulted"]
+    """stayed: took a transition without target, which does not leave the state."""
     state: str | None
     previous: str | None = None
     trigger: str | None = None

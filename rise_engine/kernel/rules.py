@@ -162,16 +162,13 @@ class RuleMachine:
         core.task_record(run.task, reason)
         core.raise_if_named(run.name + "_end")
 
-    def resume(
-        self, name: str, state: str, task: Task, priority: float, stamp: int, timers: dict[int, int], held: set[int]
-    ) -> None:
-        """Put a rule of a snapshot back where it was, bottom of the stack first. Nothing runs, nothing is recorded."""
+    def resume(self, name: str, state: str, task: Task) -> RuleRun:
+        """Put a rule of a snapshot back, bottom of the stack first; the caller fills in the rest. Nothing runs."""
         code = self._codes[name]
         run = RuleRun(code, code.states[state], task)
-        run.priority, run.stamp, run.held = priority, stamp, held
-        run.timers = {timer: run.state.transitions[index] for timer, index in timers.items()}
         self.stack[name] = self._top = run
         self._join_lines(run)
+        return run
 
     # --- run to completion ---
 
@@ -299,7 +296,7 @@ class RuleMachine:
             self._to_top(run)
             self._leave_lines(run)
             self._join_lines(run)
-            self._record(run, "entered", run.state.id, transition.trigger, transition.index)
+            self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
             frames.append((run, transition.block, True, None))
 
     def _arrive(self, run: RuleRun) -> None:

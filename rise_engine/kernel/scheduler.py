@@ -25,6 +25,11 @@ class Scheduler:
     def runner(self) -> ActRunner:
         return self._runner
 
+    def has(self, act: str) -> bool:
+        """Whether any task of an act is running or waiting."""
+        tasks = [*self.waiting, *(run.task for run in self._runner.runs.values())]
+        return any(task.behavior == act for task in tasks)
+
     def add(self, task: Task) -> None:
         self.waiting.append(task)
         self._core.task_record(task, position=len(self.waiting) - 1)

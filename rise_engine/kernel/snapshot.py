@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from rise_engine.kernel.acts import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
+from rise_engine.kernel.stop import StopStatus
 
 if TYPE_CHECKING:
     from rise_engine.kernel.kernel import Kernel
@@ -23,6 +24,8 @@ class RuleSnapshot(Struct, frozen=True):
     timers: dict[int, int]
     """Timer to index of the transition that it is for."""
     held: list[int]
+    steps: int
+    """Transitions that it has taken in the go that timers of the same moment would still belong to."""
 
 
 class Snapshot(Struct, frozen=True):
@@ -44,7 +47,7 @@ class Snapshot(Struct, frozen=True):
     acts: list[ActRun]
     last_pick: dict[str, int]
     robot_lost: str | None
-    stop: str
+    stop: StopStatus
     stop_timer: int | None
 
 
@@ -69,6 +72,7 @@ def take(kernel: Kernel) -> Snapshot:
                 run.stamp,
                 {timer: transition.index for timer, transition in run.timers.items()},
                 sorted(run.held),
+                run.steps if run.step == core.step else 0,
             )
             for run in rules.stack.values()
         ],
@@ -77,8 +81,8 @@ def take(kernel: Kernel) -> Snapshot:
         acts=list(runner.runs.values()),
         last_pick=runner.last_pick,
         robot_lost=runner.robot_lost,
-        stop=kernel.stop,
-        stop_timer=kernel.stop_timer,
+        stop=kernel.stop.status,
+        stop_timer=kernel.stop.timer,
     )
     return _copy(snapshot)
 
@@ -93,11 +97,15 @@ def restore(kernel: Kernel, snapshot: Snapshot) -> None:
     core.noticed = set(snapshot.noticed)
     core.memory.update(snapshot.memory)
     for rule in snapshot.rules:
-        kernel.rules.resume(rule.name, rule.state, rule.task, rule.priority, rule.stamp, rule.timers, set(rule.held))
+        run = kernel.rules.resume(rule.name, rule.state, rule.task)
+        run.priority, run.stamp = rule.priority, rule.stamp
+        run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
+        run.held = set(rule.held)
+        run.step, run.steps = core.step, rule.steps
     kernel.rules.stamp = snapshot.stamp
     kernel.scheduler.waiting = snapshot.waiting
     kernel.scheduler.runner.restore(snapshot.acts, snapshot.last_pick, snapshot.robot_lost)
-    kernel.stop, kernel.stop_timer = snapshot.stop, snapshot.stop_timer
+    kernel.stop.status, kernel.stop.timer = snapshot.stop, snapshot.stop_timer
 
 
 def _copy(snapshot: Snapshot) -> Snapshot:

@@ -9,7 +9,7 @@ from rise_engine.scenario.draft import BareKey, Draft, Mention
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.graph import cycles
 from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
-from rise_engine.scenario.parameters import convert
+from rise_engine.scenario.parameters import check_template, convert
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import Element, Spot, XmlFile
 
@@ -143,10 +143,10 @@ class _ActReader:
         if element.tag == "Variants":
             return self.variants(element)
         spec = self.spec(element)
-        if spec is None:
-            return None
-        self.attributes(element, ())
         common = {child.tag: child for child in element if child.tag in COMMON}
+        if spec is None:  # others may wait for it all the same
+            return self.node(element, common, ()) if "actionID" in common else None
+        self.attributes(element, ())
         call = self.call(element, spec, COMMON)
         return self.node(element, common, (call,))
 
@@ -161,6 +161,10 @@ class _ActReader:
                 if child.tag in common:
                     self.error("duplicate-parameter", child, f"`{child.tag}` stands here twice")
                 common.setdefault(child.tag, child)
+                continue
+            if child.tag == "Variants":
+                message = "`<Variants>` cannot stand inside `<Variants>`; write all its actions in one"
+                self.error("variants", child, message)
                 continue
             spec = self.spec(child)
             if spec is None:
@@ -177,7 +181,7 @@ class _ActReader:
         if not calls:
             if first is None and all(child.tag in COMMON for child in element):
                 self.error("variants", element, "`<Variants>` holds the actions of which one is picked; it has none")
-            return None
+            return self.node(element, common, ()) if "actionID" in common else None
         if len(calls) == 1:
             self.findings.warning("variants", self.file.place(element), "there is only one variant to pick")
         return self.node(element, common, tuple(calls))
@@ -291,6 +295,11 @@ class _ActReader:
                 if not isinstance(slot, str) and slot.fallback is None:
                     index = element.text.find("{" + slot.key)
                     self.draft.key_reads.append(Mention(slot.key, Spot(self.file, element, None, max(index, 0))))
+            try:
+                check_template(parameter, template)
+            except ValueError as error:
+                place = self.file.text_place(element, _raw_index(element.text, 0))
+                self.findings.error(_code(parameter, error), place, str(error))
             return template
         if parameter.type == "text":
             return template

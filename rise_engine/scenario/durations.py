@@ -9,18 +9,28 @@ from rise_engine.scenario.model import ActionSpec
 
 CHARACTERS_PER_SECOND = 14.0
 """Speech: an unhurried voice at rate 1 (about 160 words a minute)."""
+_LARGE = 10**30
 SPEECH_START = 0.3
 """Seconds before a speech synthesis is heard."""
 SPEECH_MINIMUM = 0.5
 """The shortest utterance, in seconds."""
 
 
+MAX_SECONDS = 86_400.0
+"""24 hours: the longest time that a scenario can name, and the longest that an action is expected to take."""
+
+
 def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     """Seconds that an action with these parameters will probably take.
 
     Speech by the length of its `message` and its `rate`; others by `duration` (ms), times `repetitions`; otherwise what
-    the action's declaration says.
+    the action's declaration says. At most MAX_SECONDS; never raises.
     """
+    seconds = _expected(spec, parameters)
+    return seconds if 0 <= seconds <= MAX_SECONDS else MAX_SECONDS if seconds > 0 else 0.0
+
+
+def _expected(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     message = parameters.get("message")
     if isinstance(message, str) and "duration" not in parameters:
         rate = _number(parameters.get("rate"), 1.0) or 1.0
@@ -39,4 +49,6 @@ def limit_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
 
 
 def _number(value: Any, otherwise: float) -> float:
-    return float(value) if isinstance(value, int | float) else otherwise
+    if isinstance(value, float):
+        return value if value == value else otherwise
+    return float(max(min(value, _LARGE), -_LARGE)) if isinstance(value, int) else otherwise

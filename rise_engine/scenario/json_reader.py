@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-MAX_DEPTH = 64
+from rise_engine.expression.values import MAX_LEVELS, is_64_bit
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 _STRING = re.compile(r'"([^"\\\x00-\x1f]*)"')
@@ -33,7 +33,7 @@ class JsonError(ValueError):
 Duplicate: TypeAlias = Callable[[str, int, int], None]
 """Called with a key that an object has twice, its offset and that of the first."""
 NoNumber: TypeAlias = Callable[[str, int], None]
-"""Called with a sentence and an offset for NaN, an infinity or a number beyond all doubles."""
+"""Called with a sentence and an offset for NaN, an infinity or a number that is too large."""
 
 
 class Member(Struct, frozen=True):
@@ -102,8 +102,8 @@ class _Reader:
         if character == '"':
             return self.string(at)
         if character in ("{", "["):
-            if depth >= MAX_DEPTH:
-                raise JsonError(f"arrays and objects are nested more than {MAX_DEPTH} deep", at)
+            if depth >= MAX_LEVELS:
+                raise JsonError(f"arrays and objects are nested more than {MAX_LEVELS} deep", at)
             return self.object(at, depth) if character == "{" else self.array(at, depth)
         number = _NUMBER.match(self.text, at)
         if number is not None:
@@ -112,9 +112,13 @@ class _Reader:
 
     def number(self, found: re.Match[str]) -> int | float | None:
         if found.group(1) is None and found.group(2) is None:
-            if found.end() - found.start() > 400:
-                raise JsonError("this number is too long", found.start())
-            return int(found.group())
+            whole = int(found.group()) if found.end() - found.start() <= 20 else 2**64
+            if is_64_bit(whole):
+                return whole
+            self.unfit(
+                "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)", found.start()
+            )
+            return None
         value = float(found.group())
         if value in (float("inf"), float("-inf")):
             self.unfit(f"the number {found.group()} is too large", found.start())

@@ -23,6 +23,14 @@ def check_links(draft: Draft, findings: Findings) -> None:
         _check_names(draft.act_mentions, draft.acts, "act", draft.rules, "rule", findings)
     if "rules" not in unread:
         _check_names(draft.rule_mentions, draft.rules, "rule", draft.acts, "act", findings)
+    for name, rule in draft.rules.items():
+        if name in draft.acts:
+            findings.warning(
+                "same-name",
+                rule.place,
+                f"the act in {draft.acts[name].place.file} is called `{name}` too, and the ends of both raise "
+                f"the event `{name}_end`",
+            )
     if not unread & {"acts", "rules"}:
         _check_topics(draft, findings)
     if not unread & {"rules", "memory"}:

@@ -81,6 +81,8 @@ class _Loader:
         self.draft = Draft()
         self.file = TomlFile(Source(NAME, b"", ""), {})
         self.named: dict[str, str] = {}
+        self.asked = Place(str(path))
+        """Where what the caller asked for, and no file says, is reported."""
 
     def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
         findings, draft = self.findings, self.draft
@@ -90,7 +92,7 @@ class _Loader:
         self.read_settings()
         settings = Settings(self.file, draft, findings)
         if mode is not None and mode not in ("debug", "real"):
-            findings.error("wrong-value", Place(NAME), f'the mode is "debug" or "real", not "{mode}"')
+            findings.error("wrong-value", self.asked, f'the mode asked for is "debug" or "real", not "{mode}"')
         profile = self.robot(robot if robot is not None else settings.robot, asked=robot is not None)
         self.named = {**settings.places, **places}
         paths = {key: self.named.get(key) or place for key, place in DEFAULT_PLACES.items()}
@@ -123,14 +125,14 @@ class _Loader:
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)
-        source = self.files.source(path) if path.exists() else None
+        source = self.files.source(path) if os.path.lexists(path) else None
         file = read_toml(source, self.findings) if source is not None else None
         self.file = file or self.file
 
     def robot(self, name: str, *, asked: bool) -> RobotProfile:
         file = self.file
-        place = Place(NAME) if asked or "robot" not in file.values else file.value_place("robot")
-        profile = read_robot(name or DEFAULT, self.files, place)
+        place = self.asked if asked else file.value_place("robot")
+        profile = read_robot(name or DEFAULT, self.files, place, asked=asked)
         if "actions" in file.values:
             profile = replace(profile, actions=declare(file, profile.actions, "scenario", self.findings))
         return profile
@@ -186,12 +188,12 @@ class _Loader:
     def exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
-            if path.exists():
+            if os.path.lexists(path):  # a link that leads nowhere is there, and cannot be read
                 return True
         except (OSError, ValueError):  # a name that no file can have
             pass
         if self.named.get(kind):
-            where = self.file.value_place(kind) if kind in self.file.values else Place(NAME)
+            where = self.file.value_place(kind) if self.named[kind] == self.file.values.get(kind) else self.asked
             self.findings.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
             self.draft.unread.add(kind)
         return False

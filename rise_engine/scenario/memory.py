@@ -36,13 +36,26 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
     form = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key": value}, ...]}'
     if not isinstance(value, JsonObject):
         findings.error("memory-form", source.place(0), form)
+        draft.unread.add("memory")
         return
-    members = list(value.members)
-    if len(members) == 1 and members[0].key == LIST_KEY and isinstance(members[0].value, JsonArray):
-        members = _listed(members[0].value, source, findings)
-    elif any(member.key == LIST_KEY and isinstance(member.value, JsonArray) for member in members):
-        other = next(member for member in members if member.key != LIST_KEY)
-        findings.error("memory-form", source.place(other.key_at), f'nothing stands beside "{LIST_KEY}" here; {form}')
+    members: list[Member] = []
+    lists = [member for member in value.members if member.key.casefold() == LIST_KEY.casefold()]
+    for member in value.members:
+        if member not in lists:
+            members.append(member)
+            if lists:
+                message = f'nothing stands beside "{LIST_KEY}" here; {form}'
+                findings.error("memory-form", source.place(member.key_at), message)
+            continue
+        if member.key != LIST_KEY:
+            findings.error("memory-form", source.place(member.key_at), f'write "{LIST_KEY}", not "{member.key}"')
+        if isinstance(member.value, JsonArray):
+            members += _listed(member.value, source, findings)
+            continue
+        message = f'"{LIST_KEY}" is a list of objects; {form}'
+        findings.error("memory-form", source.place(member.value_at), message)
+        if isinstance(member.value, JsonObject):
+            members += member.value.members
     first: dict[str, int] = {}
     for member in members:
         if member.key in first:

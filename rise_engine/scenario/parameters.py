@@ -7,53 +7,92 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from rise_engine.expression.values import is_64_bit
+from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Call, Parameter
+from rise_engine.scenario.template import Template
 
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII)
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)
+_NO_PART = re.compile(r"[^-+0-9.eE\s]|\d\s+\d")
+"""What no text around a memory value can have when the whole is a number."""
+_LONGEST = {"ms": 1000 * MAX_SECONDS, "s": MAX_SECONDS}
+"""The largest value of a parameter that is a time, by unit: 24 hours."""
 ANY_NAME = "*"
 """Among the names of a `name` parameter: any other name is accepted too."""
 
 
-def convert(parameter: Parameter, value: Any) -> Any:
+def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
     """The value that a robot gets: of the declared type, within the range, a known name.
 
-    `value` is the author's text or a memory value. A number stays an integer when it is written as one; a `name` stays
-    a number when its code was written. Raises ValueError with a sentence that begins with the parameter's name.
+    `value` is the author's text or a memory value; `origin` says in messages where it comes from. A number stays an
+    integer when it is written as one; a `name` stays a number when its code was written. Raises ValueError with a
+    sentence that begins with the parameter's name, and nothing else, whatever the value is.
     """
-    match parameter.type:
-        case "text":
-            from rise_engine.scenario.template import as_text
+    try:
+        match parameter.type:
+            case "text":
+                from rise_engine.scenario.template import as_text
 
-            return as_text(value)
-        case "number":
-            return _in_range(parameter, _number(parameter, value))
-        case "integer":
-            number = _number(parameter, value)
-            if isinstance(number, float):
-                if not number.is_integer():
-                    raise ValueError(f"{parameter.name} is a whole number; `{value}` is not")
-                number = int(number)
-            return _in_range(parameter, number)
-        case "boolean":
-            return _boolean(parameter, value)
-        case "name":
-            return _name(parameter, value)
+                return as_text(value)
+            case "number":
+                return _in_range(parameter, _number(parameter, value, origin), origin)
+            case "integer":
+                number = _number(parameter, value, origin)
+                if isinstance(number, float):
+                    if not number.is_integer():
+                        raise ValueError(f"{parameter.name} is a whole number; {_shown(value)}{origin} is not")
+                    number = _whole(parameter, int(number), origin)
+                return _in_range(parameter, number, origin)
+            case "boolean":
+                return _boolean(parameter, value, origin)
+            case "name":
+                return _name(parameter, value, origin)
+    except (OverflowError, RecursionError):  # lists within lists without end, as a text
+        raise ValueError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
 
 
 def call_parameters(call: Call, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
     """The parameters of an action that starts now: memory filled in, converted, those left out absent.
 
-    Raises MissingValue for a memory key without value or fallback, ValueError for a value that the action cannot take.
+    Raises MissingValue for a memory key without value or fallback, ValueError for a value that the action cannot take
+    (with the memory keys that it was made of), and nothing else, whatever the memory holds.
     """
     result: dict[str, Any] = {}
     for name, template in call.parameters.items():
         parameter = spec.parameters[name]
-        if parameter.type == "text":
-            result[name] = template.fill(memory)
-        else:
-            result[name] = convert(parameter, template.fill_value(memory))
+        try:
+            if parameter.type == "text":
+                result[name] = template.fill(memory)
+            else:
+                result[name] = convert(parameter, template.fill_value(memory), _origin(template))
+        except (OverflowError, RecursionError):
+            raise ValueError(f"{name} cannot be made of a value of this size{_origin(template)}") from None
     return result
+
+
+def check_template(parameter: Parameter, template: Template) -> None:
+    """Raises ValueError when no memory value at all can make a value of the parameter out of a template with slots."""
+    if parameter.type == "text":
+        return
+    slots = [part for part in template.parts if not isinstance(part, str)]
+    if all(slot.fallback is not None for slot in slots):
+        convert(parameter, template.fill({}), " (without a memory value)")
+    if len(template.parts) == 1 or (parameter.type == "name" and accepts_any_name(parameter)):
+        return
+    if parameter.type in ("number", "integer"):
+        for part in template.parts:
+            if isinstance(part, str) and _NO_PART.search(part):
+                raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{template.text}` can never be one")
+        return
+    pattern = "".join(re.escape(part) if isinstance(part, str) else ".*" for part in template.parts)
+    possible = re.compile(pattern.strip(), re.DOTALL)
+    known = ["true", "false"]
+    if parameter.type == "name":
+        known = [*known_names(parameter), *map(str, parameter.codes.values())]
+    if not any(possible.fullmatch(name) for name in known):
+        what = "true or false" if parameter.type == "boolean" else "a name"
+        raise ValueError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
 
 
 def known_names(parameter: Parameter) -> list[str]:
@@ -65,48 +104,59 @@ def accepts_any_name(parameter: Parameter) -> bool:
     return ANY_NAME in parameter.names or not (parameter.codes or parameter.names)
 
 
-def _number(parameter: Parameter, value: Any) -> int | float:
+def _number(parameter: Parameter, value: Any, origin: str) -> int | float:
     if isinstance(value, str):
         text = value.strip()
         if _WHOLE.match(text):
-            return int(text)
-        if _NUMBER.match(text):
+            value = int(text)
+        elif _NUMBER.match(text):
             value = float(text)
         elif re.fullmatch(r"[-+]?\d+,\d+", text):
-            raise ValueError(f"{parameter.name} is a number; write {text.replace(',', '.')} with a point")
-        else:
-            raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{value}` is not")
-    if isinstance(value, bool):
-        return int(value)
-    if not isinstance(value, int | float):
-        raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; {_kind(value)} is not")
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{value}` cannot be sent to a robot")
+            point = _shown(text.replace(",", ".")).strip("`")
+            raise ValueError(f"{parameter.name} is a number; write {point} with a point{origin}")
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; {_shown(value)}{origin} is not")
+    if isinstance(value, int):
+        return _whole(parameter, value, origin)
+    if not math.isfinite(value):
+        raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{value}`{origin} cannot be sent to a robot")
     return value
 
 
-def _in_range(parameter: Parameter, number: int | float) -> int | float:
+def _whole(parameter: Parameter, value: int, origin: str) -> int:
+    if is_64_bit(value):
+        return value
+    raise ValueError(
+        f"{parameter.name} is a number{_unit(parameter)}; a whole number of more than 64 bits{origin} cannot be sent "
+        "to a robot"
+    )
+
+
+def _in_range(parameter: Parameter, number: int | float, origin: str) -> int | float:
     low, high = parameter.minimum, parameter.maximum
+    longest = _LONGEST.get(parameter.unit)
+    if longest is not None and (high is None or high > longest):
+        high = longest
     if (low is not None and number < low) or (high is not None and number > high):
         if low is not None and high is not None:
-            allowed = f"from {low:g} to {high:g}"
+            allowed = f"from {low:.15g} to {high:.15g}"
         else:
-            allowed = f"at least {low:g}" if low is not None else f"at most {high:g}"
-        raise ValueError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number} is outside")
+            allowed = f"at least {low:.15g}" if low is not None else f"at most {high:.15g}"
+        raise ValueError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
     return number
 
 
-def _boolean(parameter: Parameter, value: Any) -> bool:
+def _boolean(parameter: Parameter, value: Any, origin: str) -> bool:
     if isinstance(value, bool):
         return value
     if isinstance(value, str) and value.strip() in ("true", "false"):
         return value.strip() == "true"
     if isinstance(value, int | float) and value in (0, 1):
         return bool(value)
-    raise ValueError(f"{parameter.name} is true or false; `{value}` is neither")
+    raise ValueError(f"{parameter.name} is true or false; {_shown(value)}{origin} is neither")
 
 
-def _name(parameter: Parameter, value: Any) -> str | int:
+def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if isinstance(value, str) and _WHOLE.match(value.strip()):
@@ -115,24 +165,41 @@ def _name(parameter: Parameter, value: Any) -> str | int:
         if value in parameter.codes.values():
             return value
         if not parameter.codes and accepts_any_name(parameter):
-            return value
+            return _whole(parameter, value, origin)
         codes = ", ".join(f"{code} {name}" for name, code in parameter.codes.items())
-        raise ValueError(f"{parameter.name} has no number {value}" + (f"; known: {codes}" if codes else ""))
+        number = value if is_64_bit(value) else "of that size"
+        raise ValueError(f"{parameter.name} has no number {number}{origin}" + (f"; known: {codes}" if codes else ""))
     if not isinstance(value, str):
-        raise ValueError(f"{parameter.name} is a name; {_kind(value)} is not")
+        raise ValueError(f"{parameter.name} is a name; {_shown(value)}{origin} is not")
     name = value.strip()
-    if name in parameter.codes or name in parameter.names or accepts_any_name(parameter):
+    if name in parameter.codes or name in parameter.names or (accepts_any_name(parameter) and name):
         return name
     from rise_engine.scenario.findings import suggestion
 
-    raise ValueError(f"{parameter.name} has no name `{name}`{suggestion(name, known_names(parameter), limit=20)}")
+    near = suggestion(name[:80], known_names(parameter), limit=20)
+    raise ValueError(f"{parameter.name} has no name {_shown(name)}{origin}{near}")
+
+
+def _origin(template: Template) -> str:
+    """The memory keys that a template reads, for the reason why its value cannot be used."""
+    keys = list(dict.fromkeys(part.key for part in template.parts if not isinstance(part, str)))
+    if not keys:
+        return ""
+    return f" (memory key{'s' if len(keys) > 1 else ''} {', '.join(f'`{key}`' for key in keys)})"
 
 
 def _unit(parameter: Parameter) -> str:
     return f" ({parameter.unit})" if parameter.unit else ""
 
 
-def _kind(value: Any) -> str:
-    if value is None:
-        return "null"
-    return {bool: "true or false", list: "an array", dict: "an object", str: "a text"}.get(type(value), f"`{value}`")
+def _shown(value: Any) -> str:
+    """A value in a message: short, whatever it is."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, str):
+        return f"`{value}`" if len(value) <= 60 else f"`{value[:59]}…`"
+    if isinstance(value, int) and not is_64_bit(value):
+        return "a whole number of more than 64 bits"
+    return {list: "an array", dict: "an object"}.get(
+        type(value), f"`{value}`" if isinstance(value, int | float) else ""
+    )

@@ -20,14 +20,16 @@ DEFAULT = "generic"
 _KEYS = ("title", "driver", "options", "actions")
 
 
-def read_robot(name: str, files: Files, place: Place) -> RobotProfile:
-    """The profile called `name`. `place` is where the name was asked for. On errors, what could be understood."""
+def read_robot(name: str, files: Files, place: Place, *, asked: bool = False) -> RobotProfile:
+    """The profile called `name`. `place` is where the name stands; with `asked`, it stands in no file.
+
+    On errors, what could be understood.
+    """
     path = find_profile(name, files.folder)
     if path is None:
         if name != DEFAULT:
-            files.findings.error(
-                "unknown-robot", place, f"there is no robot `{name}`{suggestion(name, robot_names(files.folder))}"
-            )
+            what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
+            files.findings.error("unknown-robot", place, what + suggestion(name, robot_names(files.folder)))
         return builtin_robot()
     source = files.source(path)
     file = read_toml(source, files.findings) if source is not None else None

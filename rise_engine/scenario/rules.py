@@ -9,6 +9,7 @@ from rise_engine.scenario.acts import roots
 from rise_engine.scenario.blocks import NONE, BlockReader
 from rise_engine.scenario.conditions import parse_ahead
 from rise_engine.scenario.draft import Draft, Mention
+from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.graph import reachable
 from rise_engine.scenario.model import Block, Rule, State, Transition, normal_topic
@@ -18,6 +19,8 @@ WRAPPERS = ("InteractionRules",)
 _AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
+MIN_AFTER = 0.001
+"""Seconds. A transition that takes no time is no transition after a time."""
 _RULE = frozenset({"name", "initial", "priority"})
 _STATE = frozenset({"id"})
 _TRANSITION = frozenset({"eventTopic", "target", "cond", "after"})
@@ -77,13 +80,17 @@ class _RuleReader(BlockReader):
                     self.file.value_place(transition, "target"),
                     f"there is no state `{target}` in this rule{suggestion(target, states)}",
                 )
-        if not name or initial is None:
-            return None
-        self.check_reachable(initial, states)
-        return Rule(name, initial, states, self.priority(element), self.file.place(element))
+        priority = self.priority(element)
+        if initial is not None:
+            self.check_reachable(initial, states)
+        # A rule whose beginning is wrong is there all the same: others may name it.
+        return Rule(name, initial or "", states, priority, self.file.place(element)) if name else None
 
     def initial(self, element: Element, states: dict[str, State]) -> str | None:
         initial = element.get("initial")
+        has_states = bool(states) or any(child.tag == "State" for child in element)
+        if not has_states:
+            self.error("no-states", element, "this rule has no states")
         if initial is None:
             example = next(iter(states), "...")
             self.error("missing-attribute", element, f'a rule says where it begins: initial="{example}"')
@@ -91,8 +98,7 @@ class _RuleReader(BlockReader):
         initial = initial.strip()
         if initial in states:
             return initial
-        if not states and not any(child.tag == "State" for child in element):
-            self.error("no-states", element, "this rule has no states")
+        if not has_states:
             return None
         self.findings.error(
             "unknown-state",
@@ -189,8 +195,14 @@ class _RuleReader(BlockReader):
 
     def after(self, element: Element, text: str) -> float | None:
         found = _AFTER.match(text)
-        if found is not None and len(text) < 40:
-            return float(found.group(1)) * _UNITS[found.group(2)]
+        if found is not None:
+            seconds = float(found.group(1)) * _UNITS[found.group(2)]
+            if MIN_AFTER <= seconds <= MAX_SECONDS:
+                return seconds
+            remedy = "; without `after` and with a condition, a transition is taken at once" if seconds == 0 else ""
+            message = f"`after` is from 1ms to 24 hours (1440min); `{text.strip()[:40]}` is outside{remedy}"
+            self.findings.error("out-of-range", self.file.value_place(element, "after"), message)
+            return None
         number = re.match(r"\s*\d+(?:\.\d+)?\s*\Z", text, re.ASCII)
         remedy = f"; write {text.strip()}ms or {text.strip()}s" if number else "; write 500ms, 2s, 1.5s or 3min"
         self.findings.error("time", self.file.value_place(element, "after"), f"`{text}` is not a time{remedy}")

@@ -24,6 +24,14 @@ BINDINGS: dict[str, FunctionName] = {
     "stop_rule": "stopInteractionRule",
 }
 """What a key can submit, and the function of the DomainTask that comes of it."""
+_WANTED = {
+    "act": "name an act",
+    "rule": "name a rule",
+    "event": "name a topic",
+    "set": "write an assignment",
+    "stop_act": "name an act",
+    "stop_rule": "name a rule",
+}
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
@@ -58,7 +66,11 @@ class Settings:
         value = self.file.values.get(key, otherwise)
         if isinstance(value, str):
             return value
-        self.error("wrong-type", self.file.value_place(key), f'`{key}` is a text: {key} = "..."')
+        message = f'`{key}` is a text: {key} = "..."'
+        if key == "acts" and isinstance(value, dict):
+            names = [_toml_key(name) for name in value] or ["NAME"]
+            message = f"`acts` says where the acts are; settings of an act stand in [act.{names[0]}], not [acts...]"
+        self.error("wrong-type", self.file.value_place(key), message)
         return otherwise
 
     def subtable(self, key: str) -> Table | None:
@@ -107,18 +119,18 @@ class Settings:
         name = given[0]
         where = inner.value_place(name)
         behavior = value[name]
-        if not isinstance(behavior, str) or not behavior.strip():
+        if not isinstance(behavior, str):
             self.error("wrong-type", where, f'`{name}` is a text: {name} = "..."')
             return None
         behavior = behavior.strip()
+        if not behavior or (name == "event" and not normal_topic(behavior)):
+            self.error("missing-value", where, f'`{name}` is empty; {_WANTED[name]}: {name} = "..."')
+            return None
         if name in ("act", "stop_act"):
             self.draft.act_mentions.append(Mention(behavior, At(where)))
         elif name in ("rule", "stop_rule"):
             self.draft.rule_mentions.append(Mention(behavior, At(where)))
         elif name == "event":
-            if not normal_topic(behavior):
-                self.error("missing-value", where, "`event` names no topic")
-                return None
             self.draft.raises.append(Mention(normal_topic(behavior), At(where)))
         else:
             try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from bisect import bisect_right
 from itertools import accumulate
 from pathlib import Path
@@ -83,12 +85,20 @@ class Files:
         name = self.name_of(path)
         place = Place(name)
         try:
-            if path.stat().st_size > MAX_BYTES:
+            status = path.stat()
+            if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
+                kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
+                self.findings.error("unreadable", place, f"this is {kind}; a file must stand here")
+                return None
+            if status.st_size > MAX_BYTES:
                 self.findings.error("too-large", place, f"this file is larger than {MAX_BYTES // 1_000_000} MB")
                 return None
             data = path.read_bytes()
         except OSError as error:
-            self.findings.error("unreadable", place, f"this file cannot be read: {error.strerror or error}")
+            reason = f"this file cannot be read: {error.strerror or error}"
+            if isinstance(error, FileNotFoundError) and path.is_symlink():
+                reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
+            self.findings.error("unreadable", place, reason)
             return None
         text = decode(name, data, self.findings)
         if text is None:

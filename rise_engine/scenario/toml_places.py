@@ -18,6 +18,11 @@ _KEY = re.compile(r"""[A-Za-z0-9_-]+|"((?:[^"\\]|\\.)*)"|'([^']*)'""")
 _BARE_VALUE = re.compile(r"[^,\]}\n#]*")
 _AT = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
+_TWICE = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORECASE)
+_DOTTED = re.compile(rf"(?:{_KEY.pattern})(?:\s*\.\s*(?:{_KEY.pattern}))*")
+_MOST_MISTAKES = 20
+"""How many lines of a file are left out before it is given up."""
+
 KeyPath = tuple[str, ...]
 
 
@@ -62,27 +67,75 @@ class Table(Struct, frozen=True):
 
 
 def read_toml(source: Source, findings: Findings) -> TomlFile | None:
-    """Read a file; None after a finding when it is not TOML."""
-    try:
-        return TomlFile(source, tomllib.loads(source.text))
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        message = str(error)
-        at = _AT.search(message)
-        if at is None:
-            offset = 0
-        elif at.group(1) is None:
-            offset = len(source.text.rstrip())
+    """Read a file. What is not TOML becomes a finding, and the rest is read on without it; None when that fails."""
+    text = source.text
+    for attempt in range(_MOST_MISTAKES):
+        try:
+            values = tomllib.loads(text)
+        except RecursionError:
+            findings.error("toml-syntax", source.place(0), "this is not TOML: values are nested too deeply")
+            return None
+        except ValueError as error:
+            line = _report(str(error), source, text, findings, first=attempt == 0)
+            mended = _without(text, line)
+            if mended == text:
+                return None
+            text = mended
         else:
-            offset = source.offset(int(at.group(1)), int(at.group(2)))
-        sentence = _AT.sub("", message).strip().rstrip(".")
-        if isinstance(error, RecursionError):
-            sentence = "values are nested too deeply"
-        if "overwrite" in sentence.lower() or "declare" in sentence.lower():
-            offset = source.text.rfind("\n", 0, offset) + 1
-            findings.error("duplicate-key", source.place(offset), f"this key or table is given twice ({sentence})")
-        else:
-            findings.error("toml-syntax", source.place(offset), f"this is not TOML: {sentence}")
-        return None
+            return TomlFile(source if text is source.text else Source(source.name, source.data, text), values)
+    return None
+
+
+def _report(message: str, source: Source, text: str, findings: Findings, *, first: bool) -> int:
+    """A finding for what tomllib says; gives the number of the line. What follows from the first is left out."""
+    at = _AT.search(message)
+    end = len(text.rstrip())
+    if at is None or at.group(1) is None:
+        offset = 0 if at is None else end
+    else:
+        offset = min(source.offset(int(at.group(1)), int(at.group(2))), end)
+    sentence = _AT.sub("", message).strip().rstrip(".")
+    if _TWICE.search(sentence) is not None:
+        line = source.place(offset).line
+        at_line = source.line(line)
+        name, before = _twice(source, line)
+        place = source.place(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
+        known = f"; it stands in line {before} already" if before else f" ({sentence})"
+        findings.error("duplicate-key", place, f"`{name}` is given twice{known}")
+        return line
+    if first:
+        findings.error("toml-syntax", source.place(offset), f"this is not TOML: {sentence}")
+    return source.place(offset).line
+
+
+def _twice(source: Source, line: int) -> tuple[str, int]:
+    """What a line gives a second time, as it is written, and the line that gives it first (0: not found)."""
+    lines = [each.strip() for each in source.text.split("\n")]
+    here = lines[line - 1]
+    if here.startswith("["):
+        name = here.partition("]")[0].strip("[ \t")
+        return name, next((n for n, each in enumerate(lines[: line - 1], 1) if each.startswith(f"[{name}]")), 0)
+    found = _DOTTED.match(here)
+    name = found.group().strip() if found else here
+    for number in range(line - 1, 0, -1):
+        each = lines[number - 1]
+        if each.startswith("["):
+            break
+        same = _DOTTED.match(each)
+        if same is not None and same.group().strip() == name:
+            return name, number
+    return name, 0
+
+
+def _without(text: str, line: int) -> str:
+    """The text with a line blanked out; with a table's header, all that belongs to the table."""
+    lines = text.split("\n")
+    last = line
+    if lines[line - 1].lstrip().startswith("["):
+        while last < len(lines) and not lines[last].lstrip().startswith("["):
+            last += 1
+    lines[line - 1 : last] = [" " * len(each) for each in lines[line - 1 : last]]
+    return "\n".join(lines)
 
 
 class _Locator:

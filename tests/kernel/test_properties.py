@@ -204,7 +204,7 @@ class Run:
             self.play(*move)
 
     def do(self, input: AnyInput) -> None:
-        latched = self.kernel.stop != "released"
+        latched = self.kernel.stop.latched
         stamped = msgspec.structs.replace(input, t=self.t)
         self.inputs.append(stamped)
         records, commands = self.kernel.handle(stamped)
@@ -224,7 +224,7 @@ class Run:
                     del self.timers[command.timer]
                 case StopRobot():
                     pass
-        if latched and self.kernel.stop != "released":
+        if latched and self.kernel.stop.latched:
             self.started_while_latched += [c for c in commands if isinstance(c, StartAction)]
             self.started_while_latched += [
                 r
@@ -390,7 +390,7 @@ def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Mov
     }
     assert view.waiting == [task.id for task in kernel.scheduler.waiting]
     assert sorted(view.running) == sorted(kernel.scheduler.runner.runs)
-    assert view.stop.status == kernel.stop
+    assert view.stop.status == kernel.stop.status
 
 
 @quick

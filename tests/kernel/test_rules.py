@@ -390,6 +390,17 @@ def test_a_transition_without_target_stays(tmp_path: Path) -> None:
     s.event("e")
     assert (s.memory["n"], s.memory["entered"]) == (2, 1)
     assert "left" not in s.memory
+    assert [line.split()[2] for line in s.lines("rule")] == ["started", "entered", "stayed", "stayed"]
+
+
+def test_time_in_a_state_goes_on_when_a_transition_stays(tmp_path: Path) -> None:
+    way = f'<transition eventTopic="e">{put("n = n + 1")}</transition><transition after="2s" target="b"/>'
+    s = session(tmp_path, rule("R", state("a", ways=way), state("b")), memory={"n": 0})
+    s.rule("R")
+    s.wait(1.5)
+    s.event("e")
+    s.wait(0.5)
+    assert s.states == {}
 
 
 def test_after_is_taken_when_its_time_has_passed(tmp_path: Path) -> None:
@@ -541,6 +552,16 @@ def test_a_condition_loop_and_an_empty_act_loop_are_stopped_too(tmp_path: Path) 
     s.rule("c")
     s.rule("d")
     assert s.states == {}
+
+
+def test_a_loop_of_timers_of_the_same_moment_is_stopped(tmp_path: Path) -> None:
+    act = rule("R", state("a", do("startCommunicationRobotAct", "A"), on("A_end", "a")))
+    wait = "<Wait><actionID>1</actionID><duration>0.0001</duration></Wait>"
+    s = session(tmp_path, act + waiting("calm"), dialog("A", wait))
+    s.rule("calm")
+    s.rule("R")
+    s.wait(0)
+    assert s.states == {"calm": "a"}
 
 
 def test_a_thousand_transitions_in_separate_goes_are_fine(tmp_path: Path) -> None:

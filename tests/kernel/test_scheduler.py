@@ -74,6 +74,9 @@ def test_a_waiting_task_can_be_removed(s: Session) -> None:
         ("cancelTask", "99", "no task 99 is running or waiting"),
         ("moveTask", "1 0", "no task 1 is waiting"),
         ("moveTask", "1", "write the task's id and its new place, as in `17 0`"),
+        ("moveTask", "1 ²", "write the task's id and its new place, as in `17 0`"),
+        ("moveTask", "1 " + "9" * 5000, "write the task's id and its new place, as in `17 0`"),
+        ("moveTask", "1 -1", "write the task's id and its new place, as in `17 0`"),
         ("releaseStop", "", "nothing is stopped"),
         (
             "startComunicationRobotAct",
@@ -85,6 +88,32 @@ def test_a_waiting_task_can_be_removed(s: Session) -> None:
 def test_what_cannot_be_done_is_rejected_with_the_reason(s: Session, function: str, behavior: str, reason: str) -> None:
     task = s.submit(function, behavior)
     assert (task.status, task.reason) == ("REJECTED", reason)
+
+
+def test_a_rejected_start_has_the_calling_type_it_would_have_had(s: Session) -> None:
+    s.submit("stopAll")
+    assert [s.act("A").calling_type, s.act("A", "Blocking").calling_type, s.act("A", "None").calling_type] == [
+        "Blocking",
+        "Blocking",
+        "None",
+    ]
+
+
+@pytest.mark.parametrize("goal", ["²/1", "9" * 30 + "/1", "x", "", "1/", "1/9"])
+def test_reports_of_goals_that_nobody_gave_are_ignored(s: Session, goal: str) -> None:
+    s.act("A")
+    s.lines()
+    s.report(goal)
+    assert s.lines() == []
+
+
+def test_a_word_that_is_no_key_is_a_text_and_that_is_noted(s: Session) -> None:
+    s.assign("mood = hapy")
+    assert s.memory["mood"] == "hapy"
+    assert [line for line in s.lines("note") if "hapy" in line]
+    s.assign("mood = name")
+    s.assign("mood = 'sad'")
+    assert s.lines("note") == []
 
 
 def test_an_unknown_calling_type_is_rejected(s: Session) -> None:

@@ -1,0 +1,270 @@
+"""What each function of a DomainTask does (semantics, section 5): the six of RISE and the console's five more.
+
+Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from sys import intern
+
+from rise_engine.expression import Assignment, EvaluationError, ExpressionError
+from rise_engine.kernel.core import Core, Task
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import TaskRecord, TaskStatus
+from rise_engine.kernel.rules import RuleMachine
+from rise_engine.kernel.scheduler import Scheduler
+from rise_engine.kernel.stop import StopLatch
+from rise_engine.scenario.model import normal_topic
+
+STOPPED = "everything is stopped; release the stop first"
+
+
+class Functions:
+    """Carries out submitted tasks."""
+
+    def __init__(self, core: Core, scheduler: Scheduler, stop: StopLatch) -> None:
+        self._core = core
+        self._scenario = core.scenario
+        self._scheduler = scheduler
+        self._stop = stop
+        self._rules = RuleMachine(core, self._submit_from_rule)
+        self._topics = {
+            form: (topic, intern("/" + topic)) for topic in core.scenario.topics for form in (topic, "/" + topic)
+        }
+        """Both ways to write a topic, to the one for routing and the one for records."""
+        self.by_name: dict[str, Callable[[Submit], None]] = {
+            "startCommunicationRobotAct": self._start_act,
+            "stopCommunicationRobotAct": self._stop_act,
+            "startInteractionRule": self._start_rule,
+            "stopInteractionRule": self._stop_rule,
+            "raiseEventTopic": self._raise_event,
+            "assignValue": self._assign,
+            "deleteValue": self._delete,
+            "cancelTask": self._cancel_task,
+            "moveTask": self._move_task,
+            "stopAll": self._stop_all,
+            "releaseStop": self._release,
+        }
+
+    @property
+    def rules(self) -> RuleMachine:
+        return self._rules
+
+    def unknown(self, task: Submit) -> None:
+        self._reject(task, f"there is no function {task.function!r}" + _near(task.function, self.by_name))
+
+    def _submit_from_rule(self, function: str, behavior: str, source: str) -> None:
+        self.by_name[function](Submit(function=function, behavior=behavior, source=source))
+
+    # --- acts ---
+
+    def _start_act(self, task: Submit) -> None:
+        name = task.behavior
+        if name not in self._scenario.acts:
+            self._reject(task, f"there is no act {name!r}" + _near(name, self._scenario.acts))
+        elif task.calling_type not in ("", "None", "Blocking"):
+            self._reject(task, f"the calling type is `None` or `Blocking`, not {task.calling_type!r}")
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            self._scheduler.add(
+                self._core.new_task(task.function, name, self._calling_type(task), task.source, task.ref)
+            )
+
+    def _stop_act(self, task: Submit) -> None:
+        name = task.behavior
+        if name not in self._scenario.acts:
+            self._reject(task, f"there is no act {name!r}" + _near(name, self._scenario.acts))
+        elif not self._scheduler.has(name):
+            self._reject(task, f"{name} is neither running nor waiting")
+        else:
+            self._done(task)
+            self._scheduler.stop(name, f"stopped by {task.source}")
+
+    def _calling_type(self, task: Submit) -> str:
+        if task.function != "startCommunicationRobotAct":
+            return task.calling_type or "None"
+        return task.calling_type or self._scenario.settings_of(task.behavior).calling_type
+
+    # --- rules ---
+
+    def _start_rule(self, task: Submit) -> None:
+        name = task.behavior
+        core = self._core
+        if name not in self._scenario.rules:
+            self._reject(task, f"there is no rule {name!r}" + _near(name, self._scenario.rules))
+        elif name in self._rules.stack:
+            self._reject(task, f"rule {name!r} is already running")
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            started = core.new_task(task.function, name, self._calling_type(task), task.source, task.ref)
+            core.task_record(started)
+            started.status = "ACTIVE"
+            core.task_record(started)
+            self._rules.start(name, started, on_top=task.source.startswith("rule:"))
+
+    def _stop_rule(self, task: Submit) -> None:
+        name = task.behavior
+        if name not in self._scenario.rules:
+            self._reject(task, f"there is no rule {name!r}" + _near(name, self._scenario.rules))
+        elif name not in self._rules.stack:
+            self._reject(task, f"rule {name!r} is not running")
+        else:
+            self._done(task)
+            self._rules.stop(name, f"stopped by {task.source}")
+
+    # --- events and memory ---
+
+    def _raise_event(self, task: Submit) -> None:
+        named = self._topics.get(task.behavior)
+        if named is None:
+            topic = normal_topic(task.behavior)
+            if not topic:
+                self._reject(task, "the event has no name")
+                return
+            named = (topic, "/" + topic)
+        topic, shown = named
+        source = task.source
+        core = self._core
+        number = core.next_task
+        core.next_task = number + 1
+        core.seq = seq = core.seq + 1
+        # As `_settle` does; written out because every event from outside comes through here.
+        core.records.append(
+            TaskRecord(
+                seq,
+                core.t,
+                "",
+                number,
+                "raiseEventTopic",
+                task.behavior,
+                task.calling_type or "None",
+                source,
+                "SUCCEEDED",
+                "",
+                None,
+                task.ref,
+            )
+        )
+        core.events.append((topic, shown, source))
+
+    def _assign(self, task: Submit) -> None:
+        memory = self._rules.memory
+        try:
+            assignments = Assignment.parse_all(task.behavior)
+            written = memory.compute(assignments)
+        except ExpressionError as problem:
+            self._reject(task, str(problem))
+            return
+        except EvaluationError as problem:
+            self._settle(task, "ABORTED", str(problem))
+            return
+        self._done(task)
+        for assignment in assignments:
+            word = assignment.bare_word
+            if word is not None and written[0][1] == word and not memory.knows(word):
+                self._core.note(f"`{word}` is no memory key; it was taken as a text. Quotation marks make that plain")
+        memory.assign(written, task.source)
+
+    def _delete(self, task: Submit) -> None:
+        memory = self._core.memory
+        if task.behavior not in memory:
+            self._reject(task, f"the memory has no key {task.behavior!r}" + _near(task.behavior, memory))
+        else:
+            self._done(task)
+            self._rules.memory.delete(task.behavior, task.source)
+
+    # --- tasks ---
+
+    def _cancel_task(self, task: Submit) -> None:
+        reason = f"cancelled by {task.source}"
+        waiting = self._waiting_task(task.behavior)
+        if waiting is not None:
+            self._done(task)
+            self._scheduler.remove(waiting, reason)
+            return
+        for run in self._scheduler.runner.runs.values():
+            if str(run.task.id) == task.behavior:
+                self._done(task)
+                self._scheduler.runner.cancel(run, reason)
+                return
+        for rule in self._rules.stack.values():
+            if str(rule.task.id) == task.behavior:
+                self._done(task)
+                self._rules.stop(rule.name, reason)
+                return
+        self._reject(task, f"no task {task.behavior} is running or waiting")
+
+    def _move_task(self, task: Submit) -> None:
+        number, _, place = task.behavior.partition(" ")
+        waiting = self._waiting_task(number)
+        place = place.strip()
+        if not (place.isascii() and place.isdigit() and len(place) < 10):
+            self._reject(task, "write the task's id and its new place, as in `17 0`")
+        elif waiting is None:
+            self._reject(task, f"no task {number} is waiting")
+        else:
+            self._done(task)
+            self._scheduler.move(waiting, int(place))
+
+    def _waiting_task(self, number: str) -> Task | None:
+        return next((task for task in self._scheduler.waiting if str(task.id) == number), None)
+
+    # --- stop-all ---
+
+    def _stop_all(self, task: Submit) -> None:
+        """Law 1 of the console: at once, without asking, also when it is pressed again."""
+        reason = f"stop-all by {task.source}"
+        self._done(task)
+        self._stop.request(task.source)
+        self._rules.stop_all(reason)
+        self._scheduler.stop_all(reason)
+        self._stop.ask_robot()
+
+    def _release(self, task: Submit) -> None:
+        refused = self._stop.refusal
+        if refused:
+            self._reject(task, refused)
+        else:
+            self._done(task)
+            self._stop.release(task.source)
+
+    # --- answers ---
+
+    def _done(self, task: Submit) -> None:
+        self._settle(task, "SUCCEEDED", "")
+
+    def _reject(self, task: Submit, reason: str) -> None:
+        self._settle(task, "REJECTED", reason)
+
+    def _settle(self, task: Submit, status: TaskStatus, reason: str) -> None:
+        """The one record of a task that ends at once."""
+        core = self._core
+        number = core.next_task
+        core.next_task = number + 1
+        core.seq = seq = core.seq + 1
+        core.records.append(
+            TaskRecord(
+                seq,
+                core.t,
+                "",
+                number,
+                task.function,
+                task.behavior,
+                self._calling_type(task),
+                task.source,
+                status,
+                reason,
+                None,
+                task.ref,
+            )
+        )
+
+
+def _near(name: str, known: Iterable[str]) -> str:
+    from difflib import get_close_matches  # only when something is wrong
+
+    close = get_close_matches(name, list(known), 1)
+    return f"; did you mean {close[0]!r}?" if close else ""

@@ -1,0 +1,80 @@
+"""Stop-all: asked for at once, answered by the robot or by a time limit, latched until it is released on purpose."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rise_engine.kernel.commands import StopRobot
+from rise_engine.kernel.core import Core, TimerTarget
+from rise_engine.kernel.records import StopRecord
+
+STOP_LIMIT = 3.0
+"""Seconds that the robot has to answer a stop-all; then it is listed as unconfirmed."""
+
+StopStatus = Literal["released", "requested", "latched"]
+
+
+class StopLatch:
+    """Whether anything may start."""
+
+    __slots__ = ("_core", "status", "timer")
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self.status: StopStatus = "released"
+        """requested: the robot has not answered yet."""
+        self.timer: int | None = None
+
+    @property
+    def latched(self) -> bool:
+        """True from the request until the release: nothing starts."""
+        return self.status != "released"
+
+    def request(self, source: str) -> None:
+        """Also while it is latched: pressing again asks the robot again."""
+        self.status = "requested"
+        self._record("requested", source=source)
+
+    def ask_robot(self) -> None:
+        self._core.commands.append(StopRobot())
+        self._cancel_timer()
+        self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
+
+    def answered(self, confirmed: tuple[str, ...], unconfirmed: tuple[str, ...]) -> None:
+        """The robot's answer; one that comes after the limit is recorded too, one after the release is not."""
+        if self.latched:
+            self._cancel_timer()
+            self.status = "latched"
+            self._record("latched", confirmed, unconfirmed)
+
+    def limit_passed(self) -> None:
+        self.timer = None
+        self.status = "latched"
+        self._record("latched", (), (self._core.scenario.robot.name,))
+
+    @property
+    def refusal(self) -> str:
+        """Why it cannot be released now; empty when it can."""
+        if self.status == "released":
+            return "nothing is stopped"
+        return "the robot has not answered the stop yet" if self.status == "requested" else ""
+
+    def release(self, source: str) -> None:
+        self.status = "released"
+        self._record("released", source=source)
+
+    def _cancel_timer(self) -> None:
+        if self.timer is not None:
+            self._core.cancel_timer(self.timer)
+            self.timer = None
+
+    def _record(
+        self,
+        status: Literal["requested", "latched", "released"],
+        confirmed: tuple[str, ...] = (),
+        unconfirmed: tuple[str, ...] = (),
+        source: str = "",
+    ) -> None:
+        core = self._core
+        core.seq += 1
+        core.records.append(StopRecord(core.seq, core.t, "", status, confirmed, unconfirmed, source))
