@@ -1,4 +1,8 @@
-"""Does an event cost more when a thousand rules run? And what does a running rule weigh?"""
+"""Does an event cost more when a thousand rules run? And what does a running rule weigh?
+
+Routing must not: that is the row in which 999 others wait. When all take events in turn, it shows as well that the
+processor's caches hold one rule and not a thousand.
+"""
 
 from __future__ import annotations
 
@@ -34,15 +38,17 @@ def main() -> bool:
     figures = interleave(
         {
             "1 rule": (ours(1)[1], EVENTS),
-            f"{RULES} rules, each on its own topic": (ours(RULES, same_topic=False)[1], EVENTS),
+            f"{RULES} rules on their own topics, events for one": (ours(RULES, same_topic=False, used=1)[1], EVENTS),
+            f"{RULES} rules on their own topics, in turn": (ours(RULES, same_topic=False)[1], EVENTS),
             f"{RULES} rules, all on one topic": (ours(RULES, same_topic=True)[1], EVENTS),
         }
     )
     report = Report("Events with many running rules")
     for name, figure in figures.items():
         report.row(name, f"{figure.per_second:,.0f} events/s")
-    one, apart, together = (figure.median for figure in figures.values())
-    report.target("slower with 1,000 on different topics", apart / one, 1.3, at_least=False)
+    one, routed, apart, together = (figure.median for figure in figures.values())
+    report.target("slower when 999 others wait elsewhere", routed / one, 1.3, at_least=False)
+    report.target("slower with events for all 1,000 in turn", apart / one, 1.3, at_least=False)
     report.target("slower with 1,000 on the same topic", together / one, 1.3, at_least=False)
     report.target("KiB per running rule", kib_per_running_rule(), 4, at_least=False)
     return report.met

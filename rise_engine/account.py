@@ -12,6 +12,7 @@ from typing import Any
 
 from rise_engine.kernel.records import (
     ENDINGS,
+    FINAL,
     ActionRecord,
     AnyRecord,
     ConditionRecord,
@@ -40,6 +41,8 @@ _SHOWN = {
     "stopAll": "stop all",
     "releaseStop": "release stop",
 }
+_LONGEST = 1e12
+"""Seconds, more than any session has: the clock shows no more."""
 _ELSEWHERE = {"stopAll", "releaseStop", "raiseEventTopic", "assignValue", "deleteValue"}
 """Functions whose success has a record of its own that says more."""
 
@@ -105,6 +108,8 @@ class Account:
             if record.calling_type == "Blocking" and record.function == "startCommunicationRobotAct":
                 self._blocking.add(record.id)
             return None if record.function == "startInteractionRule" else (who, record.behavior, f"started{by}")
+        if record.status not in FINAL:
+            return who, record.behavior, f"{record.status}{by}"
         began = self._tasks.pop(record.id, None)
         self._blocking.discard(record.id)
         if record.function == "startInteractionRule" and began is not None:
@@ -123,8 +128,10 @@ class Account:
         if record.status == "started":
             self._started[key] = record.t
             return f"  {name}", what, "started"
-        if record.status not in ENDINGS:
+        if record.status == "accepted":
             return None
+        if record.status not in ENDINGS:
+            return f"  {name}", what, record.status
         began = self._started.pop(key, None)
         took = "" if began is None else f", {record.t - began:.1f} s"
         reason = f": {record.reason}" if record.reason else ""
@@ -133,7 +140,7 @@ class Account:
 
 def clock_text(t: float) -> str:
     """Session time as `mm:ss.t`, from an hour on `h:mm:ss.t`."""
-    tenths = int(t * 10 + 1e-6)
+    tenths = int(min(t, _LONGEST) * 10 + 1e-6)
     seconds, tenth = divmod(tenths, 10)
     minutes, second = divmod(seconds, 60)
     hours, minute = divmod(minutes, 60)
@@ -165,6 +172,8 @@ def _rule(record: RuleRecord) -> str:
         if record.previous == record.state:
             return f"again in {record.state}{trigger}{reason}"
         return f"{record.previous} -> {record.state}{trigger}{reason}"
+    if record.status == "stayed":
+        return f"stays in {record.state}{trigger}{reason}"
     status = record.status.upper() if record.status == "faulted" else record.status
     return f"{status}{trigger}{reason}"
 
@@ -188,7 +197,7 @@ def _memory(record: MemoryRecord) -> str:
 def _stop(record: StopRecord) -> str:
     if record.status == "requested":
         return f"by {record.source}" if record.source else ""
-    if record.status == "released":
+    if record.status != "latched":
         return ""
     told = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"
     return f"{told}; NOT CONFIRMED: {', '.join(record.unconfirmed)}" if record.unconfirmed else told

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from rise_engine.script import ScriptTask
 
 _HELP = {"help_option_names": ["-h", "--help"]}
+_LATEST = 30 * 86_400.0
+"""Seconds: the latest --until."""
+_FASTEST = 1e6
+"""The highest --speed; beyond it there is `max`."""
 _FOLDER = click.argument("folder", metavar="DIR", type=click.Path())
 _ROBOT = click.option("--robot", metavar="NAME", help="Another robot profile than the scenario's.")
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
@@ -43,6 +47,48 @@ class _Program(click.Group):
                 os._exit(end.code)
             raise
 
+    def main(self, *args: Any, **more: Any) -> Any:
+        _write_everything()
+        return super().main(*args, **more)
+
+
+def _write_everything() -> None:
+    """Whatever a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`); no command fails because of it."""
+    if sys.stdout is None:  # closed by whoever started this
+        sys.stdout = open(os.devnull, "w")  # type: ignore[unreachable]  # noqa: PTH123, SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # type: ignore[unreachable]  # noqa: PTH123, SIM115
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError):  # a test's own stream
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+
+
+class _ExpressionCommand(click.Command):
+    """Takes `-1`, `-n` and `-2^2` as an expression. Only `--word`, and `-h`, are options."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        takes_value = {
+            name: not parameter.is_flag
+            for parameter in self.get_params(ctx)
+            if isinstance(parameter, click.Option)
+            for name in parameter.opts
+        }
+        options: list[str] = []
+        expressions: list[str] = []
+        rest = iter(args)
+        for arg in rest:
+            if arg == "--":
+                expressions += rest
+            elif arg in takes_value:
+                options.append(arg)
+                if takes_value[arg]:
+                    options += [each for each in (next(rest, None),) if each is not None]
+            elif arg.startswith("--") and arg[2:3].isalpha():
+                options.append(arg)  # with `=value`, or one that does not exist: click says so, and names the nearest
+            else:
+                expressions.append(arg)
+        return super().parse_args(ctx, [*options, "--", *expressions])
+
 
 @click.group(cls=_Program, context_settings=_HELP)
 @click.version_option(package_name="rise-tui", prog_name="rise-engine")
@@ -66,14 +112,14 @@ def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> No
     sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
 
 
-@main.command("eval")
+@main.command("eval", cls=_ExpressionCommand)
 @click.argument("expression")
 @click.option(
     "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
 def evaluate(expression: str, memory: str, as_json: bool) -> None:
-    """Show the value of EXPRESSION, its type, and how it was read.
+    """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
 
     Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
     """
@@ -139,8 +185,12 @@ def run(
     from rise_engine.run import INTERRUPTED, REFUSED, USAGE, Plan
     from rise_engine.run import run as run_session
 
-    pace = None if speed == "max" else _number("--speed", speed, "a number above 0, or max", least_excluded=True)
-    end = None if until == "idle" else _number("--until", until, "a number of seconds, 0 or more, or idle")
+    pace = None
+    if speed != "max":
+        pace = _number("--speed", speed, "a number above 0, up to 1000000, or max", _FASTEST, least_excluded=True)
+    end = None
+    if until != "idle":
+        end = _number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", _LATEST)
     _require_folder(folder)
     try:
         scenario = load_or_refuse(folder, robot=robot, mode=mode)
@@ -183,14 +233,14 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
 
     With DIR, it knows the actions of that scenario and its robot too.
     """
-    from rise_engine.reports import schema_text
+    from rise_engine.reports import print_document, schema_text
 
     if folder is not None:
         _require_folder(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(1)
-    click.echo(text.rstrip("\n"))
+    print_document(text.rstrip("\n"))
 
 
 @main.command()
@@ -276,6 +326,8 @@ def _script(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...],
         return (), False
     if path == "-" and not virtual:
         return (), True
+    if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
+        return (), False  # type: ignore[unreachable]
     try:
         text = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
     except OSError as error:
@@ -286,12 +338,12 @@ def _script(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...],
         raise _UnusableError(str(error)) from None
 
 
-def _number(option: str, text: str, wanted: str, *, least_excluded: bool = False) -> float:
+def _number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
     try:
         value = float(text)
     except ValueError:
         value = float("nan")
-    if not 0 <= value < float("inf") or (least_excluded and value == 0):
+    if not 0 <= value <= most or (least_excluded and value == 0):
         _usage(f"{option} {text}: this must be {wanted}")
     return value
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from asyncio import AbstractEventLoop
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_LAST = 253_402_300_799.0
+"""The last second that a calendar has (the end of the year 9999), counted from 1970."""
 _SWEEP = 64
 """Cancelled timers that may lie in a virtual clock's heap before it is cleaned."""
 
@@ -24,7 +26,7 @@ class SessionClock(Clock, Protocol):
     """What the engine needs: the robot's clock, and the label for records."""
 
     def wall(self, t: float) -> str:
-        """The wall-clock label of session time `t`: ISO 8601 with offset, to the millisecond."""
+        """The wall-clock label of session time `t`: ISO 8601 with offset, to the millisecond. Never raises."""
         ...
 
 
@@ -58,7 +60,7 @@ class VirtualClock:
         return self._now
 
     def wall(self, t: float) -> str:
-        return (_EPOCH + timedelta(seconds=t)).isoformat(timespec="milliseconds")
+        return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST))).isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
         # To the microsecond, as the engine stamps: timers that are due together run in the order of their setting.

@@ -1,6 +1,7 @@
 """Where `rise-engine run` writes: records as JSON lines, or a readable account, to standard output.
 
-In real time a thread of its own writes, because a terminal or pipe that is not read must not hold up the robot.
+In real time a thread of its own writes, because a terminal or pipe that is not read must not hold up the robot. Nothing
+is dropped in silence: a record that cannot be written is a `failure`, and whoever runs the session ends it.
 """
 
 from __future__ import annotations
@@ -8,8 +9,10 @@ from __future__ import annotations
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable
 from queue import SimpleQueue
+from typing import Any
 
 import msgspec
 
@@ -22,22 +25,35 @@ class Output:
 
     def __init__(self, *, json: bool) -> None:
         self.broken = False
-        """True when nobody reads any more (a closed pipe)."""
-        self.when_broken: Callable[[], None] | None = None
-        """Called once when that happens, on the thread that writes."""
+        """True when nothing can be written any more (a closed pipe, a full disk)."""
+        self.failure: Exception | None = None
+        """The first thing that kept a record from being written; a closed pipe is none."""
+        self.when_troubled: Callable[[], None] | None = None
+        """Called when either of these changes, on the thread where it happens."""
         self._account = None if json else Account()
         self._encode = msgspec.json.Encoder().encode
+        self._encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
 
     def __call__(self, record: AnyRecord) -> None:
-        if self._account is None:
-            self._put(self._encode(record) + b"\n")
+        try:
+            line = self._line(record)
+        except Exception as error:  # this one is lost, those that follow (the robot's stop, the end) may not be
+            self._fail(error)
         else:
-            line = self._account.line(record)
             if line is not None:
-                self._put(line.encode() + b"\n")
+                self._put(line + b"\n")
 
-    def close(self) -> None:
-        """Everything is written when this returns."""
+    def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
+        """Everything is written when this returns, unless there is a `failure`."""
+
+    def _line(self, record: AnyRecord) -> bytes | None:
+        if self._account is not None:
+            line = self._account.line(record)
+            return None if line is None else line.encode(self._encoding, "backslashreplace")
+        try:
+            return self._encode(record)
+        except UnicodeEncodeError:
+            return self._encode(writable(msgspec.to_builtins(record)))
 
     def _put(self, line: bytes) -> None:
         self._write(line)
@@ -48,18 +64,30 @@ class Output:
         try:
             sys.stdout.buffer.write(line)
             sys.stdout.buffer.flush()
-        except OSError:  # a closed pipe, a full disk: there is nobody to tell
+        except BrokenPipeError:  # there is nobody to tell
             self.broken = True
             _no_more_output()
-            if self.when_broken is not None:
-                self.when_broken()
+            self._troubled()
+        except Exception as error:  # a full disk, a closed file
+            self.broken = True
+            _no_more_output()
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        if self.failure is None:
+            self.failure = error
+            self._troubled()
+
+    def _troubled(self) -> None:
+        if self.when_troubled is not None:
+            self.when_troubled()
 
 
 class ThreadedOutput(Output):
     """The same, but whoever puts a record in never waits."""
 
     CLOSE_SECONDS = 5.0
-    """What a reader that has stopped reading gets at the end."""
+    """What a reader that has stopped reading gets at the end of a session that somebody wants to end in a hurry."""
 
     def __init__(self, *, json: bool) -> None:
         super().__init__(json=json)
@@ -67,12 +95,18 @@ class ThreadedOutput(Output):
         self._thread = threading.Thread(target=self._run, name="rise-output", daemon=True)
         self._thread.start()
 
-    def close(self) -> None:
+    def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
+        """Wait until all is written, as long as the reader takes (a pager); `hurried` becomes true to cut that short."""
         self._lines.put(None)
-        self._thread.join(self.CLOSE_SECONDS)
+        deadline = None
+        while self._thread.is_alive() and (deadline is None or time.monotonic() < deadline):
+            self._thread.join(0.1)
+            if deadline is None and hurried():
+                deadline = time.monotonic() + self.CLOSE_SECONDS
         if self._thread.is_alive():
             # It is stuck in a write and holds the stream's lock: the interpreter's own flush at exit would hang too.
             _no_more_output()
+            self._fail(TimeoutError("nobody has read the last of the output"))
 
     def _put(self, line: bytes) -> None:
         self._lines.put(line)
@@ -82,11 +116,25 @@ class ThreadedOutput(Output):
             self._write(line)
 
 
+def writable(value: Any) -> Any:
+    """JSON-like `value` with every text such that UTF-8 can hold it: half characters, as they stand for the bytes of a
+    file name that is no text, become `\\udcff`."""
+    match value:
+        case str():
+            return value.encode("utf-8", "backslashreplace").decode()
+        case dict():
+            return {writable(key): writable(each) for key, each in value.items()}
+        case list() | tuple():
+            return [writable(each) for each in value]
+        case _:
+            return value
+
+
 def _no_more_output() -> None:
     """Let what is still buffered, and the flush at exit, go nowhere."""
     try:
         descriptor = sys.stdout.fileno()
-    except (OSError, ValueError):
+    except (AttributeError, OSError, ValueError):
         return
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, descriptor)

@@ -33,7 +33,7 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
             }
             for finding in findings
         ]
-        _print(_json({"errors": errors, "warnings": warnings, "findings": rows}))
+        print_document(_json({"errors": errors, "warnings": warnings, "findings": rows}))
     else:
         for finding in findings:
             _print(str(finding))
@@ -129,7 +129,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     except ExpressionError as error:
         if as_json:
             told = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
-            _print(_json(told))
+            print_document(_json(told))
         else:
             sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
         return 1
@@ -139,7 +139,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         value = expression.value(memory, chance, missing)
     except EvaluationError as error:
         if as_json:
-            _print(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
+            print_document(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
         else:
             _print(f"read as    {expression.explicit}")
             sys.stderr.write(f"error: {error}\n")
@@ -150,7 +150,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         holds = f"error: {error}"
     otherwise = differences(expression)
     if as_json:
-        _print(
+        print_document(
             _json(
                 {
                     "expression": text,
@@ -226,7 +226,7 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
             }
         )
     if as_json:
-        _print(_json({"robots": rows}))
+        print_document(_json({"robots": rows}))
     else:
         _print("\n\n".join(_robot_text(row) for row in rows))
     return 0
@@ -282,10 +282,23 @@ def _print(text: str) -> None:
     sys.stdout.write(text + "\n")
 
 
+def print_document(text: str) -> None:
+    """Print JSON or XML: UTF-8 on every terminal, because an escaped character would spoil it."""
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text.encode("utf-8", "backslashreplace") + b"\n")
+    sys.stdout.buffer.flush()
+
+
 def _json(value: Any) -> str:
     import msgspec
 
-    return msgspec.json.format(msgspec.json.encode(value), indent=2).decode()
+    try:
+        encoded = msgspec.json.encode(value)
+    except UnicodeEncodeError:  # a file name that is no text
+        from rise_engine.output import writable
+
+        encoded = msgspec.json.encode(writable(value))
+    return msgspec.json.format(encoded, indent=2).decode()
 
 
 def _shown(value: Any) -> str:

@@ -9,8 +9,8 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -85,6 +85,7 @@ class _Session:
         self._waiting = len(plan.script)
         self.streaming = plan.stream
         self._unsuccessful = False
+        self._told_of_output = False
 
     def start(self) -> None:
         engine, clock = self.engine, self.engine.clock
@@ -129,9 +130,19 @@ class _Session:
         self.status = INTERRUPTED
         self.engine.end("interrupted", stop=True)
 
-    def pipe_broken(self) -> None:
-        self.status = BROKEN_PIPE
-        self.engine.end("nobody reads the output")
+    def look_at_output(self) -> None:
+        """End the session when it cannot be written any more: no robot goes on unrecorded."""
+        if self.output.failure is not None:
+            if not self._told_of_output:
+                self._told_of_output = True
+                error = self.output.failure
+                said = f"{type(error).__name__}: {error}".removesuffix(": ")
+                tell(f"error: a record could not be written ({said}); the session was ended")
+                self.status = FAILED
+                self.engine.end("a record could not be written", stop=True)
+        elif self.output.broken and self.status != BROKEN_PIPE:
+            self.status = BROKEN_PIPE
+            self.engine.end("nobody reads the output")
 
     def give_up(self, message: str) -> None:
         tell(f"error: {message}")
@@ -141,6 +152,9 @@ class _Session:
     def exit_status(self) -> int:
         if self.engine.failure is not None:
             tell(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
+            return FAILED
+        if self.output.failure is not None:
+            self.look_at_output()
             return FAILED
         if self.status == OK and self.plan.strict and self._unsuccessful:
             return UNSUCCESSFUL
@@ -175,10 +189,11 @@ def _run_virtual(plan: Plan) -> int:
         interrupts.append(number)
 
     horizon = ENDLESS_AFTER + max((task.at for task in plan.script), default=0.0)
-    with _Signals(interrupted):
+    with _Signals(interrupted), _failing_engine(engine):
         session.start()
         moment, inputs = clock.now(), engine.inputs
         while not engine.ended:
+            session.look_at_output()
             session.end_if_idle()
             if engine.ended or not clock.advance():
                 break
@@ -197,11 +212,19 @@ def _run_virtual(plan: Plan) -> int:
                 )
             if interrupts and session.status != INTERRUPTED:
                 session.interrupt()
-            if session.output.broken and session.status != BROKEN_PIPE:
-                session.pipe_broken()
         engine.end_now("nothing is left to do")
     session.output.close()
     return session.exit_status()
+
+
+@contextmanager
+def _failing_engine(engine: Engine) -> Iterator[None]:
+    """An engine that failed has stopped the robot and says why by itself: see `_Session.exit_status`."""
+    try:
+        yield
+    except Exception:
+        if engine.failure is None:
+            raise
 
 
 class _Signals:
@@ -235,11 +258,11 @@ async def _run_real(plan: Plan) -> int:
     engine.when_ended(ended.set)
     engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)
 
-    def broken() -> None:
+    def troubled() -> None:
         with suppress(RuntimeError):  # the session is over and its loop is closed
-            loop.call_soon_threadsafe(session.pipe_broken)
+            loop.call_soon_threadsafe(session.look_at_output)
 
-    output.when_broken = broken
+    output.when_troubled = troubled
     interrupts: list[int] = []
 
     def interrupted() -> None:
@@ -253,12 +276,15 @@ async def _run_real(plan: Plan) -> int:
         loop.call_soon_threadsafe(interrupted)
 
     with _Signals(handler):
-        session.start()
-        if plan.stream:
-            _stream(loop, session)
-        session.end_if_idle()
-        await ended.wait()
-        output.close()
+        try:
+            with _failing_engine(engine):
+                session.start()
+                if plan.stream:
+                    _stream(loop, session)
+                session.end_if_idle()
+                await ended.wait()
+        finally:
+            output.close(hurried=lambda: bool(interrupts))
     return session.exit_status()
 
 
@@ -293,7 +319,7 @@ def _stream(loop: AbstractEventLoop, session: _Session) -> None:
             loop.call_soon_threadsafe(ended)
         except RuntimeError:  # the session is over and its loop is closed
             return
-        except (OSError, ValueError):  # no standard input at all
+        except (AttributeError, OSError, ValueError):  # no standard input at all
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(ended)
 

@@ -10,7 +10,6 @@ from rise_engine.expression.environment import Json
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.values import MAX_LEVELS, is_64_bit
 
-
 _TOO_LONG = "a whole number in this JSON value has more than 64 bits"
 _SHORTER = "write it as a text, or as a decimal number (1.5e20)"
 _TOO_DEEP = f"this JSON value is nested too deeply: more than {MAX_LEVELS} lists and objects within each other"

@@ -32,10 +32,10 @@ from rise_engine.kernel.program import (
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 
 STEP_LIMIT = 1_000
-"""Transitions that one rule may take in one go before it counts as running away."""
+"""Steps (starts and transitions) that one rule may take in one go before it counts as running away."""
 
 RAN_AWAY = (
-    f"took {STEP_LIMIT:d} transitions in one go without waiting for anything; "
+    f"took {STEP_LIMIT:d} steps in one go without waiting for anything; "
     "probably two of its states lead to each other by events that they raise themselves"
 )
 
@@ -84,6 +84,7 @@ class RuleMachine:
         "_top",
         "_waiting",
         "_watching",
+        "spent",
         "stack",
         "stamp",
     )
@@ -102,6 +103,9 @@ class RuleMachine:
         self._dirty: dict[RuleRun, None] = {}
         """Rules whose conditions without event have to be looked at."""
         self.stamp = 0
+        self.spent: dict[str, tuple[int, int]] = {}
+        """Of rules that have ended: the input in which they last did something, and how many steps they took in it. A
+        rule that is stopped and started again within one go goes on counting."""
         self.stack: dict[str, RuleRun] = {}
         """The running rules by name, bottom first."""
         self._top: RuleRun | None = None
@@ -131,7 +135,13 @@ class RuleMachine:
             self._top = run
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
-        self._arrive(run)
+        step = self._core.step
+        last, steps = self.spent.get(name, (-1, 0))
+        run.step, run.steps = step, steps + 1 if last == step else 1
+        if run.steps > STEP_LIMIT:
+            self._end(run, "faulted", "ABORTED", RAN_AWAY)
+        else:
+            self._arrive(run)
 
     def stop(self, name: str, reason: str) -> None:
         """Stop a running rule where it is; no functions run."""
@@ -152,6 +162,7 @@ class RuleMachine:
         self._cancel_timers(run)
         self._dirty.pop(run, None)
         del self.stack[run.name]
+        self.spent[run.name] = (run.step, run.steps)
         if self._top is run:
             self._top = self.stack[next(reversed(self.stack))] if self.stack else None
         core.seq += 1

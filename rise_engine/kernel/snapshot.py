@@ -42,6 +42,8 @@ class Snapshot(Struct, frozen=True):
     memory: dict[str, Any]
     rules: list[RuleSnapshot]
     """Bottom of the stack first."""
+    spent: dict[str, int]
+    """Steps of rules that have ended, as `RuleSnapshot.steps`."""
     stamp: int
     waiting: list[Task]
     acts: list[ActRun]
@@ -76,6 +78,7 @@ def take(kernel: Kernel) -> Snapshot:
             )
             for run in rules.stack.values()
         ],
+        spent={name: steps for name, (step, steps) in rules.spent.items() if step == core.step},
         stamp=rules.stamp,
         waiting=kernel.scheduler.waiting,
         acts=list(runner.runs.values()),
@@ -102,6 +105,7 @@ def restore(kernel: Kernel, snapshot: Snapshot) -> None:
         run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
         run.held = set(rule.held)
         run.step, run.steps = core.step, rule.steps
+    kernel.rules.spent = {name: (core.step, steps) for name, steps in snapshot.spent.items()}
     kernel.rules.stamp = snapshot.stamp
     kernel.scheduler.waiting = snapshot.waiting
     kernel.scheduler.runner.restore(snapshot.acts, snapshot.last_pick, snapshot.robot_lost)

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 
 from msgspec.structs import replace
 
+from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source import Source
@@ -217,8 +218,9 @@ class _Declaration:
 
     def positive(self, key: str, otherwise: float | None) -> float | None:
         value = self.number(key, otherwise)
-        if value is not None and not 0 < value < float("inf"):
-            self.findings.error("out-of-range", self.table.value_place(key), f"`{key}` is a number of seconds above 0")
+        if value is not None and not 0 < value <= MAX_SECONDS:
+            message = f"`{key}` is a number of seconds above 0 and up to {MAX_SECONDS:.0f} (24 hours)"
+            self.findings.error("out-of-range", self.table.value_place(key), message)
             return otherwise
         return value
 

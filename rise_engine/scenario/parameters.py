@@ -200,6 +200,6 @@ def _shown(value: Any) -> str:
         return f"`{value}`" if len(value) <= 60 else f"`{value[:59]}…`"
     if isinstance(value, int) and not is_64_bit(value):
         return "a whole number of more than 64 bits"
-    return {list: "an array", dict: "an object"}.get(
-        type(value), f"`{value}`" if isinstance(value, int | float) else ""
-    )
+    if isinstance(value, int | float):
+        return f"`{value}`"
+    return "an array" if isinstance(value, list) else "an object"

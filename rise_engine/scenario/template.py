@@ -21,7 +21,7 @@ class TemplateError(ValueError):
         self.column = column
 
 
-class MissingValue(Exception):  # noqa: N818  # it is what is missing, not what went wrong
+class MissingValue(Exception):
     """A memory key without value was needed to fill a template."""
 
     def __init__(self, key: str) -> None:

@@ -93,7 +93,7 @@ def _report(message: str, source: Source, text: str, findings: Findings, *, firs
     if at is None or at.group(1) is None:
         offset = 0 if at is None else end
     else:
-        offset = min(source.offset(int(at.group(1)), int(at.group(2))), end)
+        offset = source.offset(int(at.group(1)), int(at.group(2)))
     sentence = _AT.sub("", message).strip().rstrip(".")
     if _TWICE.search(sentence) is not None:
         line = source.place(offset).line

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.expression import Assignment, Env, EvaluationError, ExpressionError, lookup, store
+from rise_engine.expression import Assignment, Env, EvaluationError, Expression, ExpressionError, lookup, store
 
 MEMORY: dict[str, Any] = {"n": 5, "name": "Ada", "person": {"age": 36, "at": {"x": 1}}, "list": [1, [2]], "a.b": 1}
 
@@ -83,7 +83,7 @@ REFUSED = [
     ("x = [1e999]", 5, "too large"),
     ('x = {"a": 1, "a": 2}', 5, "given twice"),
     ('x = ["\\ud800"]', 5, "half a character"),
-    ("x = [" + "1" * 5000 + "]", 5, "too long"),
+    ("x = [" + "1" * 5000 + "]", 5, "64 bits"),
     ("x = " + "[" * 5000, 5, "nested too deeply"),
     ("x = " + "[" * 150 + "]" * 150, 5, "nested too deeply"),
     ("{}", 1, "has no key"),
@@ -177,3 +177,45 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         Assignment.parse_all(text)
     except ExpressionError as error:
         assert 1 <= error.column <= len(text) + 1
+
+
+@pytest.mark.parametrize(
+    ("right", "value"),
+    [
+        ("1732150000000000001", 1732150000000000001),
+        ("-1732150000000000001", -1732150000000000001),
+        ("9223372036854775807", 2**63 - 1),
+        ("-9223372036854775808", -(2**63)),
+        ("9223372036854775808", 2.0**63),
+        ("2^60 + 0", 2**60),
+        ("1e18", 10**18),
+    ],
+)
+def test_whole_numbers_of_64_bits(right: str, value: object) -> None:
+    stored = Assignment.parse(f"a = {right}").evaluate(Env({}))
+    assert stored == value and type(stored) is type(value)
+    assert Expression.parse(f"a == {right}").as_condition({"a": stored})
+
+
+@pytest.mark.parametrize("text", ["a = [9223372036854775808]", '{"a": -9223372036854775809}'])
+def test_json_of_more_than_64_bits(text: str) -> None:
+    with pytest.raises(ExpressionError, match="64 bits.*as a text"):
+        Assignment.parse(text)
+
+
+def test_one_depth_for_all() -> None:
+    assert Assignment.parse("a = " + "[" * 64 + "]" * 64).literal
+    with pytest.raises(ExpressionError, match="64"):
+        Assignment.parse("a = " + "[" * 65 + "]" * 65)
+    deep = Assignment.parse("a = " + "[" * 63 + "]" * 63).literal
+    assert store({"o": {}}, "o.x", deep) == ("o", {"x": deep})
+    with pytest.raises(EvaluationError, match="64"):
+        store({"o": {}}, "o.x.y", deep)
+    with pytest.raises(EvaluationError, match="64"):
+        store({"o": {}}, "o" + ".x" * 65, 1)
+    assert store({"o": {}}, "o" + ".x" * 64, 1)[0] == "o"
+    memory: dict[str, object] = {"o": {}}
+    with pytest.raises(EvaluationError, match="64"):
+        for _ in range(100):  # an object put into itself, again and again
+            top, value = store(memory, "o.o", memory["o"])
+            memory[top] = value

@@ -122,4 +122,4 @@ def test_conditions_agree_with_python(text: str, a: bool, b: bool, n: int, m: in
 def test_numbers_agree_with_python(text: str, n: int, m: int) -> None:
     result = Expression.parse(text).as_number({"n": n, "m": m})
     assert result == eval(text, {}, {"n": float(n), "m": float(m)})
-    assert isinstance(result, int) == (math.isfinite(result) and result == int(result) and abs(result) < 2**53)
+    assert isinstance(result, int) == (math.isfinite(result) and result == int(result) and -(2**63) <= result < 2**63)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rise_engine.expression import Expression, ExpressionError, LanguageError
+from rise_engine.expression import EvaluationError, Expression, ExpressionError, LanguageError
 
 # text, column, a part of the remedy (or of the message, where there is no remedy)
 REFUSED = [
@@ -121,3 +121,17 @@ def test_as_deep_as_allowed() -> None:
     deep = Expression.parse("not " * 99 + "a")
     assert deep.as_condition({"a": 0}) is True
     assert Expression.parse(deep.explicit).as_condition({"a": 0}) is True
+
+
+def test_text_comparisons_do_not_chain() -> None:
+    with pytest.raises(ExpressionError, match="a starts with b and b starts with"):
+        Expression.parse("a starts with b starts with c")
+
+
+def test_errors_do_not_repeat_themselves() -> None:
+    for text in ("a > 5", "a>5", "a contains 5"):
+        with pytest.raises(EvaluationError) as error:
+            Expression.parse(text).as_condition({"a": "t"})
+        assert str(error.value).count("in `") == 1
+    with pytest.raises(EvaluationError, match=r"\(in `b and a > 5`\)"):
+        Expression.parse("b and a > 5").as_condition({"a": "t", "b": 1})

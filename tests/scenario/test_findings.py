@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -86,6 +87,27 @@ ACTS: dict[str, tuple[str, list[str]]] = {
         ["2:41 unknown-parameter"],
     ),
     "no actions": ("", ["1:1 empty-act"]),
+    "a day": ("<Wait><actionID>1</actionID><duration>86400000</duration></Wait>", []),
+    "more than a day": ("<Wait><actionID>1</actionID><duration>1e300</duration></Wait>", ["2:39 out-of-range"]),
+    "useless fallback": ("<Wait><actionID>1</actionID><duration>{pause|abc}</duration></Wait>", ["2:39 wrong-type"]),
+    "useful fallback": ("<Wait><actionID>1</actionID><duration>{nobody|5}</duration></Wait>", []),
+    "unit beside a slot": ("<Wait><actionID>1</actionID><duration>{pause} m</duration></Wait>", ["2:39 wrong-type"]),
+    "digits beside a slot": ("<Wait><actionID>1</actionID><duration>{pause}00</duration></Wait>", []),
+    "fallback that is no name": (
+        "<Emotion><actionID>1</actionID><value>{pause|joy}</value></Emotion>",
+        ["2:39 unknown-name"],
+    ),
+    "part of no name": ("<Emotion><actionID>1</actionID><value>x{pause}</value></Emotion>", ["2:39 unknown-name"]),
+    "part of a name": ("<Emotion><actionID>1</actionID><value>hap{pause}</value></Emotion>", []),
+    "broken actions keep their ids": (
+        "<Variants><actionID>1</actionID></Variants>\n<Wat><actionID>2</actionID></Wat>\n"
+        "<Wait><actionID>3</actionID><waitForActions>1 2</waitForActions><duration>1</duration></Wait>",
+        ["2:1 variants", "3:1 unknown-action"],
+    ),
+    "variants in variants": (
+        "<Variants><actionID>1</actionID>\n<Variants><Wait><duration>1</duration></Wait></Variants></Variants>",
+        ["3:1 variants"],
+    ),
 }
 
 
@@ -138,6 +160,10 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     "unknown state": ("", '\n<transition eventTopic="A_end" target="T"/>', ["4:40 unknown-state"]),
     "unraised": ("", '\n<transition eventTopic="B_end" target="S"/>', ["4:25 unraised-event"]),
     "time": ("", '\n<transition after="2" target="S"/>', ["4:20 time"]),
+    "no time": ("", '\n<transition after="0s" target="S"/>', ["4:20 out-of-range"]),
+    "shortest time": ("", '\n<transition after="1ms" target="S"/>', []),
+    "longest time": ("", '\n<transition after="1440min" target="S"/>', []),
+    "too long": ("", '\n<transition after="99999999999999999999min" target="S"/>', ["4:20 out-of-range"]),
     "no effect": ("", '\n<transition after="2s"/>', ["4:1 no-effect"]),
     "never taken": (
         "",
@@ -165,6 +191,51 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "empty scenario.toml": ({"scenario.toml": ""}, []),
     "not TOML": ({"scenario.toml": "title = \n"}, ["scenario.toml:1:9 toml-syntax"]),
     "TOML key twice": ({"scenario.toml": 'title = "a"\ntitle = "b"\n'}, ["scenario.toml:2:1 duplicate-key"]),
+    "TOML mistakes, and what is found besides": (
+        {"scenario.toml": 'title = \n[keys]\ne = { event = "" }\n[study]\na.b = 1\na.b = 2\n[study]\n[acts.A]\n'},
+        [
+            "scenario.toml:1:9 toml-syntax",
+            "scenario.toml:3:15 missing-value",
+            "scenario.toml:6:1 duplicate-key",
+            "scenario.toml:7:1 duplicate-key",
+            "scenario.toml:8:1 wrong-type",
+        ],
+    ),
+    "rules with a broken header": (
+        {
+            "rules/a.xml": rule('<State id="S"/>', "A").replace("initial", 'priority="x" intial'),
+            "rules/b.xml": '<InteractionRule name="B" priority="y"/>',
+            "rules/c.xml": in_state(
+                '<function startInteractionRule="A"/><function startInteractionRule="B"/>',
+                '<transition eventTopic="A_end" target="S"/>',
+            ),
+        },
+        [
+            "rules/a.xml:1:1 missing-attribute",
+            "rules/a.xml:1:27 wrong-type",
+            "rules/a.xml:1:40 unknown-attribute",
+            "rules/b.xml:1:1 missing-attribute",
+            "rules/b.xml:1:1 no-states",
+            "rules/b.xml:1:37 wrong-type",
+        ],
+    ),
+    "an act and a rule of one name": (
+        {"acts/a.xml": act(SPEECH, "R"), "rules/r.xml": rule('<State id="S"/>')},
+        ["rules/r.xml:1:1 same-name"],
+    ),
+    "memory: object within": ({"memory.json": '{"WorkingMemory": {"a": 1}}'}, ["memory.json:1:19 memory-form"]),
+    "memory: null within": ({"memory.json": '{"WorkingMemory": null}'}, ["memory.json:1:19 memory-form"]),
+    "memory: lower case": ({"memory.json": '{"workingmemory": [{"a": 1}]}'}, ["memory.json:1:2 memory-form"]),
+    "memory: beside the list": (
+        {"memory.json": '{"WorkingMemory": [{"a": 1}, {"a": 2}], "b": 1, "c d": 1}'},
+        [
+            "memory.json:1:31 duplicate-key",
+            "memory.json:1:41 memory-form",
+            "memory.json:1:49 memory-form",
+            "memory.json:1:49 unwritable-key",
+        ],
+    ),
+    "memory: more than 64 bits": ({"memory.json": '{"n": ' + "9" * 400 + "}"}, ["memory.json:1:7 json-value"]),
     "unknown key": ({"scenario.toml": 'titel = "a"'}, ["scenario.toml:1:1 unknown-key"]),
     "wrong type": ({"scenario.toml": "title = 1"}, ["scenario.toml:1:9 wrong-type"]),
     "mode": ({"scenario.toml": 'mode = "fast"'}, ["scenario.toml:1:8 wrong-value"]),
@@ -332,3 +403,35 @@ def test_every_code_is_documented() -> None:
     codes.update(("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-refused"))
     documented = set(re.findall(r"^\| `([a-z-]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
     assert codes == documented
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@pytest.mark.parametrize("name", ["acts/a.xml", "rules/r.xml", "memory.json", "scenario.toml"])
+def test_pipes_are_not_waited_for(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    os.mkfifo(tmp_path / name)
+    assert found(load(tmp_path)) == [f"{name}:1:1 unreadable"]
+
+
+@pytest.mark.parametrize("name", ["acts", "acts/a.xml", "rules", "rules/r.xml", "memory.json", "scenario.toml"])
+def test_broken_links_are_found(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).symlink_to("nowhere")
+    result = load(tmp_path)
+    assert found(result) == [f"{name}:1:1 unreadable"]
+    assert "leads nowhere" in result.findings[0].message
+
+
+def test_what_the_caller_asked_for_stands_in_no_file(tmp_path: Path) -> None:
+    result = load(tmp_path, robot="zzz", mode="x", places={"memory": "m.json"})
+    assert {finding.place.file for finding in result.findings} == {str(tmp_path)}
+    messages = [finding.message for finding in result.findings]
+    assert any(message.startswith("the robot asked for, `zzz`,") for message in messages)
+
+
+def test_messages_of_toml(tmp_path: Path) -> None:
+    result = loaded(tmp_path, {"scenario.toml": '[keys]\ne = { event = "" }\ne = { event = "x" }\n[acts.A]\n'})
+    messages = " ".join(finding.message for finding in result.findings)
+    assert "`event` is empty" in messages
+    assert "`e` is given twice; it stands in line 2 already" in messages
+    assert "[act.A]" in messages

@@ -14,6 +14,13 @@ from rise_engine.scenario.model import Call, Parameter
 from rise_engine.scenario.template import MissingValue, key_template, parse_template
 
 
+def nested(levels: int) -> Any:
+    value: Any = []
+    for _ in range(levels - 1):
+        value = [value]
+    return value
+
+
 def json(text: str) -> Any:
     def duplicate(key: str, offset: int, first: int) -> None:
         raise JsonError(f"twice: {key}", offset)
@@ -29,7 +36,10 @@ def json(text: str) -> Any:
         ("[]", []),
         ("{}", {}),
         ("0", 0),
-        ("123456789012345678901234567890", 123456789012345678901234567890),
+        ("9223372036854775807", 2**63 - 1),
+        ("-9223372036854775808", -(2**63)),
+        ("12345678901234567890.0", 12345678901234567890.0),
+        ("[" * 64 + "]" * 64, nested(64)),
     ],
 )
 def test_json(text: str, value: object) -> None:
@@ -49,6 +59,9 @@ def test_json(text: str, value: object) -> None:
         ("[NaN]", 1),
         ("[-Infinity]", 1),
         ("[1e999]", 1),
+        ("[9223372036854775808]", 1),
+        ("[" + "9" * 400 + "]", 1),
+        ("[-9223372036854775809]", 1),
         ("[01]", 1),
         ("[+1]", 1),
         ("[True]", 1),
@@ -117,6 +130,7 @@ def test_key_names_are_textuals() -> None:
 
 
 NUMBER = Parameter("x", "number", unit="m", minimum=-1, maximum=5)
+MS = Parameter("duration", "number", unit="ms", minimum=0)
 NAME = Parameter("value", "name", codes={"happy": 1}, names=("wave",))
 
 
@@ -126,7 +140,7 @@ NAME = Parameter("value", "name", codes={"happy": 1}, names=("wave",))
         (NUMBER, "5", 5),
         (NUMBER, " 0.5 ", 0.5),
         (NUMBER, 1.0, 1.0),
-        (NUMBER, True, 1),
+        (MS, 86_400_000, 86_400_000),
         (Parameter("n", "integer"), "3", 3),
         (Parameter("n", "integer"), 3.0, 3),
         (Parameter("b", "boolean"), "true", True),
@@ -158,6 +172,19 @@ def test_convert(parameter: Parameter, value: object, result: object) -> None:
         (NUMBER, None),
         (NUMBER, float("inf")),
         (NUMBER, 10**400),
+        (NUMBER, 10**4000),
+        (NUMBER, True),
+        (MS, "1e300"),
+        (MS, 86_400_001),
+        (MS, 10**400),
+        (Parameter("far", "number", unit="s"), 86_401),
+        (Parameter("n", "number"), 2**63),
+        (Parameter("n", "integer"), True),
+        (Parameter("n", "integer"), 1e300),
+        (Parameter("n", "integer"), {}),
+        (Parameter("b", "boolean"), 10**4000),
+        (Parameter("t", "text"), nested(100_000)),
+        (Parameter("v", "name"), 10**4000),
         (Parameter("n", "integer"), "1.5"),
         (Parameter("b", "boolean"), "yes"),
         (NAME, "sad"),
@@ -179,6 +206,34 @@ def test_call_parameters() -> None:
         call_parameters(call, spec, {"n": 1})
     with pytest.raises(ValueError, match="rate"):
         call_parameters(call, spec, {"n": 1, "speed": "fast"})
+
+
+def test_reasons_name_the_memory_keys() -> None:
+    spec = core_actions()["Emotion"]
+    with pytest.raises(ValueError) as refused:
+        call_parameters(Call("Emotion", {"duration": key_template("d")}), spec, {"d": True})
+    assert str(refused.value) == "duration is a number (ms); true (memory key `d`) is not"
+    with pytest.raises(ValueError, match=r"`1x2` \(memory keys `a`, `b`\) is not"):
+        call_parameters(Call("Emotion", {"duration": parse_template("{a}x{b}")}), spec, {"a": 1, "b": 2})
+    with pytest.raises(ValueError, match=r"no name `grim` \(memory key `mood`\)"):
+        call_parameters(Call("Emotion", {"value": parse_template("{mood}")}), spec, {"mood": "grim"})
+
+
+JUNK = [None, True, 0, 10**400, -(10**4000), 1e300, float("inf"), float("nan"), "", "9" * 5000, "x" * 10**6]
+
+
+@pytest.mark.parametrize("value", [*JUNK, [], {}, nested(100_000)], ids=range(len(JUNK) + 3))
+def test_no_value_breaks_parameters_and_durations(value: Any) -> None:
+    for spec in core_actions().values():
+        for name in spec.parameters:
+            call = Call(spec.name, {name: parse_template("{n}")})
+            try:
+                parameters = call_parameters(call, spec, {"n": value})
+            except (ValueError, MissingValue) as error:
+                assert len(str(error)) < 500
+                parameters = {name: value}
+            assert 0 <= expected_seconds(spec, parameters) <= 86_400
+            assert 0 <= limit_seconds(spec, parameters) <= 3 * 86_400 + 10
 
 
 def test_durations() -> None:
