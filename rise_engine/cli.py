@@ -51,13 +51,19 @@ class _Program(click.Group):
         _write_everything()
         return super().main(*args, **more)
 
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
+            sys.exit(130)
+
 
 def _write_everything() -> None:
     """Whatever a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`); no command fails because of it."""
     if sys.stdout is None:  # closed by whoever started this
-        sys.stdout = open(os.devnull, "w")  # type: ignore[unreachable]  # noqa: PTH123, SIM115
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
     if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w")  # type: ignore[unreachable]  # noqa: PTH123, SIM115
+        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError):  # a test's own stream
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
@@ -182,7 +188,7 @@ def run(
     """
     from rise_engine.reports import load_or_refuse
     from rise_engine.robots import DriverError, RobotOptionsError
-    from rise_engine.run import INTERRUPTED, REFUSED, USAGE, Plan
+    from rise_engine.run import REFUSED, USAGE, Plan
     from rise_engine.run import run as run_session
 
     pace = None
@@ -214,8 +220,6 @@ def run(
     except DriverError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(REFUSED)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
     except RobotOptionsError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(USAGE)
@@ -327,7 +331,7 @@ def _script(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...],
     if path == "-" and not virtual:
         return (), True
     if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
-        return (), False  # type: ignore[unreachable]
+        return (), False
     try:
         text = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
     except OSError as error:

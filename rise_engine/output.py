@@ -96,7 +96,7 @@ class ThreadedOutput(Output):
         self._thread.start()
 
     def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
-        """Wait until all is written, as long as the reader takes (a pager); `hurried` becomes true to cut that short."""
+        """Wait until all is written, as long as the reader takes (a pager) unless it becomes `hurried`."""
         self._lines.put(None)
         deadline = None
         while self._thread.is_alive() and (deadline is None or time.monotonic() < deadline):

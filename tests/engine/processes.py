@@ -40,7 +40,7 @@ RULES = """<InteractionRules>
     <transition eventTopic="/Nothing_end" target="Round"/></State>
 </InteractionRule>
 </InteractionRules>"""
-NOTHING = '<Dialog name="Nothing"><Wait><actionID>1</actionID><duration>0.0001</duration></Wait></Dialog>'
+NOTHING = '<Dialog name="Nothing"><Wait><actionID>1</actionID><duration>0.001</duration></Wait></Dialog>'
 
 
 def folder(path: Path, toml: str = "", memory: dict[str, Any] | None = None, **acts: str) -> Path:

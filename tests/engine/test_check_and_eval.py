@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from msgspec import structs
 
-from rise_engine.account import clock_text, parameters_text
+from rise_engine.account import Account, clock_text, parameters_text
+from rise_engine.kernel.records import (
+    ActionRecord,
+    AnyRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+)
 
-from .processes import engine, folder
+from .processes import ENGINE, engine, folder
 
 BAD = '<Dialog name="Bad">\n  <Speach><actionID>1</actionID></Speach>\n</Dialog>'
 
@@ -108,6 +120,27 @@ def test_eval(expression: str, memory: str, lines: list[str]) -> None:
         assert line in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("arguments", "value"),
+    [(("-1",), "-1"), (("-2^2",), "-4"), (("-(n)", "--memory", '{"n": 2}'), "-2"), (("--1",), "1"),
+     (("--memory={}", "-height"), "0"), (("--memory", '{"h": 2}', "--", "--h"), "2")],
+)  # fmt: skip
+def test_an_expression_may_begin_with_a_minus(arguments: tuple[str, ...], value: str) -> None:
+    done = engine("eval", *arguments)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[0] == f"value      {value}"
+
+
+def test_an_unknown_option_of_eval_is_told_with_the_nearest() -> None:
+    for arguments in (("n", "--memroy", "{}"), ("-1", "--memroy={}")):
+        done = engine("eval", *arguments)
+        assert done.returncode == 2 and "--memroy" in done.stderr and "--memory" in done.stderr
+    assert engine("eval", "-h").stdout.startswith("Usage:")
+    assert engine("eval").returncode == 2
+    assert engine("eval", "-1", "-2").returncode == 2
+    assert engine("eval", "-1", "--memory").returncode == 2
+
+
 def test_eval_marks_the_column_of_a_mistake() -> None:
     done = engine("eval", "n > 3 AND m")
     assert done.returncode == 1 and done.stdout == ""
@@ -176,9 +209,98 @@ def test_no_reader_is_no_trouble(tmp_path: Path) -> None:
     assert b"Traceback" not in done.stderr
 
 
+# --- terminals and names that are not UTF-8 ---
+
+ENCODINGS: tuple[dict[str, str], ...] = (
+    {},
+    {"LC_ALL": "C"},
+    {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    {"PYTHONIOENCODING": "ascii"},
+    {"PYTHONIOENCODING": "latin-1"},
+)
+HELLO = '<Dialog name="你好"><Speech><actionID>1</actionID><message>你好</message></Speech></Dialog>'
+
+
+def _raw(environment: dict[str, str], *arguments: object) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(
+        [ENGINE, *map(str, arguments)], capture_output=True, env={**os.environ, **environment}, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize("environment", ENCODINGS, ids=str)
+def test_a_file_name_that_is_no_text_is_shown_with_an_escape(tmp_path: Path, environment: dict[str, str]) -> None:
+    place = folder(tmp_path / "s")
+    try:
+        (place / "acts" / os.fsdecode(b"b\xff.xml")).write_text(BAD)
+    except OSError:
+        pytest.skip("this file system has no such names")
+    for options in ((), ("--json",)):
+        done = _raw(environment, "check", place, *options)
+        assert (done.returncode, done.stderr) == (1, b"")
+        assert b"\\udcff.xml" in done.stdout
+        if options:
+            assert json.loads(done.stdout)["findings"][0]["file"] == "acts/b\\udcff.xml"
+    refused = _raw(environment, "run", place, "--speed", "max")
+    assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"\\udcff.xml" in refused.stderr
+
+
+@pytest.mark.parametrize("environment", ENCODINGS, ids=str)
+def test_no_terminal_is_too_plain(tmp_path: Path, environment: dict[str, str]) -> None:
+    done = _raw(environment, "eval", '"你"')
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.startswith(b"value")
+    refused = _raw(environment, "eval", "n €")
+    assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"error:" in refused.stderr
+    missing = _raw(environment, "check", tmp_path / "你")
+    assert missing.returncode == 2 and b"there is no folder" in missing.stderr
+    place = folder(
+        tmp_path / "s",
+        hello='<Dialog name="你好"><Speech><actionID>1</actionID><message>你好</message></Speech></Dialog>',
+    )
+    for options in ((), ("--json",)):
+        ran = _raw(environment, "run", place, "--act", "Greet", "--set", 'name="\\u4f60"', "--speed", "max", *options)
+        assert (ran.returncode, ran.stderr) == (0, b"")
+        assert b"\xe4\xbd\xa0" in ran.stdout or (not options and b"\\u4f60" in ran.stdout)
+    assert _raw(environment, "robots", "--json").returncode == 0
+    assert _raw(environment, "schema", place, "--kind", "cra").returncode == 0
+
+
+def test_closed_streams_are_no_trouble(tmp_path: Path) -> None:
+    place = folder(tmp_path / "s")
+    for redirected in (">&-", "2>&-", ">&- 2>&-", "<&-"):
+        line = f"{shlex.quote(ENGINE)} check {shlex.quote(str(place))} {redirected}"
+        assert subprocess.run(["sh", "-c", line], capture_output=True, timeout=60, check=False).returncode == 0
+
+
+# --- the readable account ---
+
+
+def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
+    account = Account()
+    stays = RuleRecord(1, 2.0, "", "R", "stayed", "S", "S", "/topic")
+    assert (account.line(stays) or "").split("  ", 1)[0] == "00:02.0"
+    assert (account.line(stays) or "").endswith("stays in S on /topic")
+    new: Any = "levitating"
+    records: list[AnyRecord] = [
+        SessionRecord(seq=1, t=0, wall="", status=new),
+        TaskRecord(1, 0, "", 1, "dance", "Waltz", "", "", new),
+        ActionRecord(1, 0, "", 1, "A", "1", "Speech", {}, new),
+        RuleRecord(1, 0, "", "R", new, None),
+        RobotRecord(1, 0, "", new),
+        StopRecord(1, 0, "", new),
+    ]
+    for record in records:
+        assert "levitating" in (account.line(record) or "")
+    begun = TaskRecord(1, 0, "", 1, "startCommunicationRobotAct", "Waltz", "Blocking", "", "ACTIVE")
+    account.line(begun)
+    account.line(structs.replace(begun, status=new, t=1))
+    assert "succeeded, 2.0 s" in (account.line(structs.replace(begun, status="SUCCEEDED", t=2)) or "")
+
+
 def test_times_and_parameters_in_short() -> None:
     assert [clock_text(t) for t in (0, 3.25, 59.99, 60, 3600, 3661.5)] == [
         "00:00.0", "00:03.2", "00:59.9", "01:00.0", "1:00:00.0", "1:01:01.5",
     ]  # fmt: skip
+    assert clock_text(1e300) == clock_text(float("inf"))
     assert parameters_text({"message": "Hi", "rate": 0.8}) == '"Hi" rate=0.8'
     assert parameters_text({"pointx": 1, "pointy": 0, "pointz": 2.5, "duration": 100}) == "(1, 0, 2.5) 100 ms"

@@ -48,6 +48,13 @@ def test_virtual_wall_time_begins_in_1970() -> None:
     assert VirtualClock().wall(3661.5) == "1970-01-01T01:01:01.500+00:00"
 
 
+def test_a_label_is_given_for_every_time_however_far_away() -> None:
+    for far in (1e12, 1e300, float("inf")):
+        assert VirtualClock().wall(far) == "9999-12-31T23:59:59.000+00:00"
+    for early in (-1.0, float("-inf"), float("nan")):
+        assert VirtualClock().wall(early) == "1970-01-01T00:00:00.000+00:00"
+
+
 async def test_real_time_can_be_faster() -> None:
     clock = RealClock(asyncio.get_running_loop(), 100)
     done = asyncio.Event()

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import io
 import json
+import logging
+import os
+import shlex
 import signal
 import subprocess
+import sys
+import threading
+import time
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from rise_engine import run as run_module
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit
+from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
+from rise_engine.output import Output, ThreadedOutput
+from rise_engine.robot import Report
+from rise_engine.run import Plan
+from rise_engine.run import run as run_session
+
 from .processes import ENGINE, Live, engine, folder, records
-from .samples import assert_one_ending_each
+from .samples import GREETING, assert_one_ending_each, scenario, start
 
 FAST = ("--speed", "max", "--json")
 
@@ -143,6 +160,12 @@ def test_until_a_time(place: Path) -> None:
     assert len([r for r in found if r["kind"] == "rule" and r["trigger"] == "after 10s"]) == 3
 
 
+def test_the_latest_until(place: Path) -> None:
+    done = engine("run", place, "--until", "2592000", *FAST)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert records(done.stdout)[-1]["wall"] == "1970-01-31T00:00:00.000+00:00"
+
+
 def test_until_a_time_in_the_middle_of_an_act_stops_the_robot_first(place: Path) -> None:
     found = records(engine("run", place, "--act", "Greet", "--until", "0.5", *FAST).stdout)
     assert_one_ending_each(found)
@@ -183,6 +206,9 @@ def test_a_refused_scenario(tmp_path: Path) -> None:
         (("--speed", "fast"), "above 0"),
         (("--until", "-1"), "0 or more"),
         (("--until", "nan"), "0 or more"),
+        (("--until", "1e300"), "30 days"),
+        (("--until", "2592001"), "30 days"),
+        (("--speed", "1e300"), "up to 1000000"),
         (("--seed", "x"), "seed"),
         (("--fault", "Speach=fail"), "'Speech'"),
         (("--fault", "Speech=explode"), "unknown kind"),
@@ -343,6 +369,29 @@ def test_an_interrupt_stops_the_robot_first(place: Path, which: signal.Signals) 
         assert live.errors() == ""
 
 
+def test_an_interrupt_while_waiting_for_standard_input(place: Path) -> None:
+    with Live("run", place, "--tasks", "-", "--json") as live:
+        live.until("robot", status="connected")
+        live.signal()
+        assert live.rest() == 130
+        assert [r["status"] for r in live.records if r["kind"] == "stop"] == ["requested", "latched"]
+        assert live.records[-1]["reason"] == "interrupted" and live.errors() == ""
+    with Live("run", place, "--tasks", "-", *FAST) as live:  # reads all of it before anything starts
+        live.write(f"# {'x' * 300_000}")  # more than a pipe holds: when it is written, somebody is reading
+        live.signal()
+        assert live.rest() == 130
+        assert live.records == [] and live.errors() == ""
+
+
+def test_no_standard_input_is_an_empty_one(place: Path) -> None:
+    for speed in ("max", "1"):
+        for redirected in ("<&-", "</dev/null"):
+            line = f"{shlex.quote(ENGINE)} run {shlex.quote(str(place))} --tasks - --json --speed {speed} {redirected}"
+            done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=20, check=False)
+            assert (done.returncode, done.stderr) == (0, "")
+            assert records(done.stdout)[-1]["reason"] == "nothing is left to do"
+
+
 def test_an_interrupt_when_nothing_runs_stops_all_the_same(place: Path) -> None:
     with Live("run", place, "--rule", "Wait for it", "--until", "1000", "--json") as live:
         live.until("rule", status="entered")
@@ -371,6 +420,127 @@ def test_a_reader_that_goes_away_ends_the_session_quietly(place: Path) -> None:
         assert process.wait(30) == 141
         assert process.stderr.read() == b""
         process.stderr.close()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("speed", ["max", "1"])
+def test_a_full_disk_ends_the_session(place: Path, speed: str) -> None:
+    for options in ((), ("--json",)):
+        command = [ENGINE, "run", str(place), "--act", "Greet", "--rule", "Clock", "--until", "1000", "--speed", speed]
+        with Path("/dev/full").open("wb") as full:
+            done = subprocess.run(
+                [*command, *options], stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=60,
+                check=False,
+            )  # fmt: skip
+        assert done.returncode == 70
+        (line,) = done.stderr.decode().splitlines()
+        assert line.startswith("error: a record could not be written (OSError: ")
+
+
+class _Robot:
+    """Notes when it is told to stop, and answers."""
+
+    def __init__(self) -> None:
+        self.stopped = 0
+        self._report: Report = lambda report: None
+
+    def connect(self, report: Report) -> None:
+        self._report = report
+        report(RobotChanged(status="connected"))
+
+    def start(self, goal: StartAction) -> None:
+        self._report(ActionReport(action=goal.action, status="accepted"))
+
+    def cancel(self, action: str) -> None:
+        self._report(ActionReport(action=action, status="canceled"))
+
+    def stop_all(self) -> None:
+        self.stopped += 1
+        self._report(StopReport(confirmed=("all",)))
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+@pytest.mark.parametrize("speed", [None, 10.0])
+def test_a_record_that_cannot_be_written_stops_the_robot(
+    speed: float | None, as_json: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    robot = _Robot()
+    monkeypatch.setattr(run_module, "make_robot", lambda *arguments: robot)
+    line = Output._line
+
+    def too_deep(self: Output, record: AnyRecord) -> bytes | None:
+        if isinstance(record, MemoryRecord):
+            raise RecursionError("maximum recursion depth exceeded")
+        return line(self, record)
+
+    monkeypatch.setattr(Output, "_line", too_deep)
+    first = (start("Greet"), Submit(function="assignValue", behavior="n = 1", source="test"))
+    plan = Plan(scenario=scenario(GREETING), first=first, until=1000.0, speed=speed, json=as_json)
+    assert run_session(plan) == 70
+    assert robot.stopped == 1
+    out, err = capfd.readouterr()
+    assert err == (
+        "error: a record could not be written (RecursionError: maximum recursion depth exceeded); "
+        "the session was ended\n"
+    )
+    assert "latched" in out and "a record could not be written" in out.splitlines()[-1]
+
+
+@pytest.mark.parametrize("speed", [None, 10.0])
+def test_an_engine_that_fails_says_so_and_loses_no_output(
+    speed: float | None,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    handle = Kernel.handle
+
+    def fails(self: Kernel, fact: AnyInput) -> object:
+        if isinstance(fact, Submit):
+            raise AssertionError("a mistake")
+        return handle(self, fact)
+
+    monkeypatch.setattr(Kernel, "handle", fails)
+    with caplog.at_level(logging.CRITICAL):
+        assert run_session(Plan(scenario=scenario(GREETING), first=(start("Greet"),), speed=speed, json=True)) == 70
+    out, err = capfd.readouterr()
+    assert "a mistake in this program" in err
+    assert records(out)[-1]["kind"] == "robot"
+
+
+def test_half_characters_are_recorded_with_an_escape(place: Path) -> None:
+    strange = place.rename(place.with_name(os.fsdecode(b"study\xff")))
+    for options in ((), ("--json",)):
+        done = engine("run", strange, "--act", "Greet", "--speed", "max", *options)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert ("study\\\\udcff" if options else "study\\udcff") in done.stdout
+
+
+def test_a_reader_that_takes_its_time_gets_everything(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(ThreadedOutput, "CLOSE_SECONDS", 0.1)
+    read, write = os.pipe()
+    with os.fdopen(write, "wb") as pipe, os.fdopen(read, "rb") as reader:
+        monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(pipe, "utf-8"))
+        output = ThreadedOutput(json=False)
+        for number in range(3000):
+            output(NoteRecord(number, 0.0, "", f"note {number} " + "x" * 40, "engine"))
+        got: list[bytes] = []
+
+        def slowly() -> None:
+            time.sleep(0.5)
+            while len(got) < 3000:
+                got.append(reader.readline())
+
+        thread = threading.Thread(target=slowly)
+        thread.start()
+        output.close()
+        thread.join(10)
+        assert output.failure is None and b"note 2999 " in got[-1]
 
 
 # --- robots ---

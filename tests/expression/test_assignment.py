@@ -199,7 +199,7 @@ def test_whole_numbers_of_64_bits(right: str, value: object) -> None:
 
 @pytest.mark.parametrize("text", ["a = [9223372036854775808]", '{"a": -9223372036854775809}'])
 def test_json_of_more_than_64_bits(text: str) -> None:
-    with pytest.raises(ExpressionError, match="64 bits.*as a text"):
+    with pytest.raises(ExpressionError, match=r"64 bits.*as a text"):
         Assignment.parse(text)
 
 

@@ -212,7 +212,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         },
         [
             "rules/a.xml:1:1 missing-attribute",
-            "rules/a.xml:1:27 wrong-type",
+            "rules/a.xml:1:37 wrong-type",
             "rules/a.xml:1:40 unknown-attribute",
             "rules/b.xml:1:1 missing-attribute",
             "rules/b.xml:1:1 no-states",
