@@ -6,11 +6,11 @@ Every task leaves at least one record; the first record that a `Submit` causes i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from sys import intern
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.core import Core, Task
 from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.program import shown
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
@@ -29,9 +29,7 @@ class Functions:
         self._scheduler = scheduler
         self._stop = stop
         self._rules = RuleMachine(core, self._submit_from_rule)
-        self._topics = {
-            form: (topic, intern("/" + topic)) for topic in core.scenario.topics for form in (topic, "/" + topic)
-        }
+        self._topics = {form: (topic, shown(topic)) for topic in core.scenario.topics for form in (topic, "/" + topic)}
         """Both ways to write a topic, to the one for routing and the one for records."""
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
@@ -124,8 +122,8 @@ class Functions:
             if not topic:
                 self._reject(task, "the event has no name")
                 return
-            named = (topic, "/" + topic)
-        topic, shown = named
+            named = (topic, shown(topic))
+        topic, with_slash = named
         source = task.source
         core = self._core
         number = core.next_task
@@ -148,7 +146,7 @@ class Functions:
                 task.ref,
             )
         )
-        core.events.append((topic, shown, source))
+        core.events.append((topic, with_slash, source))
 
     def _assign(self, task: Submit) -> None:
         memory = self._rules.memory

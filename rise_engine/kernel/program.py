@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from copy import copy
 from functools import lru_cache
-from sys import intern
 from typing import Any
 
 from rise_engine.expression import Assignment, Expression
@@ -90,7 +89,7 @@ class TransitionCode:
         self.landing: TransitionCode | None = None
         """When functions come first: the same transition without them, which enters its target after they have run."""
         if transition.event is not None:
-            self.trigger = intern("/" + transition.event)
+            self.trigger = shown(transition.event)
         elif transition.after is not None:
             self.trigger = f"after {transition.after:g}s"
         else:
@@ -210,15 +209,21 @@ def _function(function: Function, source: str, then: Op | None) -> Op:
     if function.name == "raiseEventTopic":
         op = Op(RAISE, source, then)
         topic = normal_topic(function.argument)
-        op.event = (topic, intern("/" + topic), source)
+        op.event = (topic, shown(topic), source)
     elif function.name == "assignValue" and function.assignment is not None:
         op = Op(ASSIGN, source, then)
         op.assignments = (function.assignment,)
     else:
         op = Op(CALL, source, then)
         op.function = function.name
-    op.argument = intern(function.argument)
+    op.argument = function.argument
     return op
+
+
+@lru_cache(4096)
+def shown(topic: str) -> str:
+    """A topic as records show it, with its slash; the same object each time, which many rules then share."""
+    return "/" + topic
 
 
 def _prefixes(key: str) -> list[str]:
