@@ -24,3 +24,16 @@ def test_the_index_has_every_page() -> None:
     linked = {(DOCS / target).resolve() for target in LINK.findall(index.read_text(encoding="utf-8"))}
     pages = {page for page in DOCS.rglob("*.md") if "decisions" not in page.parts and page != index}
     assert sorted(str(page.relative_to(DOCS)) for page in pages - linked) == []
+
+
+def test_every_field_of_every_record_is_documented() -> None:
+    from typing import get_args
+
+    from rise_engine.kernel.records import AnyRecord
+
+    page = (DOCS / "reference" / "records.md").read_text(encoding="utf-8")
+    rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
+    for record in get_args(AnyRecord):
+        kind = record.__struct_config__.tag
+        for field in set(record.__struct_encode_fields__) - {"seq", "t", "wall"}:
+            assert f"`{field}`" in rows[kind], f"{kind}.{field} is not in docs/reference/records.md"
