@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import _thread
 import asyncio
+import os
 import signal
 from contextlib import suppress
+from time import sleep
+from types import FrameType
+from typing import Any
 
 from textual import events, on
 
@@ -13,7 +18,7 @@ from rise_engine.scenario.model import Scenario
 from rise_tui import themes
 from rise_tui.actions import bindings
 from rise_tui.launch import Launcher, Settings
-from rise_tui.quiet import KeyWatch, click_driver
+from rise_tui.quiet import KeyWatch, click_driver, outlet_of
 from rise_tui.screens.console import ConsoleScreen
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.settings import SettingsScreen
@@ -21,6 +26,8 @@ from rise_tui.session import Session
 
 END_SECONDS = 10.0
 """How long the engine may take to stop the robot and end before the console leaves without it."""
+GRACE_SECONDS = 3.0
+"""How much longer a console that was told to end by a signal may live, whatever holds it up."""
 
 
 class ConsoleApp(KeyWatch):
@@ -56,6 +63,8 @@ class ConsoleApp(KeyWatch):
         self._scenario, self._settings, self._wizard = scenario, settings, wizard
         self._session: Session | None = None
         self._ending = False
+        self._signal: signal.Signals | None = None
+        self._handlers: dict[signal.Signals, Any] = {}
         self.last_words = ""
         """What the terminal should show after the console has gone."""
 
@@ -64,10 +73,27 @@ class ConsoleApp(KeyWatch):
 
     async def on_mount(self) -> None:
         loop = asyncio.get_running_loop()
+
+        def arrived(number: int, frame: FrameType | None) -> None:
+            self._signal_arrived(loop, signal.Signals(number))
+
         for number in (signal.SIGHUP, signal.SIGTERM):
-            with suppress(NotImplementedError, ValueError, RuntimeError):  # not the main thread, or no such signals
-                loop.add_signal_handler(number, self._signalled, number)
+            with suppress(ValueError):  # not the main thread
+                self._handlers[number] = signal.signal(number, arrived)
+        if (outlet := outlet_of(self)) is not None:
+            outlet.lost = lambda: self._signal_arrived(loop, signal.SIGHUP)
         await self._begin(self._scenario, self._settings)
+
+    def on_unmount(self) -> None:
+        if self._signal is None:  # else they stay: a second signal must not cut the end short
+            for number, before in self._handlers.items():
+                signal.signal(number, before)
+
+    @property
+    def terminal_gone(self) -> bool:
+        """Whether nothing more can be said there."""
+        outlet = outlet_of(self)
+        return outlet is not None and outlet.gone
 
     @property
     def console_screen(self) -> ConsoleScreen | None:
@@ -146,8 +172,22 @@ class ConsoleApp(KeyWatch):
 
     # --- the end ------------------------------------------------------------------------------------------------------
 
+    def _signal_arrived(self, loop: asyncio.AbstractEventLoop, number: signal.Signals) -> None:
+        """In the signal handler itself and not on the loop, which may be blocked by a terminal that takes nothing."""
+        if (outlet := outlet_of(self)) is not None:
+            outlet.hurry()
+        if self._signal is None:
+            self._signal = number
+            with suppress(RuntimeError):  # the interpreter ends already
+                # Takes no lock, as threading would: the handler may have interrupted whoever holds it.
+                _thread.start_new_thread(_end_at_last, (128 + number,))
+        with suppress(RuntimeError):  # the loop has ended already
+            loop.call_soon_threadsafe(self._signalled, number)
+
     def _signalled(self, number: signal.Signals) -> None:
         """The terminal has gone, or somebody ends the program: in order, not at once."""
+        if self._ending:
+            return
         self.last_words = f"ended by {number.name}"
         self.run_worker(self._leave(128 + number))
 
@@ -157,3 +197,9 @@ class ConsoleApp(KeyWatch):
         self._ending = True
         await self._end_session()
         self.exit(return_code=code)
+
+
+def _end_at_last(code: int) -> None:
+    """Nothing keeps a console alive that nobody sees."""
+    sleep(END_SECONDS + GRACE_SECONDS)
+    os._exit(code)

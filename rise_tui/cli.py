@@ -48,8 +48,8 @@ def main(folder: str, robot: str | None, mode: str | None, seed: int | None, the
 
     app = ConsoleApp(scenario, chosen, wizard=wizard.strip() or "wizard", theme=theme)
     app.run()
-    if app.last_words:
-        with suppress(OSError):  # the terminal may be gone
+    if app.last_words and not app.terminal_gone:
+        with suppress(OSError):  # it may have gone just now
             click.echo(app.last_words, err=True)
     sys.exit(app.return_code or 0)
 

@@ -10,7 +10,8 @@ from rise_engine.scenario.model import Block, Function, If, OneOf, Scenario, Sta
 from rise_tui.text import value_text
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
-"""What the engine raises about acts and rules."""
+"""What the engine raises about acts; about rules only the first."""
+_WHEN = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
 
 
 class Truth(NamedTuple):
@@ -41,11 +42,24 @@ def waits_for(scenario: Scenario, transition: Transition) -> str:
         return f"{transition.after:g} s to pass"
     if transition.event is None:
         return "its condition alone"
-    for ending, word in ENDINGS.items():
-        name = transition.event.removesuffix(ending)
-        if name != transition.event and (name in scenario.acts or name in scenario.rules):
-            return f"{name} {word}"
+    if (found := _of_engine(scenario, transition.event)) is not None:
+        return f"{found[0]} {ENDINGS[found[1]]}"
     return f"event {transition.event}"
+
+
+def raised_by_engine(scenario: Scenario, topic: str) -> str:
+    """For an event that the engine raises about an act or a rule: that it does. Empty for other events."""
+    found = _of_engine(scenario, topic)
+    return f"{found[0]} raises this event itself when it {_WHEN[found[1]]}" if found is not None else ""
+
+
+def _of_engine(scenario: Scenario, topic: str) -> tuple[str, str] | None:
+    """The act or rule, and the ending, of an event that the engine raises."""
+    for ending in ENDINGS:
+        name = topic.removesuffix(ending)
+        if name != topic and (name in scenario.acts or (name in scenario.rules and ending == "_end")):
+            return name, ending
+    return None
 
 
 def label_of(transition: Transition) -> str:

@@ -61,11 +61,11 @@ class Gate:
     def armed(self) -> Trigger | None:
         return self._armed
 
-    def observe(self, key: str, at: float) -> None:
-        """Every key of the keyboard, before anything acts on it."""
+    def observe(self, key: str, at: float, *, typing: bool = False) -> None:
+        """Every key of the keyboard, before anything acts on it. `typing`: it goes into a text field."""
         together = at - self._last_at < TOGETHER and key != self._last_key
         if together or at < self._paste_until:
-            if at >= self._paste_until:
+            if at >= self._paste_until and not typing:
                 self._tell("several keys at once (a paste, or a stalled link): nothing was started")
             self._paste_until = at + QUIET
             self._drop()

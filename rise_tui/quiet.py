@@ -5,8 +5,13 @@ A new release of Textual that changes one of them fails `tests/console/test_quie
 
 from __future__ import annotations
 
+import os
+import select
 import sys
-from typing import Any, Generic
+from collections.abc import Callable
+from contextlib import suppress
+from time import monotonic
+from typing import Any, Generic, TextIO
 
 from textual import events
 from textual.app import App
@@ -83,16 +88,90 @@ class KeyWatch(App[Any]):
         await super().on_event(event)
 
 
+class Outlet:
+    """What Textual's writer thread writes to: a terminal that may stall, or be gone, and never holds the console up.
+
+    The stock thread dies of the first error or blocks in a write; its bounded queue fills, and the loop blocks for ever
+    in the next `put`. Here a terminal that is gone takes everything and shows nothing, so that the queue always drains.
+    """
+
+    PATIENCE = 1.0
+    """Seconds without progress after which a stalled terminal is given up, once `hurry` was called."""
+    _ROUND = 0.1
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+        self._fd = file.fileno()
+        with suppress(OSError):
+            # Opened anew: not to block is then ours alone, and not also the shell's that shares our descriptor.
+            self._fd = os.open(os.ttyname(self._fd), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        self.gone = False
+        self.lost: Callable[[], None] | None = None
+        """Called once, on the writer thread, when a write finds the terminal gone."""
+        self._hurried = False
+
+    def hurry(self) -> None:
+        """The console ends: do not wait long for a terminal that takes nothing. May be called in a signal handler."""
+        self._hurried = True
+
+    def calm(self) -> None:
+        """The console goes on after it was suspended."""
+        self._hurried = False
+
+    def write(self, text: str) -> None:
+        data = memoryview(text.encode(self._file.encoding or "utf-8", "backslashreplace"))
+        progress = monotonic()
+        while data and not self.gone:
+            try:
+                if select.select((), (self._fd,), (), self._ROUND)[1]:
+                    data = data[os.write(self._fd, data) :]
+                    progress = monotonic()
+            except BlockingIOError:
+                pass
+            except (OSError, ValueError):
+                self.gone = True
+                if self.lost is not None:
+                    self.lost()
+            if self._hurried and monotonic() - progress > self.PATIENCE:
+                self.gone = True
+
+    def flush(self) -> None:
+        """Nothing is kept back."""
+
+    def fileno(self) -> int:
+        return self._fd
+
+
+def outlet_of(app: App[Any]) -> Outlet | None:
+    """Where an app writes to; None without a terminal (tests, Windows)."""
+    outlet = getattr(app._driver, "outlet", None)
+    return outlet if isinstance(outlet, Outlet) else None
+
+
 def click_driver() -> type[Driver] | None:
     """A driver that asks the terminal for clicks, drags and the wheel, but not for every movement of the pointer.
 
     Sweeping the pointer over a stock app costs 1.5 kB for each report. None where there is no such terminal (Windows).
+    It writes to an `Outlet`.
     """
     if sys.platform == "win32":
         return None
     from textual.drivers.linux_driver import LinuxDriver
 
     class ClickDriver(LinuxDriver):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            self.outlet = Outlet(self._file)
+            self._file: Any = self.outlet  # what start_application_mode gives to the writer thread
+
+        def start_application_mode(self) -> None:
+            self.outlet.calm()
+            super().start_application_mode()  # type: ignore[no-untyped-call]
+
+        def stop_application_mode(self) -> None:
+            self.outlet.hurry()
+            super().stop_application_mode()
+
         def _enable_mouse_support(self) -> None:
             if self._mouse:
                 self.write("\x1b[?1000h\x1b[?1002h\x1b[?1006h")

@@ -22,6 +22,8 @@ SENT = State("↑", "sent", "wait")
 ARMED = State("!", "again?", "wait")
 RUNNING = State("►", "running", "accent")
 WAITING = State("○", "waiting", "wait")
+NOT_TAKEN = State("-", "not taken", "wait")
+"""A raised event for which nobody was waiting."""
 
 TASK_STATES = {
     "PENDING": WAITING,

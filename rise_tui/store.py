@@ -5,6 +5,7 @@ A read model without any screen. Panes read it; only `Session` and the screens c
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
@@ -21,9 +22,10 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.link.client import Hello
-from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_engine.scenario.model import KeyBinding, Scenario, normal_topic
 from rise_engine.view import ActView, RuleView, View
 from rise_tui.graph import estimate
+from rise_tui.text import value_text
 
 Topic: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "notice"]
 """What a batch of records changed; a pane says which of these it shows."""
@@ -36,7 +38,7 @@ _TOPICS: dict[type, frozenset[Topic]] = {
     StopRecord: frozenset({"stop", "status"}),
     RobotRecord: frozenset({"status"}),
     SessionRecord: frozenset({"status"}),
-    EventRecord: frozenset(),
+    EventRecord: frozenset({"tasks"}),
     NoteRecord: frozenset(),
 }
 _ACT_OR_TASK: frozenset[Topic] = frozenset({"acts", "rules", "tasks"})
@@ -55,6 +57,9 @@ FUNCTION_WORDS = {
     "releaseStop": "release",
 }
 """A task's function in a word or two."""
+
+JUST = 1.0
+"""Seconds after its start in which what a rule does counts as the deed of the wizard who started it."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,11 @@ class Store:
     deleted: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
+    missed: list[int] = field(default_factory=list)
+    """Tasks that raised an event for which nobody was waiting, in the order in which that came out."""
+
+    _raised: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    """Tasks that raised an event, by topic and source, until the event's own record tells what became of it."""
     _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
     _estimates: dict[str, float] = field(default_factory=dict)
 
@@ -164,6 +174,8 @@ class Store:
                 self._task(record)
             self.view.apply(record)
             self._tell(record)
+            if isinstance(record, EventRecord):
+                self._event(record)
             changed |= _TOPICS.get(type(record), _ACT_OR_TASK)
         if self.notice is not None:
             changed.add("notice")
@@ -174,10 +186,39 @@ class Store:
             self.log.append(record.id)
         if record.ref is not None:
             self.sent.pop(record.ref, None)
+            own = record.source == f"wizard:{self.wizard}"
+            if own and record.status == "SUCCEEDED" and (text := done(record.function, record.behavior)):
+                self.notice = Notice(text)
+        if record.status == "SUCCEEDED" and record.function == "raiseEventTopic":
+            self._raised.setdefault((normal_topic(record.behavior), record.source), []).append(record.id)
         if record.status == "ACTIVE" and record.function == "startCommunicationRobotAct":
             self.act_shown = record.behavior
         elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.rule_shown:
             self.rule_shown = record.behavior
+
+    def _event(self, record: EventRecord) -> None:
+        """An event found its rule, or nobody."""
+        which = normal_topic(record.topic), record.source
+        ids = self._raised.get(which, [])
+        task = ids.pop(0) if ids else None
+        if not ids:
+            self._raised.pop(which, None)
+        if record.taken_by is not None:
+            return
+        if task is not None:
+            self.missed.append(task)
+        if self._by_wizard(record):
+            self.notice = Notice(f"{record.topic}: nobody was waiting for it", "wait")
+
+    def _by_wizard(self, record: EventRecord) -> bool:
+        """Whether a wizard raised it: directly, or by a rule that a wizard has just started."""
+        kind, _, name = record.source.partition(":")
+        if kind != "rule":
+            return kind == "wizard"
+        task = self.view.tasks.get(self.rule(name).task or 0)
+        if task is None or not task.source.startswith("wizard:"):
+            return False
+        return record.t - (task.started if task.started is not None else task.submitted) <= JUST
 
     def _tell(self, record: AnyRecord) -> None:
         match record:
@@ -202,3 +243,20 @@ class Store:
 def describe(function: str, behavior: str) -> str:
     """A task in words."""
     return f"{FUNCTION_WORDS.get(function, function)} {behavior}".strip()
+
+
+def done(function: str, behavior: str) -> str:
+    """What a task without any row of its own has done, in words; empty for others."""
+    match function:
+        case "raiseEventTopic":
+            return f"raised {normal_topic(behavior)}"
+        case "assignValue":
+            try:
+                values = json.loads(behavior)
+            except (ValueError, RecursionError):
+                return behavior.strip()
+            if not isinstance(values, dict):
+                return behavior.strip()
+            return ", ".join(f"{key} = {value_text(value)}" for key, value in values.items())
+        case _:
+            return ""

@@ -15,7 +15,7 @@ Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault",
 Span: TypeAlias = tuple[str, Tone]
 Line: TypeAlias = tuple[Span, ...]
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u2069\ud800-\udfff\ufeff]")
 
 
 class Row(NamedTuple):
@@ -41,6 +41,16 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
         return head + "…" + " " * (width - 1 - cell_len(head))
     pad = " " * (width - cell_len(text))
     return pad + text if right else text + pad
+
+
+def fit_end(text: str, width: int) -> str:
+    """As `fit`, but what does not fit is lost at the beginning: `…1, step 3`."""
+    text = clean(text)
+    if width <= 0 or cell_len(text) <= width:
+        return fit(text, width)
+    while cell_len(text) > width - 1:
+        text = text[1:]
+    return fit("…" + text.lstrip(), width)
 
 
 def cell(text: str, width: int, tone: Tone = "plain", *, right: bool = False) -> Span:
@@ -79,6 +89,13 @@ def spread(left: Line, right: Line, width: int) -> Line:
     room = width - width_of(right)
     left = crop(left, max(0, room - 1))
     return (*left, (" " * (room - width_of(left)), "plain"), *right)
+
+
+def headed(name: str, state: Span, right: Line, width: int) -> Line:
+    """A name, its state, and a piece at the other end; the name gives way, the state never."""
+    room = width - width_of(right) - cell_len(state[0]) - 4
+    shown = fit(name, max(4, room)) if cell_len(clean(name)) > room else clean(name)
+    return spread(((f" {shown}  ", "strong"), state), right, width)
 
 
 def wrap(text: str, width: int) -> list[str]:
@@ -125,10 +142,14 @@ def clock(value: float, *, tenths: bool = False) -> str:
 
 
 def value_text(value: Any) -> str:
-    """A memory value as it can be typed: JSON, but strings bare where that is unambiguous."""
-    if isinstance(value, str) and type_of_text(value)[1] == "string" and value == value.strip() and value:
-        return value
-    return json.dumps(value, ensure_ascii=False)
+    """A memory value as it can be typed: JSON, but strings bare where that is unambiguous.
+
+    Whatever could move the cursor or hide itself is escaped, which makes a string JSON.
+    """
+    bare = isinstance(value, str) and value == value.strip() and value and not _CONTROL.search(value)
+    if bare and type_of_text(value)[1] == "string":
+        return str(value)
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", json.dumps(value, ensure_ascii=False))
 
 
 def type_word(value: Any) -> str:

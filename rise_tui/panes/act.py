@@ -16,7 +16,7 @@ from rise_tui.graph import levels
 from rise_tui.panes.pane import ListPane
 from rise_tui.states import READY, action_state, newest, task_state
 from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, Tone, cell, crop, duration, seconds, spread, wrap
+from rise_tui.text import Line, Row, Span, Tone, cell, crop, duration, headed, seconds, wrap
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.rows import RowView
 
@@ -83,15 +83,15 @@ class ActPane(ListPane):
 
     def _head(self, act: Act, task: TaskView | None, width: int) -> Line:
         state = task_state(task) if task is not None else READY
-        left: Line = ((f" {act.name}  ", "strong"), (f"{state.glyph} {state.word}", state.tone))
+        shown: Span = (f"{state.glyph} {state.word}", state.tone)
         if task is None:
-            return crop(left, width)
+            return headed(act.name, shown, (), width)
         end = task.ended if task.ended is not None else self.store.now()
         took = duration(end - task.started) if task.started is not None else ""
         if task.status == "ACTIVE" and (typical := self.store.typical(act.name)) is not None:
             took = f"{took.removesuffix(' s')} of {duration(typical)}"
         source = f"  {task.source} " if width >= NARROW else " "
-        return spread(left, ((took, "plain"), (source, "muted")), width)
+        return headed(act.name, shown, ((took, "plain"), (source, "muted")), width)
 
     def _line(self, action: Action, done: ActionView | None, id_width: int) -> Line:
         state = action_state(done)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.cells import cell_len
 from textual import on
 
 from rise_tui.actions import bindings
@@ -10,7 +11,7 @@ from rise_tui.messages import SelectionMoved, StartAsked, TaskAsked, Told
 from rise_tui.panes.pane import ListPane
 from rise_tui.states import act_state, newest, progress, rule_state
 from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, Tone, cell, duration, fit, seconds
+from rise_tui.text import Line, Row, Span, Tone, cell, duration, fit, fit_end, seconds
 from rise_tui.widgets.rows import RowView
 
 STATE_WIDTH = 10
@@ -128,19 +129,24 @@ class RulesPane(ControlPane):
 
     def make_rows(self, width: int) -> list[Row]:
         wide = width >= WIDE
-        state_width = STATE_WIDTH + max(14, width // 4) if wide else 17
-        name_width = width - (1 + self.key_width) - state_width - 1
+        room = width - (1 + self.key_width) - 1
+        least = STATE_WIDTH + max(14, width // 4) if wide else 17
+        longest = max((cell_len(name) for name in self.store.scenario.rules), default=0)
+        name_width = min(longest, room - least)
+        state_width = room - name_width
         rows = []
         for name in self.store.scenario.rules:
             rule, state = self.store.rule(name), rule_state(self.store, name)
             at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
-            word = f"{fit(state.word, STATE_WIDTH - 2)}{at}" if wide else at or state.word
+            lead = STATE_WIDTH - 2 if wide else 0
+            shown = at if wide or at else state.word
+            text = (fit_end if rule.running and at else fit)(shown, state_width - 2 - lead)
             spans: Line = (
                 self.key_cell(name),
                 cell(name, name_width, "strong" if rule.running else "plain"),
                 (" ", "plain"),
                 (f"{state.glyph} ", state.tone),
-                cell(word, state_width - 2, state.tone),
+                (fit(state.word, lead) + text, state.tone),
             )
             rows.append(Row(name, spans))
         return rows

@@ -24,7 +24,7 @@ class LogPane(Pane):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self.log_view = TaskLog(self._find, id="log-rows")
+        self.log_view = TaskLog(self._find, store.missed, id="log-rows")
         self._seen = 0
         self._matching: list[int] = []
         self._applied = ""

@@ -12,8 +12,8 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rise_tui.actions import Place
-from rise_tui.messages import PaneAsked
+from rise_tui.actions import BY_ID, Place
+from rise_tui.messages import PaneAsked, Told
 from rise_tui.store import Store, Topic
 from rise_tui.text import Line, Row, Span, plain, spread, width_of
 from rise_tui.widgets.line import Lines
@@ -133,7 +133,11 @@ class Pane(Vertical):
         raise NotImplementedError
 
     def action_do(self, action: str) -> None:
-        self.do(action)
+        """As `do`, but what ends or deletes something waits until the wizard can have seen which row it would hit."""
+        if self.rows.just_fell and "delete" in BY_ID[action].keys:
+            self.post_message(Told("the list has just changed; press again"))
+        else:
+            self.do(action)
 
     def escape(self) -> bool:
         """Esc: leave the pane's transient state. False when there is none."""

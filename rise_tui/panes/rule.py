@@ -9,13 +9,13 @@ from textual.widget import Widget
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_engine.view import RuleView
 from rise_tui.actions import bindings
-from rise_tui.explain import Raisers, label_of, truth_of, waits_for
+from rise_tui.explain import Raisers, label_of, raised_by_engine, truth_of, waits_for
 from rise_tui.gate import Trigger
 from rise_tui.messages import StartAsked, Told
 from rise_tui.panes.pane import ListPane
 from rise_tui.states import rule_state
 from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, cell, clock, crop, spread, width_of
+from rise_tui.text import Line, Row, Span, cell, clock, crop, headed, spread, width_of
 from rise_tui.widgets.rows import RowList
 
 HERE = "here"
@@ -78,9 +78,8 @@ class RulePane(ListPane):
 
     def _head(self, rule: Rule, view: RuleView, width: int) -> list[Row]:
         state = rule_state(self.store, rule.name)
-        left: Line = ((f" {rule.name}  ", "strong"), (f"{state.glyph} {state.word}", state.tone))
         when: Line = ((f"since {clock(view.since)} ", "muted"),) if view.status else ()
-        rows = [Row("", spread(left, when, width), selectable=False)]
+        rows = [Row("", headed(rule.name, (f"{state.glyph} {state.word}", state.tone), when, width), selectable=False)]
         if view.running:
             line: Line = ((" in ", "muted"), (view.state or "", "accent"))
             if view.previous:
@@ -164,5 +163,7 @@ class RulePane(ListPane):
         event = transitions[int(index)].event if int(index) < len(transitions) else None
         if event is None:
             self.post_message(Told("this transition waits for no event"))
+        elif by_engine := raised_by_engine(self.store.scenario, event):
+            self.post_message(Told(by_engine))
         else:
             self.post_message(StartAsked(Trigger("raiseEventTopic", event)))

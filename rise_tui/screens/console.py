@@ -81,7 +81,7 @@ class ConsoleScreen(QuietScreen[None]):
     def key_seen(self, event: events.Key) -> None:
         """Every key, whatever has the focus, before anything acts on it."""
         self.painting.key_pressed()
-        self.gate.observe(event.key, event.time)
+        self.gate.observe(event.key, event.time, typing=isinstance(self.app.focused, Input))
 
     def on_key(self, event: events.Key) -> None:
         """Keys that no text field has taken: those of the scenario, Enter for an armed act, Esc."""
@@ -180,7 +180,7 @@ class ConsoleScreen(QuietScreen[None]):
             self.say(f"{BY_ID[action].title}: not now, {reason}")
             return
         if BY_ID[action].place in self.panes.panes:
-            self.panes.panes[BY_ID[action].place].do(action)
+            self.panes.panes[BY_ID[action].place].action_do(action)
             return
         doing: dict[str, Callable[[], object]] = {
             "stop": self.stop_all,
@@ -203,6 +203,9 @@ class ConsoleScreen(QuietScreen[None]):
         """The stop key: no question, no condition, from any screen."""
         self.gate.reset()
         self.send("stopAll")
+        for screen in self.app.screen_stack:
+            if isinstance(screen, Dialog) and screen.has_class("-release") and screen.withdraw():
+                self.say("stopped again: the question whether to release the stop was closed")
 
     def _palette(self) -> None:
         self.app.push_screen(CommandPalette([ConsoleCommands], placeholder="command, act or rule"))
@@ -222,4 +225,5 @@ class ConsoleScreen(QuietScreen[None]):
             said.append("The robot has not answered yet. Look at it first.")
         said.append("After this, keys start acts and rules again.")
         dialog = Dialog("Release the stop?", said, yes="Release", key="r", no="Stay stopped")
+        dialog.add_class("-release")
         self.app.push_screen(dialog, lambda yes: self.send("releaseStop") if yes else None)

@@ -38,6 +38,7 @@ class Dialog(QuietModal[bool]):
         super().__init__()
         self._title, self._said, self._yes, self._key, self._no = title, said, yes, key, no
         self._bindings.bind(key, "answer(True)", show=False)
+        self._answered = self._withdrawn = False
 
     def compose(self) -> ComposeResult:
         box = Vertical(id="box")
@@ -49,9 +50,25 @@ class Dialog(QuietModal[bool]):
                 yield Button(f"{self._yes} ({self._key})", id="yes", compact=True)
 
     def action_answer(self, yes: bool) -> None:
-        self.dismiss(yes)
+        """The first answer counts; keys that were still on their way do nothing."""
+        if not self._answered:
+            self._answered = True
+            self.dismiss(yes)
+
+    def withdraw(self) -> bool:
+        """Close without an answer, at the latest when nothing lies above it. False when it was answered already."""
+        if self._answered:
+            return False
+        self._answered = self._withdrawn = True
+        self.on_screen_resume()
+        return True
+
+    def on_screen_resume(self) -> None:
+        if self._withdrawn and self.app.screen is self:  # `is_current` is true below a dialog too
+            self._withdrawn = False
+            self.dismiss(False)
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
-        self.dismiss(event.button.id == "yes")
+        self.action_answer(event.button.id == "yes")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -12,12 +12,13 @@ from textual.widgets import Button, Input, Label, Static
 from textual.worker import Worker
 
 from rise_engine.scenario.model import Scenario
-from rise_tui.launch import Launcher, Refused, Settings, robots
+from rise_tui.launch import Launcher, Refused, Settings, Shown, expanded, robots, shown
 from rise_tui.quiet import QuietModal
 from rise_tui.screens.dialog import Dialog
 from rise_tui.widgets.editor import Field
 
 PLACES = ("acts", "rules", "memory")
+MODES = ("debug", "real")
 
 
 class Choice(Horizontal):
@@ -43,6 +44,12 @@ class Choice(Horizontal):
 
     def _label(self, word: str) -> str:
         return f"{'●' if word == self.value else '○'} {word}"
+
+    def offer(self, words: Sequence[str], chosen: str) -> None:
+        """Other words."""
+        if (tuple(words), chosen) != (self._words, self.value):
+            self._words, self.value = tuple(words), chosen
+            self.refresh(recompose=True)
 
     @on(Button.Pressed)
     def _chosen(self, event: Button.Pressed) -> None:
@@ -75,23 +82,28 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
     def __init__(self, settings: Settings, scenario: Scenario, mode: str, robot: str, launcher: Launcher) -> None:
         super().__init__()
         self._settings, self._scenario, self._launcher = settings, scenario, launcher
-        self._mode, self._robot = mode, robot
+        names = robots(settings.folder)
+        places = {place: settings.places.get(place) or scenario.paths.get(place, "") for place in PLACES}
+        self._first = Shown(names if robot in names else [*names, robot], robot, mode, places)
+        """What runs now."""
+        self._shown = self._first
+        """What the fields said before anybody changed them, for the folder that is in its field."""
+        self._read = settings.folder
+        """The folder for which the fields were filled in."""
+        self._apply_next = False
+        self._asked = settings
         self.findings = Static("", markup=False)
 
     def compose(self) -> ComposeResult:
-        names = robots(self._settings.folder)
-        if self._robot not in names:
-            names.append(self._robot)
         box = Vertical(id="box")
         box.border_title = " Settings "
         box.border_subtitle = " applying ends this session and starts a new one · esc leaves "
         with box:
             yield from self._row("folder", Field(self._settings.folder, id="folder", select_on_focus=False))
             for place in PLACES:
-                value = self._settings.places.get(place) or self._scenario.paths.get(place, "")
-                yield from self._row(place, Field(value, id=place, select_on_focus=False))
-            yield from self._row("robot", Choice(tuple(names), self._robot, id="robot"))
-            yield from self._row("mode", Choice(("debug", "real"), self._mode, id="mode"))
+                yield from self._row(place, Field(self._first.places[place], id=place, select_on_focus=False))
+            yield from self._row("robot", Choice(tuple(self._first.robots), self._first.robot, id="robot"))
+            yield from self._row("mode", Choice(MODES, self._first.mode, id="mode"))
             with VerticalScroll(id="findings", can_focus=False):
                 yield self.findings
             with Horizontal(id="buttons"):
@@ -103,21 +115,52 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
             yield Label(label)
             yield widget
 
+    @property
+    def _folder(self) -> str:
+        return self.query_one("#folder", Field).value.strip()
+
+    def _is_first(self, folder: str) -> bool:
+        return bool(folder) and expanded(folder) == expanded(self._settings.folder)
+
     def chosen(self) -> Settings:
-        """What the fields say; what is as the scenario has it stays the scenario's."""
-        folder = self.query_one("#folder", Field).value.strip()
+        """What the fields say: exactly what is shown runs. Places as the scenario has them stay the scenario's."""
+        folder = self._folder
         places = {place: self.query_one(f"#{place}", Field).value.strip() for place in PLACES}
-        same = Path(folder).expanduser() == Path(self._settings.folder).expanduser()
-        if not same:  # another scenario has its own places and its own robot, unless they were changed here
-            places = {place: value for place, value in places.items() if value != self._scenario.paths.get(place)}
-        robot = self.query_one("#robot", Choice).value
+        before = self._settings.places if self._is_first(folder) else {}
+        places = {
+            place: value for place, value in places.items() if value != self._shown.places[place] or place in before
+        }
         return replace(
             self._settings,
-            folder=str(Path(folder).expanduser()),
-            robot=robot if same or robot != self._robot else None,
+            folder=str(expanded(folder)),
+            robot=self.query_one("#robot", Choice).value,
             mode=self.query_one("#mode", Choice).value,
             places={place: value for place, value in places.items() if value},
         )
+
+    @on(Input.Changed, "#folder")
+    def _folder_changed(self) -> None:
+        folder = self._folder
+        self._apply_next = False
+        if folder != self._read:
+            self.run_worker(lambda: (folder, self._say(folder)), thread=True, exclusive=True, group="say", name="say")
+
+    def _say(self, folder: str) -> Shown | None:
+        return self._first if self._is_first(folder) else shown(folder)
+
+    def _show(self, folder: str, found: Shown | None) -> None:
+        """Another scenario has its own places, robot and mode."""
+        if folder != self._folder:
+            return  # it has changed again
+        self._read = folder
+        if found is not None:
+            self._shown = found
+            for place in PLACES:
+                self.query_one(f"#{place}", Field).value = found.places[place]
+            self.query_one("#robot", Choice).offer(found.robots, found.robot)
+            self.query_one("#mode", Choice).offer(MODES, found.mode)
+        if self._apply_next:
+            self._apply()
 
     @on(Input.Submitted)
     def _entered(self, event: Input.Submitted) -> None:
@@ -130,20 +173,28 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
 
     @on(Button.Pressed, "#apply")
     def _apply(self) -> None:
-        settings = self.chosen()
+        folder = self._folder
+        if not folder:
+            self.findings.update("refused; nothing has changed:\nname a folder")
+            return
+        self._apply_next = folder != self._read  # then it is being read: first shown, then applied
         self.findings.update("reading …")
-        self.run_worker(lambda: self._launcher.prepare(settings), thread=True, exclusive=True, name="prepare")
+        if not self._apply_next:
+            settings = self._asked = self.chosen()
+            self.run_worker(lambda: self._launcher.prepare(settings), thread=True, exclusive=True, name="prepare")
 
     def on_worker_state_changed(self, event: Worker.StateChanged) -> None:
-        if event.worker.name != "prepare" or not event.worker.is_finished:
+        if event.worker.name not in ("prepare", "say") or not event.worker.is_finished:
             return
         event.stop()
-        prepared = event.worker.result
-        if isinstance(prepared, Refused):
-            self.findings.update("\n".join(["refused; nothing has changed:", *prepared.lines]))
-        elif isinstance(prepared, Scenario):
+        result = event.worker.result
+        if isinstance(result, tuple):
+            self._show(*result)
+        elif isinstance(result, Refused):
+            self.findings.update("\n".join(["refused; nothing has changed:", *result.lines]))
+        elif isinstance(result, Scenario):
             self.findings.update("")
-            self._confirm(prepared, self.chosen())
+            self._confirm(result, self._asked)
 
     def _confirm(self, scenario: Scenario, settings: Settings) -> None:
         said = [

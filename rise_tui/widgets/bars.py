@@ -50,10 +50,15 @@ class StatusLine(Horizontal):
         status = robot.status if robot is not None else "no link"
         tone: Tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
         gap: Span = ("  ", "plain")
+        simulated = store.scenario.robot.driver == "simulated"
+        what: Span = (hello.mode.upper(), "wait" if hello.mode == "real" else "accent")
+        if hello.mode == "real" and simulated:
+            what = ("REAL (simulated!)", "fault")
+        name = hello.robot if hello.mode == "real" else f"{hello.robot} (sim)"
         mode: Line = (
-            (hello.mode.upper(), "wait" if hello.mode == "real" else "accent"),
+            what,
             gap,
-            (f"{hello.robot} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),
+            (f"{name} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),
         )
         armed: Span = (f" {store.state} ", "alarm" if store.state == "STOPPED" else "strong")
         if store.gone:

@@ -12,7 +12,7 @@ from textual.message import Message
 from textual.widgets import Input
 
 from rise_engine.view import MemoryView
-from rise_tui.text import Line, type_of_text, value_text
+from rise_tui.text import Line, clean, crop, type_of_text, value_text, width_of
 from rise_tui.widgets.line import Lines
 
 
@@ -22,6 +22,10 @@ class Field(Input):
     DEFAULT_CSS = """
     Field, Field:focus { height: 1; border: none; padding: 0; background: $panel; }
     """
+
+    def validate_value(self, value: str) -> str:
+        """A pasted control character would reach the terminal as it is."""
+        return clean(value)
 
 
 class RowEditor(Horizontal):
@@ -50,6 +54,7 @@ class RowEditor(Horizontal):
         self._value = Field(placeholder="value", classes="value")
         self._type = Lines()
         self._editing = ""
+        self._offered = ""
         self._before = ""
         self._now = ""
 
@@ -69,6 +74,7 @@ class RowEditor(Horizontal):
     def open(self, editing: str, key: str, value: str, *, y: int, key_width: int, value_width: int) -> None:
         """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list."""
         self._editing, self._before, self._now = editing, value, value
+        self._offered = key
         self.styles.offset = (0, y)
         self._key.styles.width, self._value.styles.width = key_width, max(6, value_width)
         self._key.disabled = bool(editing)
@@ -86,12 +92,18 @@ class RowEditor(Horizontal):
 
     def _show_type(self) -> None:
         _, kind, remark = type_of_text(self._value.value)
+        width = self._type.size.width
         line: Line = ((kind, "accent"),)
         if remark:
-            line = (*line, (f"  {remark}", "wait"))
+            line = _remarked(kind, remark, width)
         elif self._now != self._before:
-            line = (*line, (f"  is now {self._now}", "wait"))
+            line = crop((*line, (f"  is now {self._now}", "wait")), width)
         self._type.show(line)
+
+    @on(Lines.Resized)
+    def _resized(self, event: Lines.Resized) -> None:
+        event.stop()
+        self._show_type()
 
     @on(Input.Changed)
     def _typed(self, event: Input.Changed) -> None:
@@ -101,7 +113,8 @@ class RowEditor(Horizontal):
     @on(Input.Submitted)
     def _entered(self, event: Input.Submitted) -> None:
         event.stop()
-        key = self._editing or self._key.value.strip()
+        typed = self._key.value
+        key = self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
         if event.input is self._key or not key:
             (self._value if key else self._key).focus()
             return
@@ -116,3 +129,13 @@ class RowEditor(Horizontal):
     def _close(self, key: str, value: Any) -> None:
         self.remove_class("-open")
         self.post_message(self.Done(key, value))
+
+
+def _remarked(kind: str, remark: str, width: int) -> Line:
+    """The type and why it is not what it looks like, in as many words as there is room for."""
+    ways: tuple[Line, ...] = (
+        ((kind, "accent"), (f"  {remark}", "wait")),
+        ((kind, "accent"), ("  not JSON", "wait")),
+        (("text", "accent"), (", not JSON", "wait")),
+    )
+    return next((line for line in ways if width_of(line) <= width), (("not JSON", "wait"),))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from time import monotonic
 from typing import ClassVar
 
 from textual import events
@@ -14,6 +15,9 @@ from textual.strip import Strip
 from rise_tui.quiet import QuietScrollView
 from rise_tui.text import Row, plain
 from rise_tui.widgets.toned import COMPONENTS, CURSOR, CURSOR_AWAY, Toned, tone_css
+
+FALL = 0.7
+"""Seconds after the cursor's row has vanished in which nobody can have seen the row where the cursor now stands."""
 
 
 class RowView(QuietScrollView, Toned, can_focus=True):
@@ -55,8 +59,15 @@ class RowView(QuietScrollView, Toned, can_focus=True):
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self.cursor = -1
+        self.fell = float("-inf")
+        """When the cursor's row last vanished, so that the cursor fell to another; monotonic."""
         self.beyond: RowView | None = None
         """A list below that cannot take the focus, and scrolls when there is nothing further on in this one."""
+
+    @property
+    def just_fell(self) -> bool:
+        """True while the row under the cursor may be another than the wizard has seen."""
+        return monotonic() - self.fell < FALL
 
     @property
     def count(self) -> int:
@@ -88,6 +99,7 @@ class RowView(QuietScrollView, Toned, can_focus=True):
             self._refresh_row(old)
             self._refresh_row(index)
             if by_wizard:
+                self.fell = float("-inf")
                 self.post_message(self.Moved(self))
         if index >= 0:
             self.bring_into_view(index)
@@ -172,6 +184,8 @@ class RowList(RowView):
         old, self._rows = self._rows, rows
         before, current = self.cursor, old[self.cursor].id if 0 <= self.cursor < len(old) else ""
         self.cursor = self._find(current, before)
+        if current and self.current != current:
+            self.fell = monotonic()
         self.resize_content(Size(self.row_width, len(rows)))
         for index in range(max(len(old), len(rows))):
             if index >= len(old) or index >= len(rows) or old[index].line != rows[index].line:

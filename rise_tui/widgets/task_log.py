@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 
 from textual.geometry import Size
@@ -9,7 +10,7 @@ from textual.message import Message
 
 from rise_engine.kernel.records import FINAL
 from rise_engine.view import TaskView
-from rise_tui.states import task_state
+from rise_tui.states import NOT_TAKEN, task_state
 from rise_tui.store import FUNCTION_WORDS
 from rise_tui.text import Line, Row, Tone, cell, clock, crop, seconds, width_of
 from rise_tui.widgets.rows import RowView
@@ -28,8 +29,12 @@ class TaskLog(RowView):
     class FollowChanged(Message):
         """It follows, or has stopped following, the newest task."""
 
-    def __init__(self, task: Callable[[int], TaskView | None], *, id: str | None = None) -> None:
+    def __init__(
+        self, task: Callable[[int], TaskView | None], missed: Sequence[int] = (), *, id: str | None = None
+    ) -> None:
+        """`missed` is the caller's list of tasks whose event nobody took; it only grows."""
         super().__init__(id=id)
+        self._missed, self._missed_ids = missed, set(missed)
         self.following = True
         self._find = task
         self._ids: Sequence[int] = ()
@@ -60,6 +65,11 @@ class TaskLog(RowView):
         self._shown = len(ids)
         for index in list(self._lively.values()):
             self.refresh_line(index)
+        for one in self._missed[len(self._missed_ids) :]:
+            self._missed_ids.add(one)
+            index = bisect_left(ids, one)
+            if index < old and ids[index] == one:
+                self.refresh_line(index)
         if restart:
             self._lively.clear()
             self.cursor = min(self.cursor, self._shown - 1)
@@ -114,17 +124,18 @@ class TaskLog(RowView):
 
     def line_of(self, task: TaskView, width: int) -> Line:
         """One task in one line."""
-        state, function = task_state(task), FUNCTION_WORDS.get(task.function, task.function)
+        state = NOT_TAKEN if task.id in self._missed_ids else task_state(task)
+        function = FUNCTION_WORDS.get(task.function, task.function)
         took = seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
         tone: Tone = "fault" if task.function == "stopAll" else "plain"
-        tail: Line = ((f" {state.glyph} ", state.tone), cell(state.word, 8, state.tone))
+        tail: Line = ((f" {state.glyph} ", state.tone), cell(state.word, 9, state.tone))
         reason: Line = ((f"  {task.reason}", state.tone),) if task.reason else ()
         if width < NARROW:
             head: Line = (cell(f" {clock(task.submitted)}", 10, "muted"), cell(function, 10, tone))
-            return crop((*head, cell(task.behavior, max(6, width - 31)), *tail, *reason), width)
+            return crop((*head, cell(task.behavior, max(6, width - 32)), *tail, *reason), width)
         wide = width >= WIDE
         when = 11 if wide else 9
-        rest = width - when - 28 - (7 if wide else 0)
+        rest = width - when - 29 - (7 if wide else 0)
         source = min(20, max(12, rest // 3))
         behavior = min(40, rest - source - (20 if wide else 0))
         calling: Line = (cell(CALLING.get(task.calling_type, task.calling_type), 7, "muted"),) if wide else ()

@@ -1,0 +1,150 @@
+"""Dialogs: what they show is what happens, and none outlives what it asks about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Button
+
+from rise_tui.launch import Refused, Settings, expanded, prepare, shown
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.settings import Choice, SettingsScreen
+from rise_tui.widgets.editor import Field
+from tests.console.conftest import Console, console
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+
+
+async def asking_to_release(it: Console) -> Dialog:
+    it.client.stop("latched", ("pepper/speech",))
+    await it.until(lambda: "STOPPED" in it.screen.status.text)
+    await it.press("ctrl+r")
+    await it.until(lambda: isinstance(it.app.screen, Dialog))
+    dialog = it.app.screen
+    assert isinstance(dialog, Dialog)
+    return dialog
+
+
+async def test_a_new_stop_closes_the_question_whether_to_release_the_old_one() -> None:
+    async with console() as it:
+        await asking_to_release(it)
+        await it.press("f9")
+        await it.sent("stopAll", "")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert "was closed" in it.notice
+        await it.press("r")
+        assert ("releaseStop", "") not in it.client.asked()
+
+
+async def test_a_key_on_its_way_to_a_closed_question_releases_nothing() -> None:
+    async with console() as it:
+        dialog = await asking_to_release(it)
+        it.screen.stop_all()
+        dialog.action_answer(True)
+        await it.sent("stopAll", "")
+        assert ("releaseStop", "") not in it.client.asked()
+
+
+async def test_the_question_is_closed_also_below_another_one() -> None:
+    async with console() as it:
+        await asking_to_release(it)
+        await it.press("ctrl+c")
+        await it.until(lambda: it.app.screen.has_class("-quit"))
+        await it.press("f9")
+        await it.sent("stopAll", "")
+        assert it.app.screen.has_class("-quit")
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert ("releaseStop", "") not in it.client.asked()
+
+
+# --- settings -------------------------------------------------------------------------------------------------------
+
+
+async def settings_of(it: Console) -> SettingsScreen:
+    await it.press("f8")
+    screen = it.app.screen
+    assert isinstance(screen, SettingsScreen)
+    await it.until(lambda: screen.query("#apply"))
+    return screen
+
+
+def a_scenario(folder: Path, text: str) -> str:
+    folder.mkdir()
+    (folder / "scenario.toml").write_text(text, encoding="utf-8")
+    return str(folder)
+
+
+async def test_an_empty_folder_field_is_refused_before_anything_is_read() -> None:
+    async with console() as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = "  "
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: "name a folder" in str(screen.findings.content))
+        assert it.launcher.prepared_with == []
+
+
+async def test_a_folder_without_a_scenario_is_refused(tmp_path: Path) -> None:
+    client = FakeClient(demo())
+    launcher = FakeLauncher(client)
+    object.__setattr__(launcher, "prepare", prepare)
+    async with console(client=client, launcher=launcher) as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = str(tmp_path)
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: f"there is no scenario in {tmp_path}: no scen" in str(screen.findings.content))
+        assert client.closed == []
+
+
+async def test_another_folder_shows_its_own_robot_mode_and_places_and_those_run(tmp_path: Path) -> None:
+    other = a_scenario(tmp_path / "other", 'robot = "floka"\nmode = "real"\nacts = "mine"\n')
+    async with console() as it:
+        screen = await settings_of(it)
+        robot, mode = screen.query_one("#robot", Choice), screen.query_one("#mode", Choice)
+        assert (robot.value, mode.value) == ("pepper", "debug")
+        screen.query_one("#folder", Field).value = other
+        await it.until(lambda: (robot.value, mode.value) == ("floka", "real"))
+        assert screen.query_one("#acts", Field).value == "mine"
+        await it.until(lambda: [each.name for each in robot.query(".-chosen").results(Button)] == ["floka"])
+        chosen = screen.chosen()
+        assert (chosen.folder, chosen.robot, chosen.mode, chosen.places) == (other, "floka", "real", {})
+        screen.query_one("#folder", Field).value = DEMO
+        await it.until(lambda: (robot.value, mode.value) == ("pepper", "debug"))
+
+
+async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_path: Path) -> None:
+    other = a_scenario(tmp_path / "other", 'robot = "floka"\nmode = "real"\n')
+    async with console() as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = other
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        asked = it.launcher.prepared_with[0]
+        assert (asked.folder, asked.robot, asked.mode) == (other, "floka", "real")
+        assert screen.query_one("#robot", Choice).value == "floka"
+
+
+async def test_a_home_folder_that_nobody_has_can_be_typed() -> None:
+    async with console() as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = "~nobody-has-this"
+        await it.until(lambda: screen._read == "~nobody-has-this")
+        assert screen.query_one("#robot", Choice).value == "pepper"
+    assert str(expanded("~nobody-has-this/x")) == "~nobody-has-this/x"
+
+
+@pytest.mark.parametrize("name", ["scenario.toml", "acts", "rules", "memory.json", "other.toml"])
+def test_any_part_makes_a_scenario(name: str, tmp_path: Path) -> None:
+    if name in ("acts", "rules"):
+        (tmp_path / name).mkdir()
+    else:
+        (tmp_path / name).write_text("{}" if name == "memory.json" else "", encoding="utf-8")
+    folder = tmp_path / name if name == "other.toml" else tmp_path
+    assert not isinstance(prepare(Settings(str(folder))), Refused)
+
+
+def test_what_cannot_be_read_is_not_shown(tmp_path: Path) -> None:
+    assert shown("") is None and shown(str(tmp_path / "nowhere")) is None
+    assert shown(a_scenario(tmp_path / "bad", "robot = ")) is None
+    found = shown(a_scenario(tmp_path / "odd", 'robot = "nobody"\nmode = 5\n'))
+    assert found is not None and found.robot == "nobody" and "nobody" in found.robots and found.mode == "debug"
