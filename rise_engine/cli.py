@@ -333,13 +333,29 @@ def _script(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...],
     if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
         return (), False
     try:
-        text = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+        text = _read_standard_input() if path == "-" else Path(path).read_bytes()
     except OSError as error:
         raise _UnusableError(f"error: --tasks {path}: {error.strerror or error}") from None
     try:
         return tuple(read_script(text, path)), False
     except ScriptError as error:
         raise _UnusableError(str(error)) from None
+
+
+def _read_standard_input() -> bytes:
+    """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
+    import os
+    from select import select
+
+    descriptor = sys.stdin.fileno()
+    chunks: list[bytes] = []
+    while True:
+        if not select([descriptor], [], [], 0.5)[0]:
+            continue
+        chunk = os.read(descriptor, 65_536)
+        if not chunk:
+            return b"".join(chunks)
+        chunks.append(chunk)
 
 
 def _number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
