@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -92,11 +93,14 @@ class Live:
         self.records: list[dict[str, Any]] = []
 
     def __enter__(self) -> Live:
+        self._limit = threading.Timer(60, self.process.kill)  # a process that hangs fails its test, not the whole run
+        self._limit.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._limit.cancel()
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(10)
