@@ -524,6 +524,7 @@ def test_a_rule_that_raises_events_to_itself_for_ever_is_faulted_alone(tmp_path:
     lines = s.lines("rule", "task")
     assert any(line.startswith("rule runaway faulted") for line in lines)
     assert any(line.startswith("task rule runaway ABORTED (took 1000 steps") for line in lines)
+    assert sum(line.startswith("rule runaway entered") for line in lines) == 1_000, "the budget is what it says it is"
     s.event("e")
     assert s.states == {"calm": "b"}
 
