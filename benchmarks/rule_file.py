@@ -1,5 +1,5 @@
-"""Reading a rule of 1,000 states, against the least that any reader must do: parse the XML, compile the guards, resolve
-the targets."""
+"""Reading a rule of 1,000 states, against the least that any reader must do: parse the XML, compile the
+conditions and the assignments, resolve the targets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from lxml import etree
 from measure import Report, interleave
 
-from rise_engine.expression import Expression
+from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario import load
 
 STATES = 1_000
@@ -38,8 +38,10 @@ def floor(data: bytes) -> int:
     root = etree.fromstring(data)
     ids = {state.get("id") for state in root.iter("State")}
     guards = [Expression.parse(element.get("cond") or "") for element in root.iter("if")]
+    functions = [element.get("assignValue") for element in root.iter("function")]
+    assignments = [Assignment.parse_all(text) for text in functions if text is not None]
     assert all(transition.get("target") in ids for transition in root.iter("transition"))
-    return len(guards)
+    return len(guards) + len(assignments)
 
 
 def main() -> bool:

@@ -13,8 +13,32 @@ from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.records import AnyRecord, EventRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.scenario.model import Scenario
 
-Event: TypeAlias = tuple[str, str, str]
-"""Raised and not yet routed: topic for routing, topic for records, source."""
+
+class Topic:
+    """An event topic: one object for all who raise it or wait for it."""
+
+    __slots__ = ("line", "name", "shown")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.shown = "/" + name
+        """As records show it."""
+        self.line: dict[Any, Any] = {}
+        """Who waits for it (`rise_engine.kernel.program.Line`)."""
+
+
+class Topics(dict[str, Topic]):
+    """The topics that the scenario names, each under both ways to write it: with and without slash."""
+
+    def named(self, name: str) -> Topic:
+        """The one object for a topic (without slash), made if there is none yet."""
+        if name not in self:
+            self[name] = self["/" + name] = Topic(name)
+        return self[name]
+
+
+Event: TypeAlias = tuple[Topic, str]
+"""Raised and not yet routed: the topic and its source."""
 
 
 class Task(Struct):
@@ -57,6 +81,7 @@ class Core:
         "step",
         "t",
         "timers",
+        "topics",
     )
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
@@ -68,6 +93,9 @@ class Core:
         """Counts inputs: what happens within one of them happens in one go."""
         self.records: list[AnyRecord] = []
         self.commands: list[Command] = []
+        self.topics = Topics()
+        for name in scenario.topics:
+            self.topics.named(name)
         self.events: deque[Event] = deque()
         self.next_task = 1
         self.next_timer = 1
@@ -128,7 +156,7 @@ class Core:
     def raise_if_named(self, topic: str) -> None:
         """An event of the engine that no rule of the scenario names leaves no record (semantics, section 3)."""
         if topic in self.scenario.topics:
-            self.events.append((topic, "/" + topic, "engine"))
+            self.events.append((self.topics[topic], "engine"))
 
     # --- timers ---
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
-from rise_engine.kernel.core import Core, Task
+from rise_engine.kernel.core import Core, Task, Topic
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.program import shown
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
@@ -29,8 +28,6 @@ class Functions:
         self._scheduler = scheduler
         self._stop = stop
         self._rules = RuleMachine(core, self._submit_from_rule)
-        self._topics = {form: (topic, shown(topic)) for topic in core.scenario.topics for form in (topic, "/" + topic)}
-        """Both ways to write a topic, to the one for routing and the one for records."""
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -116,16 +113,15 @@ class Functions:
     # --- events and memory ---
 
     def _raise_event(self, task: Submit) -> None:
-        named = self._topics.get(task.behavior)
-        if named is None:
-            topic = normal_topic(task.behavior)
-            if not topic:
+        core = self._core
+        topic = core.topics.get(task.behavior)
+        if topic is None:
+            name = normal_topic(task.behavior)
+            if not name:
                 self._reject(task, "the event has no name")
                 return
-            named = (topic, shown(topic))
-        topic, with_slash = named
+            topic = core.topics.get(name) or Topic(name)
         source = task.source
-        core = self._core
         number = core.next_task
         core.next_task = number + 1
         core.seq = seq = core.seq + 1
@@ -146,7 +142,7 @@ class Functions:
                 task.ref,
             )
         )
-        core.events.append((topic, with_slash, source))
+        core.events.append((topic, source))
 
     def _assign(self, task: Submit) -> None:
         memory = self._rules.memory

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.kernel.core import Event
+from rise_engine.kernel.core import Event, Topic, Topics
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Statement, Transition, normal_topic
 
 RAISE, ASSIGN, CALL, TEST, PICK = range(5)
@@ -78,18 +78,18 @@ class Op:
 class TransitionCode:
     __slots__ = ("after", "block", "condition", "enters", "index", "landing", "topic", "trigger")
 
-    def __init__(self, transition: Transition, index: int, source: str) -> None:
+    def __init__(self, transition: Transition, index: int, blocks: Blocks, topics: Topics) -> None:
         self.index = index
-        self.topic = transition.event
+        self.topic = topics.named(transition.event) if transition.event is not None else None
         self.condition = _condition(transition.condition) if transition.condition is not None else None
         self.after = transition.after
-        self.block = _block(transition.block, source)
+        self.block = blocks.compile(transition.block)
         self.enters: StateCode | None = None
         """The state that is entered at once; null when functions come first, or when the state is not left."""
         self.landing: TransitionCode | None = None
         """When functions come first: the same transition without them, which enters its target after they have run."""
-        if transition.event is not None:
-            self.trigger = shown(transition.event)
+        if self.topic is not None:
+            self.trigger = self.topic.shown
         elif transition.after is not None:
             self.trigger = f"after {transition.after:g}s"
         else:
@@ -109,7 +109,6 @@ class StateCode:
         "quiet",
         "sure",
         "timed",
-        "topics",
         "transitions",
         "watched",
         "watching",
@@ -120,14 +119,13 @@ class StateCode:
         self.entry = entry
         self.exit = exit
         self.transitions = transitions
-        by_topic: dict[str, list[TransitionCode]] = {}
+        by_topic: dict[Topic, list[TransitionCode]] = {}
         for transition in transitions:
             if transition.topic is not None:
                 by_topic.setdefault(transition.topic, []).append(transition)
         self.by_topic = {topic: tuple(taken) for topic, taken in by_topic.items()}
         self.sure = {topic: taken[0] for topic, taken in by_topic.items() if taken[0].condition is None}
         """What is taken without looking at any condition."""
-        self.topics = tuple(by_topic)
         self.timed = tuple(t for t in transitions if t.after is not None)
         self.watching = tuple(t for t in transitions if t.topic is None and t.after is None)
         self.watched = tuple(
@@ -136,27 +134,29 @@ class StateCode:
         self.final = not transitions
         self.quiet = not (self.timed or self.final or self.watching)
         """Entering it needs no more than waiting for events."""
-        self.lines: tuple[Waiting, ...] = ()
-        """Where a rule in this state stands in line: one line per topic, one per key that it watches."""
+        self.lines: tuple[tuple[Line, TransitionCode | None], ...] = ()
+        """Where a rule in this state stands in line, and with what: one line per topic, one per key that it watches."""
 
 
-Waiting = dict[Any, None]
-"""A line of running rules in stack order, the highest last."""
+Line = dict[Any, TransitionCode | None]
+"""A line of running rules in stack order, the highest last, each with what it takes for sure: null when that depends on
+conditions. Everything that finding the taker of an event needs lies here, near together in memory."""
 
 
 class RuleCode:
     __slots__ = ("initial", "name", "priority", "source", "states")
 
-    def __init__(self, rule: Rule, waiting: dict[str, Waiting], watching: dict[str, Waiting]) -> None:
+    def __init__(self, rule: Rule, topics: Topics, watching: dict[str, Line]) -> None:
         self.name = rule.name
         self.source = f"rule:{rule.name}"
         self.priority = float(rule.priority)
+        blocks = Blocks(self.source, topics)
         self.states = {
             state.id: StateCode(
                 state.id,
-                _block(state.on_entry, self.source),
-                _block(state.on_exit, self.source),
-                [TransitionCode(transition, index, self.source) for index, transition in enumerate(state.transitions)],
+                blocks.compile(state.on_entry),
+                blocks.compile(state.on_exit),
+                [TransitionCode(way, index, blocks, topics) for index, way in enumerate(state.transitions)],
             )
             for state in rule.states.values()
         }
@@ -168,62 +168,59 @@ class RuleCode:
                         landing = way.landing = copy(way)
                     landing.enters = self.states[transition.target]
         for code in self.states.values():
-            code.lines = tuple(
-                lines.setdefault(name, {})
-                for lines, names in ((waiting, code.topics), (watching, code.watched))
-                for name in names
+            code.lines = (
+                *((topic.line, code.sure.get(topic)) for topic in code.by_topic),
+                *((watching.setdefault(key, {}), None) for key in code.watched),
             )
         self.initial = self.states[rule.initial]
 
 
-def _block(block: Block, source: str, then: Op | None = None) -> Op | None:
-    """The first step of a block that goes on with `then`. Built from its end, so that each step knows the next."""
-    for statement in reversed(block):
-        then = _statement(statement, source, then)
-    return then
+class Blocks:
+    """Compiles the blocks of one rule."""
 
+    def __init__(self, source: str, topics: Topics) -> None:
+        self._source = source
+        self._topics = topics
 
-def _statement(statement: Statement, source: str, then: Op | None) -> Op | None:
-    match statement:
-        case Function():
-            return _function(statement, source, then)
-        case If():
-            otherwise = then
-            for branch in reversed(statement.branches):
-                arm = _block(branch.block, source, then)
-                if branch.condition is None:
-                    otherwise = arm
-                else:
-                    test = Op(TEST, source, arm)
-                    test.condition = _condition(branch.condition)
-                    test.otherwise = otherwise
-                    otherwise = test
-            return otherwise
-        case OneOf():
-            pick = Op(PICK, source, then)
-            pick.choices = tuple(_statement(choice, source, then) for choice in statement.choices)
-            return pick
+    def compile(self, block: Block, then: Op | None = None) -> Op | None:
+        """The first step of a block that goes on with `then`. From its end, so that each step knows the next."""
+        for statement in reversed(block):
+            then = self._statement(statement, then)
+        return then
 
+    def _statement(self, statement: Statement, then: Op | None) -> Op | None:
+        match statement:
+            case Function():
+                return self._function(statement, then)
+            case If():
+                otherwise = then
+                for branch in reversed(statement.branches):
+                    arm = self.compile(branch.block, then)
+                    if branch.condition is None:
+                        otherwise = arm
+                    else:
+                        test = Op(TEST, self._source, arm)
+                        test.condition = _condition(branch.condition)
+                        test.otherwise = otherwise
+                        otherwise = test
+                return otherwise
+            case OneOf():
+                pick = Op(PICK, self._source, then)
+                pick.choices = tuple(self._statement(choice, then) for choice in statement.choices)
+                return pick
 
-def _function(function: Function, source: str, then: Op | None) -> Op:
-    if function.name == "raiseEventTopic":
-        op = Op(RAISE, source, then)
-        topic = normal_topic(function.argument)
-        op.event = (topic, shown(topic), source)
-    elif function.name == "assignValue" and function.assignment is not None:
-        op = Op(ASSIGN, source, then)
-        op.assignments = (function.assignment,)
-    else:
-        op = Op(CALL, source, then)
-        op.function = function.name
-    op.argument = function.argument
-    return op
-
-
-@lru_cache(4096)
-def shown(topic: str) -> str:
-    """A topic as records show it, with its slash; the same object each time, which many rules then share."""
-    return "/" + topic
+    def _function(self, function: Function, then: Op | None) -> Op:
+        if function.name == "raiseEventTopic":
+            op = Op(RAISE, self._source, then)
+            op.event = (self._topics.named(normal_topic(function.argument)), self._source)
+        elif function.name == "assignValue" and function.assignment is not None:
+            op = Op(ASSIGN, self._source, then)
+            op.assignments = (function.assignment,)
+        else:
+            op = Op(CALL, self._source, then)
+            op.function = function.name
+        op.argument = function.argument
+        return op
 
 
 def _prefixes(key: str) -> list[str]:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from rise_engine.expression import EvaluationError
-from rise_engine.kernel.core import Core, Task, TimerTarget
+from rise_engine.kernel.core import Core, Task, TimerTarget, Topic
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.program import (
     ASSIGN,
@@ -23,11 +23,11 @@ from rise_engine.kernel.program import (
     RAISE,
     TEST,
     Condition,
+    Line,
     Op,
     RuleCode,
     StateCode,
     TransitionCode,
-    Waiting,
 )
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 
@@ -82,7 +82,6 @@ class RuleMachine:
         "_memory",
         "_submit",
         "_top",
-        "_waiting",
         "_watching",
         "spent",
         "stack",
@@ -94,11 +93,8 @@ class RuleMachine:
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
         self._memory = WorkingMemory(core, self.key_changed)
-        self._waiting: dict[str, Waiting] = {}
-        self._watching: dict[str, Waiting] = {}
-        self._codes = {
-            name: RuleCode(rule, self._waiting, self._watching) for name, rule in core.scenario.rules.items()
-        }
+        self._watching: dict[str, Line] = {}
+        self._codes = {name: RuleCode(rule, core.topics, self._watching) for name, rule in core.scenario.rules.items()}
         self._frames: list[Frame] = []
         self._dirty: dict[RuleRun, None] = {}
         """Rules whose conditions without event have to be looked at."""
@@ -129,7 +125,7 @@ class RuleMachine:
         self._join_lines(run)
         if top is not None and run.priority < top.priority:
             self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            for line in run.state.lines:
+            for line, _ in run.state.lines:
                 _sort(line)
         else:
             self._top = run
@@ -194,7 +190,7 @@ class RuleMachine:
             if self._dirty:
                 self._look_at_conditions()
             elif events:
-                topic, shown, source = events.popleft()
+                topic, source = events.popleft()
                 run = self._top
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
                 transition = run.state.sure.get(topic) if run is not None else None
@@ -202,22 +198,21 @@ class RuleMachine:
                     run, transition = self._search(topic)
                 core.seq = seq = core.seq + 1
                 if run is None or transition is None:
-                    core.records.append(EventRecord(seq, core.t, "", shown, source, None))
+                    core.records.append(EventRecord(seq, core.t, "", topic.shown, source, None))
                 else:
-                    core.records.append(EventRecord(seq, core.t, "", shown, source, run.name))
+                    core.records.append(EventRecord(seq, core.t, "", topic.shown, source, run.name))
                     self._take(run, transition)
             elif not frames:
                 return
 
-    def _search(self, topic: str) -> tuple[RuleRun, TransitionCode] | tuple[None, None]:
+    def _search(self, topic: Topic) -> tuple[RuleRun, TransitionCode] | tuple[None, None]:
         """The highest rule that would take an event, and the transition."""
-        if runs := self._waiting.get(topic):
-            for run in reversed(runs):
-                if transition := run.state.sure.get(topic):
+        for run, sure in reversed(topic.line.items()):
+            if sure is not None:
+                return run, sure
+            for transition in run.state.by_topic[topic]:
+                if transition.condition is None or self._holds(run, transition.condition):
                     return run, transition
-                for transition in run.state.by_topic[topic]:
-                    if transition.condition is None or self._holds(run, transition.condition):
-                        return run, transition
         return None, None
 
     def _look_at_conditions(self) -> None:
@@ -268,10 +263,10 @@ class RuleMachine:
         self.stamp = run.stamp = self.stamp + 1
         if self._top is not run:
             self._to_top(run)
-        for line in previous.lines:
+        for line, _ in previous.lines:
             del line[run]
-        for line in state.lines:
-            line[run] = None
+        for line, sure in state.lines:
+            line[run] = sure
         run.state = state
         core.seq = seq = core.seq + 1
         core.records.append(
@@ -410,11 +405,11 @@ class RuleMachine:
 
     def _join_lines(self, run: RuleRun) -> None:
         """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
-        for line in run.state.lines:
-            line[run] = None
+        for line, sure in run.state.lines:
+            line[run] = sure
 
     def _leave_lines(self, run: RuleRun) -> None:
-        for line in run.state.lines:
+        for line, _ in run.state.lines:
             del line[run]
 
     def _cancel_timers(self, run: RuleRun) -> None:
@@ -445,8 +440,8 @@ def _rank(run: RuleRun) -> Rank:
     return (run.priority, run.stamp)
 
 
-def _sort(line: Waiting) -> None:
+def _sort(line: Line) -> None:
     """Put a line that a rule has joined below others into stack order again, in place: states hold on to it."""
-    runs = sorted(line, key=_rank)
+    entries = sorted(line.items(), key=lambda entry: _rank(entry[0]))
     line.clear()
-    line.update(dict.fromkeys(runs))
+    line.update(entries)
