@@ -8,7 +8,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-ALL = ("kernel_events", "many_rules", "guards", "rule_file", "check_start")
+ALL = (
+    *("kernel_events", "many_rules", "guards", "rule_file", "check_start"),
+    *("journal", "acknowledge", "attach", "start_console"),
+)
 
 names = sys.argv[1:] or ALL
 unknown = [name for name in names if name not in ALL]

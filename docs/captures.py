@@ -12,7 +12,8 @@ from pathlib import Path
 from rise_engine.link.local import start_local
 from rise_engine.scenario.model import Scenario
 from rise_tui.app import ConsoleApp
-from rise_tui.launch import Launcher, Refused, Settings, prepare
+from rise_tui.launch import Launcher, Refused, prepare
+from rise_tui.settings import Settings
 
 IMAGES = Path(__file__).parent / "images"
 STUDY = str(Path(__file__).parent.parent / "scenarios" / "lablinking")
@@ -24,7 +25,7 @@ def app() -> ConsoleApp:
     assert not isinstance(scenario, Refused)
 
     def start(scenario: Scenario, settings: Settings) -> object:
-        return start_local(scenario, seed=settings.seed, speed=10)
+        return start_local(scenario, seed=settings.seed, speed=10, who="anna")
 
     return ConsoleApp(scenario, settings, wizard="anna", launcher=Launcher(start=start))  # type: ignore[arg-type]
 

@@ -16,6 +16,7 @@ from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
     ConditionRecord,
+    ControlRecord,
     EventRecord,
     MemoryRecord,
     NoteRecord,
@@ -84,6 +85,8 @@ class Account:
                 return "robot", record.status, record.detail
             case StopRecord():
                 return "stop", record.status, _stop(record)
+            case ControlRecord():
+                return "control", record.status, f"by {record.by}; it is with {record.holder or 'nobody'}"
             case NoteRecord():
                 return "note", record.text, "" if record.source == "engine" else f"by {record.source}"
 

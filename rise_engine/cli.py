@@ -9,7 +9,7 @@ import gc
 import os
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import click
 
@@ -24,6 +24,7 @@ _LATEST = 30 * 86_400.0
 _FASTEST = 1e6
 """The highest --speed; beyond it there is `max`."""
 _FOLDER = click.argument("folder", metavar="DIR", type=click.Path())
+_SESSION = click.argument("session", type=click.Path())
 _ROBOT = click.option("--robot", metavar="NAME", help="Another robot profile than the scenario's.")
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 
@@ -226,6 +227,154 @@ def run(
     except _UnusableError as error:
         click.echo(str(error), err=True)
         sys.exit(USAGE)
+
+
+@main.command()
+@_FOLDER
+@click.option("--name", metavar="NAME", help="Of the session's socket; without it, made from DIR.")
+@click.option("--set", "settings", metavar="KEY=JSON", multiple=True, help="Set a memory value first. Repeatable.")
+@click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable.")
+@click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable.")
+@click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
+@click.option("--session", "session", metavar="SESSION", help="Go on with this session.")
+@click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
+@click.option("--speed", metavar="N", default="1", help="How many times faster.")
+@click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
+@_ROBOT
+@_MODE
+@click.option(
+    "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
+)
+@click.option("--place", "places", metavar="KIND=PATH", multiple=True, help="Another place for acts, rules or memory.")
+def serve(
+    folder: str,
+    name: str | None,
+    settings: tuple[str, ...],
+    rules: tuple[str, ...],
+    acts: tuple[str, ...],
+    recover: bool,
+    session: str | None,
+    new: bool,
+    speed: str,
+    seed: int | None,
+    robot: str | None,
+    mode: str | None,
+    faults: tuple[str, ...],
+    places: tuple[str, ...],
+) -> None:
+    """Run a session of the scenario in DIR, for consoles to attach to (`rise-tui`). It needs no terminal.
+
+    It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT: first the robot stops.
+
+    Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
+    end: say --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
+    """
+    from rise_engine.serve import Order, to_person
+    from rise_engine.serve import serve as serve_session
+
+    pace = _number("--speed", speed, "a number above 0, up to 1000000", _FASTEST, least_excluded=True)
+    if (recover or session is not None) and new:
+        _usage("say either --recover or --new")
+    _require_folder(folder)
+    which = session or ("recover" if recover else "new" if new else "ask")
+    first: tuple[Submit, ...] = ()
+    if settings or rules or acts:
+        from rise_engine.reports import load_or_refuse
+        from rise_engine.run import REFUSED
+
+        scenario = load_or_refuse(folder, robot=robot, mode=mode)
+        if scenario is None:
+            sys.exit(REFUSED)
+        try:
+            first = _first_tasks(scenario, settings, rules, acts)
+        except _UnusableError as error:
+            click.echo(str(error), err=True)
+            sys.exit(2)
+    order = Order(
+        folder=folder,
+        robot=robot,
+        mode=mode,
+        places=_places(places),
+        seed=seed,
+        speed=pace,
+        faults=faults,
+        first=first,
+        name=name,
+        unfinished=which,
+    )
+    sys.exit(serve_session(order, to_person(order)))
+
+
+def _places(places: tuple[str, ...]) -> dict[str, str]:
+    named = dict(each.partition("=")[::2] for each in places)
+    for kind in named:
+        if kind not in ("acts", "rules", "memory"):
+            _usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH")
+    return named
+
+
+@main.command()
+@click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+def sessions(as_json: bool) -> None:
+    """List the sessions that run on this machine."""
+    from rise_engine.link.reports import sessions_report
+
+    sys.exit(sessions_report(as_json=as_json))
+
+
+@main.command()
+@click.argument("which", metavar="[NAME|DIR]", required=False)
+def stop(which: str | None) -> None:
+    """End a running session: the robot is stopped, the record is completed.
+
+    Without an argument, the only one that runs. Exit status: 0 it has ended; 1 there is no such session, or several.
+    """
+    from rise_engine.link.reports import stop_session
+
+    sys.exit(stop_session(which))
+
+
+@main.command()
+@_SESSION
+@click.option("--scenario", metavar="DIR", type=click.Path(), help="Another scenario than the session's own copy.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+@click.option("--speed", metavar="N", help="Play it in real time, N times as fast, into a console.")
+def replay(session: str, scenario: str | None, as_json: bool, speed: str | None) -> None:
+    """Feed the inputs of SESSION to a fresh engine, and compare what comes out with what was recorded.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
+
+    With --speed it is not compared but played: into a console (rise-tui --replay), or as a readable account where
+    standard output is no terminal.
+
+    Exit status: 0 identical; 1 different; 2 when it cannot be read.
+    """
+    from rise_engine.session.reports import play_report, replay_report
+
+    if speed is not None:
+        if scenario is not None or as_json:
+            _usage("--speed plays what was recorded: it goes with neither --scenario nor --json")
+        pace = _number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
+        sys.exit(play_report(session, pace))
+    if scenario is not None:
+        _require_folder(scenario)
+    sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
+
+
+@main.command()
+@_SESSION
+@click.option("--format", type=click.Choice(["csv", "jsonl"]), required=True, help="A table, or one JSON per record.")
+@click.option("-o", "--output", metavar="FILE", type=click.Path(), help="A new file. Default: standard output.")
+def export(session: str, format: Literal["csv", "jsonl"], output: str | None) -> None:
+    """Write the records of SESSION, for analysis. Also of one that is running, torn or damaged.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
+
+    Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
+    """
+    from rise_engine.session.reports import export_report
+
+    sys.exit(export_report(session, format, output))
 
 
 @main.command()

@@ -103,19 +103,19 @@ class VirtualClock:
 class RealClock:
     """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""
 
-    def __init__(self, loop: AbstractEventLoop, speed: float = 1.0) -> None:
-        """Raises ValueError unless `speed` is above 0."""
+    def __init__(self, loop: AbstractEventLoop, speed: float = 1.0, start: float = 0.0) -> None:
+        """`start`: the session's time now, for one that goes on. Raises ValueError unless `speed` is above 0."""
         if not 0 < speed < float("inf"):
             raise ValueError("the speed must be a number above 0")
         self._loop = loop
-        self._speed = speed
-        self._origin = loop.time()
+        self.speed = speed
+        self._origin = loop.time() - start / speed
 
     def now(self) -> float:
-        return (self._loop.time() - self._origin) * self._speed
+        return (self._loop.time() - self._origin) * self.speed
 
     def wall(self, t: float) -> str:
         return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        return self._loop.call_at(self._origin + when / self._speed, callback)
+        return self._loop.call_at(self._origin + when / self.speed, callback)

@@ -1,7 +1,13 @@
-"""The engine: the kernel with a clock, a robot and an audience (architecture, "The engine").
+"""The engine: the kernel with a clock, a robot, a journal and an audience (architecture, "The engine").
 
-One step: input -> stamp -> kernel -> records to the sinks -> commands carried out. It is synchronous and belongs to one
-thread; real time comes from a `RealClock` on an asyncio loop, virtual time from somebody who advances a `VirtualClock`.
+One step: input -> stamp -> kernel -> journal -> records to the sinks -> commands carried out. It is synchronous and
+belongs to one thread; real time comes from a `RealClock` on an asyncio loop, virtual time from somebody who advances a
+`VirtualClock`.
+
+With a journal, whatever a step sends out waits until the step is on the disk: no console shows, no robot begins and
+nobody is answered what could still be lost. The loop does not wait meanwhile. Only what makes the robot safe (cancels,
+stop-all) never waits for a disk. While the disk takes nothing, the session is paused: from outside only stop-all is
+taken, and what the robot and the timers say is kept, with its time, until it can be recorded.
 """
 
 from __future__ import annotations
@@ -12,7 +18,9 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from typing import TypeAlias
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.clock import SessionClock
@@ -24,30 +32,68 @@ from rise_engine.kernel.inputs import (
     Note,
     RobotChanged,
     SessionEnded,
+    SessionRecovered,
     SessionStarted,
     StopReport,
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, StopRecord, TaskRecord
-from rise_engine.link.client import Reply
+from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.link.client import Journaling, Reply
 from rise_engine.robot import Robot, RobotReport, Timer
 from rise_engine.scenario.model import Scenario
+from rise_engine.session.journal import Journal
+from rise_engine.session.lines import input_line, step_lines
 
 _LOG = logging.getLogger(__name__)
 
+BEHIND = 0.5
+"""Seconds that the disk may lag before the audience is told."""
+
 Sink = Callable[[AnyRecord], None]
 """Gets every record, in order, on the engine's thread. It must not block; one that raises is dropped."""
+
+Answer: TypeAlias = Callable[[Reply], None]
+"""Gets what became of an input, once."""
+
+
+class Resumption(Struct, frozen=True):
+    """What an unfinished session is gone on with (`rise_engine.session.recovery`)."""
+
+    kernel: Kernel
+    inputs: int
+    """How many inputs the journal holds."""
+    timers: dict[int, float]
+    """The kernel's timers and when they are due, in session time."""
+    reason: str = ""
+
+
+class _Outgoing(Struct):
+    """What a step sends out once it is on the disk."""
+
+    position: int
+    records: list[AnyRecord]
+    starts: list[StartAction]
+    answer: Answer
+    reply: Reply
 
 
 class Engine:
     """One session. All methods belong to the engine's thread.
 
-    `start`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`.
+    `start` or `resume`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`.
     """
 
     def __init__(
-        self, scenario: Scenario, robot: Robot, clock: SessionClock, seed: int, *, sinks: Iterable[Sink] = ()
+        self,
+        scenario: Scenario,
+        robot: Robot,
+        clock: SessionClock,
+        seed: int,
+        *,
+        sinks: Iterable[Sink] = (),
+        journal: Journal | None = None,
+        resumption: Resumption | None = None,
     ) -> None:
         self.scenario = scenario
         self.clock = clock
@@ -56,26 +102,51 @@ class Engine:
         """True when the session is over; nothing is accepted any more."""
         self.failure: Exception | None = None
         """Why it is over, when that was an error of the engine itself."""
-        self.inputs = 0
+        self.inputs = resumption.inputs if resumption is not None else 0
         """How many inputs were handled."""
         self.after_inputs: Callable[[], object] | None = None
         """Called after inputs were handled, outside any step: the moment to look whether the session is idle."""
-        self._kernel = Kernel(scenario, seed)
+        self.journaling = Journaling()
+        """How the record of the session stands."""
+        self.when_journaling: Callable[[Journaling], object] | None = None
+        """Called when that has changed."""
+        self._resumption = resumption
+        self._kernel = resumption.kernel if resumption is not None else Kernel(scenario, seed)
         self._robot = robot
+        self._journal = journal
+        self._outgoing: deque[_Outgoing] = deque()
         self._sinks: list[Sink] = list(sinks)
         self._on_end: list[Callable[[], None]] = []
-        self._queue: deque[AnyInput] = deque()
+        self._queue: deque[tuple[AnyInput, Answer]] = deque()
         self._stepping = False
         self._timers: dict[int, Timer] = {}
-        self._t = 0.0
+        self._t = self._kernel.core.t
+        self._seq = self._kernel.core.seq
         self._ending: str | None = None
-        self._stop_status = "released"
+        self._over = False
+        self._stops: list[str] = []
+        """What has come of stops that were asked for while nothing could be recorded."""
 
     # --- a session's life ---------------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Begin: the session's first record, then the robot."""
         self.accept(SessionStarted(versions=versions()))
+        self._connect()
+
+    def resume(self) -> None:
+        """Go on with a session whose engine has gone: timers with the time that they had left, then the robot."""
+        assert self._resumption is not None
+        for timer, at in sorted(self._resumption.timers.items(), key=lambda item: (item[1], item[0])):
+            self._timers[timer] = self.clock.call_at(at, partial(self._elapsed, timer))
+        self._stepping = True  # the robot is there before anything goes out to it, and its word comes after the record
+        try:
+            self._connect()
+        finally:
+            self._stepping = False
+        self.accept(SessionRecovered(versions=versions(), reason=self._resumption.reason))
+
+    def _connect(self) -> None:
         try:
             self._robot.connect(self._report)
         except Exception as error:
@@ -87,7 +158,7 @@ class Engine:
 
         `ended` is true when that has happened: at once, or after the robot's answer or the kernel's own deadline.
         """
-        if self.ended or self._ending is not None:
+        if self._over or self._ending is not None:
             return
         self._ending = reason
         if self._kernel.busy if stop is None else stop:
@@ -96,14 +167,25 @@ class Engine:
 
     def end_now(self, reason: str = "") -> None:
         """End the session without waiting for the robot any longer. What still runs is recorded as lost."""
-        if self.ended:
+        if self._over:
             return
         if self._ending is None:
             self.end(reason)
-        if not self.ended and self._kernel.busy:
+        if not self._over and self._kernel.busy:
             self.post(RobotChanged(status="lost", detail="no answer before the session ended"))
-        if not self.ended:  # the kernel may have become quiet by that
+        if not self._over and not self.paused:  # the kernel may have become quiet by that
             self._finish()
+
+    def give_up(self) -> None:
+        """Close what `end_now` could not bring to an end, because the disk does not take the last records."""
+        if not self.ended:
+            try:
+                self._robot.stop_all()
+            except Exception:
+                _LOG.exception("the robot adapter failed to stop the robot")
+            self._over = True
+            self._let_go()
+            self._close()
 
     @property
     def busy(self) -> bool:
@@ -113,7 +195,12 @@ class Engine:
     @property
     def idle(self) -> bool:
         """True when nothing will happen by itself: nothing runs and no timer is set. Waiting rules do not count."""
-        return not (self._kernel.busy or self._timers or self._queue)
+        return not (self._kernel.busy or self._timers or self._queue or self._outgoing)
+
+    @property
+    def paused(self) -> bool:
+        """True while nothing can be recorded."""
+        return self._journal is not None and bool(self._journal.trouble)
 
     def subscribe(self, sink: Sink) -> None:
         """Let `sink` have every record from now on."""
@@ -132,64 +219,142 @@ class Engine:
 
     # --- inputs -------------------------------------------------------------------------------------------------
 
-    def accept(self, fact: AnyInput) -> Reply:
-        """Take one input from outside and say what became of it. Not for robots and sinks: they `post`."""
+    def accept(self, fact: AnyInput, answer: Answer | None = None) -> None:
+        """Take one input from outside; `answer` gets what became of it, once it is recorded and the sinks have had it.
+
+        Not for robots and sinks: they `post`.
+        """
+        answer = answer or _nobody
         if self._stepping:
             raise RuntimeError("accept() was called inside a step; use post()")
-        if self.ended:
-            return Reply(False, "the session has ended")
-        records = self._step(fact)
-        self._drain()
-        if not isinstance(fact, Submit):
-            return Reply(True)
-        first = records[0] if records else None
-        if not isinstance(first, TaskRecord):
-            return Reply(True)
-        return Reply(first.status != "REJECTED", first.reason, first.id)
+        if self._over:
+            answer(Reply(False, "the session has ended"))
+        elif self.paused:
+            self._accept_while_paused(fact, answer)
+        else:
+            self._step(self._stamped(fact), answer)
+            self._drain()
 
     def post(self, fact: AnyInput) -> None:
         """Take one input after the step that is being made, if any. Never nests."""
-        if not self.ended:
-            self._queue.append(fact)
-            if not self._stepping:
-                self._drain()
+        if self._over:
+            return
+        self._queue.append((self._stamped(fact), _nobody))
+        if self._stops and isinstance(fact, StopReport):
+            self._stops.append(_stop_words(fact))
+            self._tell_journaling()
+        if not self._stepping:
+            self._drain()
+
+    def _accept_while_paused(self, fact: AnyInput, answer: Answer) -> None:
+        assert self._journal is not None
+        if not (isinstance(fact, Submit) and fact.function == "stopAll"):
+            answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.trouble}"))
+            return
+        self._queue.append((self._stamped(fact), answer))
+        self._stops.append(f"stop was sent to the robot by {fact.source}")
+        self._safely(StopRobot())
+        self._tell_journaling()
 
     def _report(self, report: RobotReport) -> None:
         self.post(report)
 
     def _drain(self) -> None:
-        while self._queue and not self.ended:
-            self._step(self._queue.popleft())
+        while self._queue and not self._over and not self.paused:
+            self._step(*self._queue.popleft())
         self._end_if_quiet()
         if self.after_inputs is not None:
             self.after_inputs()
 
-    def _step(self, fact: AnyInput) -> list[AnyRecord]:
-        """The one place where anything happens. (A journal goes before `handle`: durable first, then accepted.)"""
+    def _stamped(self, fact: AnyInput) -> AnyInput:
+        return replace(fact, t=max(self._t, round(self.clock.now(), 6)))
+
+    def _step(self, fact: AnyInput, answer: Answer) -> None:
+        """The one place where anything happens."""
         self._stepping = True
         try:
-            self._t = max(self._t, round(self.clock.now(), 6))
+            if fact.t < self._t:
+                fact = replace(fact, t=self._t)
+            line = b""
+            if self._journal is not None:
+                try:
+                    line = input_line(self.inputs + 1, fact)
+                except UnicodeEncodeError:
+                    answer(Reply(False, "it holds characters that are no text (half of a pair)"))
+                    return
+            self._t = fact.t
             self.inputs += 1
             try:
-                records, commands = self._kernel.handle(replace(fact, t=self._t))
+                records, commands = self._kernel.handle(fact)
             except Exception as error:
                 self._fail(error)
                 raise
-            self._publish(records)
-            for command in commands:
-                self._carry_out(command)
-            return records
+            wall = self.clock.wall(self._t)  # all records of a step are of one moment
+            for record in records:
+                record.wall = wall
+            reply = _reply(fact, records)
+            if self._journal is None:
+                self._publish(records)
+                for command in commands:
+                    self._carry_out(command)
+                answer(reply)
+            else:
+                position = self._journal.append(step_lines(line, records))
+                starts = [command for command in commands if isinstance(command, StartAction)]
+                # Before the safe commands: a cancel may concern an action that has not gone out yet.
+                self._outgoing.append(_Outgoing(position, records, starts, answer, reply))
+                for command in commands:
+                    if not isinstance(command, StartAction):
+                        self._safely(command)
         finally:
             self._stepping = False
 
     # --- outputs ------------------------------------------------------------------------------------------------
 
+    def look_at_journal(self) -> None:
+        """Send out what has become durable. The journal's `changed` calls for this, and somebody now and then, so that
+        a lag shows."""
+        journal = self._journal
+        if journal is None:
+            return
+        outgoing, durable = self._outgoing, journal.durable
+        if outgoing and outgoing[0].position <= durable:
+            self._stepping = True  # what sinks and robots post meanwhile comes after
+            try:
+                while outgoing and outgoing[0].position <= durable:
+                    step = outgoing.popleft()
+                    self._publish(step.records)
+                    for start in step.starts:
+                        self._carry_out(start)
+                    step.answer(step.reply)
+            finally:
+                self._stepping = False
+            journal.progressed()
+        self._tell_journaling()
+        if self._over:
+            if not outgoing and not self.ended:
+                self._close()
+        elif not self.paused:
+            self._drain()
+
+    def _tell_journaling(self) -> None:
+        journal = self._journal
+        assert journal is not None
+        trouble = journal.trouble
+        if trouble and self._stops:
+            trouble += "; " + ", ".join(self._stops)
+        elif not trouble and self.journaling.trouble:
+            self._stops.clear()
+            self.post(Note(text=f"recording was interrupted and goes on now: {self.journaling.trouble}"))
+        behind = journal.behind
+        now = Journaling(self._seq, round(behind, 1) if behind > BEHIND else 0.0, trouble)
+        before, self.journaling = self.journaling, now
+        if (before.behind, before.trouble) != (now.behind, now.trouble) and self.when_journaling is not None:
+            self.when_journaling(now)
+
     def _publish(self, records: list[AnyRecord]) -> None:
-        wall = self.clock.wall(self._t)  # all records of a step are of one moment
         for record in records:
-            record.wall = wall
-            if isinstance(record, StopRecord):
-                self._stop_status = record.status
+            self._seq = record.seq
             for sink in tuple(self._sinks):
                 try:
                     sink(record)
@@ -197,6 +362,17 @@ class Engine:
                     _LOG.exception("an output failed and gets no more records")
                     self.unsubscribe(sink)
                     self.post(Note(text=f"an output failed and gets no more records: {_name(error)}"))
+
+    def _safely(self, command: Command) -> None:
+        """Carry out at once what needs no record first. An action that is cancelled before it went out never does."""
+        if isinstance(command, CancelAction):
+            for step in self._outgoing:
+                for start in step.starts:
+                    if start.action == command.action:
+                        step.starts.remove(start)
+                        self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
+                        return
+        self._carry_out(command)
 
     def _carry_out(self, command: Command) -> None:
         match command:
@@ -233,14 +409,17 @@ class Engine:
     # --- the end ------------------------------------------------------------------------------------------------
 
     def _end_if_quiet(self) -> None:
-        quiet = not self._kernel.busy and self._stop_status != "requested"
-        if self._ending is not None and not self.ended and quiet and not self._stepping and not self._queue:
+        waits = self._stepping or self._queue or self._kernel.busy or self.paused
+        if self._ending is not None and not self._over and not waits:
             self._finish()
 
     def _finish(self) -> None:
-        self._queue.clear()
-        self._step(SessionEnded(reason=self._ending or ""))
-        self._close()
+        self._refuse_waiting()
+        self._step(self._stamped(SessionEnded(reason=self._ending or "")), _nobody)
+        self._over = True
+        self._let_go()
+        if not self._outgoing:
+            self._close()
 
     def _fail(self, error: Exception) -> None:
         """The kernel itself failed: leave the robot still, and say why."""
@@ -250,10 +429,11 @@ class Engine:
             self._robot.stop_all()
         except Exception:
             _LOG.exception("the robot adapter failed to stop the robot")
+        self._over = True
+        self._let_go()
         self._close()
 
-    def _close(self) -> None:
-        self.ended = True
+    def _let_go(self) -> None:
         for timer in self._timers.values():
             timer.cancel()
         self._timers.clear()
@@ -261,9 +441,38 @@ class Engine:
             self._robot.close()
         except Exception:
             _LOG.exception("the robot adapter failed to close")
+
+    def _close(self) -> None:
+        self.ended = True
+        for step in self._outgoing:
+            step.answer(Reply(False, "the session has ended"))
+        self._outgoing.clear()
+        self._refuse_waiting()
         callbacks, self._on_end = self._on_end, []
         for callback in callbacks:
             callback()
+
+    def _refuse_waiting(self) -> None:
+        while self._queue:
+            self._queue.popleft()[1](Reply(False, "the session has ended"))
+
+
+def _nobody(reply: Reply) -> None:
+    """Nobody waits for this answer."""
+
+
+def _reply(fact: AnyInput, records: list[AnyRecord]) -> Reply:
+    if not isinstance(fact, Submit):
+        return Reply(True)
+    first = records[0] if records else None
+    if not isinstance(first, TaskRecord):
+        return Reply(True)
+    return Reply(first.status != "REJECTED", first.reason, first.id)
+
+
+def _stop_words(report: StopReport) -> str:
+    confirmed = f"confirmed by {', '.join(report.confirmed)}" if report.confirmed else "confirmed by nobody"
+    return confirmed + (f", NOT by {', '.join(report.unconfirmed)}" if report.unconfirmed else "")
 
 
 def versions() -> dict[str, str]:

@@ -12,12 +12,10 @@ import threading
 import time
 from collections.abc import Callable
 from queue import SimpleQueue
-from typing import Any
-
-import msgspec
 
 from rise_engine.account import Account
 from rise_engine.kernel.records import AnyRecord
+from rise_engine.session.lines import record_bytes
 
 
 class Output:
@@ -31,7 +29,6 @@ class Output:
         self.when_troubled: Callable[[], None] | None = None
         """Called when either of these changes, on the thread where it happens."""
         self._account = None if json else Account()
-        self._encode = msgspec.json.Encoder().encode
         self._encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
 
     def __call__(self, record: AnyRecord) -> None:
@@ -50,10 +47,7 @@ class Output:
         if self._account is not None:
             line = self._account.line(record)
             return None if line is None else line.encode(self._encoding, "backslashreplace")
-        try:
-            return self._encode(record)
-        except UnicodeEncodeError:
-            return self._encode(writable(msgspec.to_builtins(record)))
+        return record_bytes(record)
 
     def _put(self, line: bytes) -> None:
         self._write(line)
@@ -114,20 +108,6 @@ class ThreadedOutput(Output):
     def _run(self) -> None:
         while (line := self._lines.get()) is not None:
             self._write(line)
-
-
-def writable(value: Any) -> Any:
-    """JSON-like `value` with every text such that UTF-8 can hold it: half characters, as they stand for the bytes of a
-    file name that is no text, become `\\udcff`."""
-    match value:
-        case str():
-            return value.encode("utf-8", "backslashreplace").decode()
-        case dict():
-            return {writable(key): writable(each) for key, each in value.items()}
-        case list() | tuple():
-            return [writable(each) for each in value]
-        case _:
-            return value
 
 
 def _no_more_output() -> None:

@@ -295,7 +295,7 @@ def _json(value: Any) -> str:
     try:
         encoded = msgspec.json.encode(value)
     except UnicodeEncodeError:  # a file name that is no text
-        from rise_engine.output import writable
+        from rise_engine.session.lines import writable
 
         encoded = msgspec.json.encode(writable(value))
     return msgspec.json.format(encoded, indent=2).decode()

@@ -17,6 +17,7 @@ from rise_engine.kernel.records import (
     FINAL,
     ActionRecord,
     AnyRecord,
+    ControlRecord,
     EventRecord,
     MemoryRecord,
     RobotRecord,
@@ -30,7 +31,7 @@ TASK_LOG = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 
 
-class ActionView(Struct):
+class ActionView(Struct, gc=False):
     """One action of a running act."""
 
     action: str
@@ -43,7 +44,7 @@ class ActionView(Struct):
     sent_as: str | None = None
 
 
-class TaskView(Struct):
+class TaskView(Struct, gc=False):
     """A DomainTask and what became of it."""
 
     id: int
@@ -122,6 +123,12 @@ class View(Struct):
     t: float = 0.0
     session: SessionRecord | None = None
     ended: bool = False
+    end_reason: str = ""
+    """Why it ended, once it has."""
+    control: str | None = None
+    """Who holds control: `wizard:<name>`; null: nobody."""
+    asked: str | None = None
+    """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
     stop: StopView = field(default_factory=StopView)
     acts: dict[str, ActView] = field(default_factory=dict)
@@ -158,9 +165,13 @@ class View(Struct):
                 self.stop = StopView(
                     record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
                 )
+            case ControlRecord(status="asked"):
+                self.asked = record.by
+            case ControlRecord():
+                self.control, self.asked = record.holder, None
             case SessionRecord():
                 if record.status == "ended":
-                    self.ended = True
+                    self.ended, self.end_reason = True, record.reason
                 else:
                     self.session = record
             case _:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from msgspec import Struct
 from textual.binding import Binding
 
 from rise_tui.store import Store
@@ -53,8 +53,7 @@ def available(store: Store) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Action:
+class Action(Struct, frozen=True):
     """Something that the wizard can do with the console."""
 
     id: str
@@ -86,8 +85,22 @@ def key_label(key: str) -> str:
     return key.upper() if key.startswith("f") and key[1:].isdigit() else key
 
 
-def _alive(store: Store) -> str:
-    return store.unavailable()
+def _stoppable(store: Store) -> str:
+    """Stopping needs no control, and is tried even when the connection is cut."""
+    return store.gone and store.unavailable()
+
+
+def _acting(store: Store) -> str:
+    return store.cannot_act()
+
+
+def _telling(store: Store) -> str:
+    return store.cannot_tell()
+
+
+def _controllable(store: Store) -> str:
+    """Any wizard can do something about control; an observer never."""
+    return store.cannot_tell() or ("this console only watches (--observe)" if store.hello.role == "observer" else "")
 
 
 def _live(store: Store) -> str:
@@ -95,11 +108,11 @@ def _live(store: Store) -> str:
 
 
 def _releasable(store: Store) -> str:
-    return store.unavailable() or ("" if store.state == "STOPPED" else "nothing is stopped")
+    return store.cannot_act() or ("" if store.state == "STOPPED" else "nothing is stopped")
 
 
 def _some(what: str, found: Callable[[Store], object]) -> Callable[[Store], str]:
-    return lambda store: store.unavailable() or ("" if found(store) else what)
+    return lambda store: store.cannot_act() or ("" if found(store) else what)
 
 
 _memory = _some("the memory is empty", lambda store: store.view.memory)
@@ -111,23 +124,29 @@ _rules = _some("no rule runs", lambda store: store.view.stack())
 ACTIONS: tuple[Action, ...] = (
     Action("stop", "Stop everything", ("f9", "ctrl+g"), "everywhere",
            "Stops the robot, all acts and all rules at once, without asking, and stays stopped until it is released.",
-           "STOP", _alive),
-    Action("quit", "End the session and leave", ("ctrl+c",), "everywhere",
-           "Asks first; then stops the robot, ends the session and leaves."),
+           "STOP", _stoppable),
+    Action("quit", "Leave", ("ctrl+c",), "everywhere",
+           "Asks first: detach, and the session goes on without this console; or end it, and the robot is stopped."),
+    Action("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
+           "Who of several consoles may act: take control, ask for it, give it to who asks, or release it.",
+           "control", _controllable),
+    Action("note", "Add a note", ("ctrl+o",), "console",
+           "A remark for the record, with the time and your name. Those who only watch can add notes too.",
+           "note", _telling),
     Action("palette", "Command palette", ("colon", "ctrl+p"), "console",
            "Find any command, act or rule by name.", "command"),
     Action("help", "Help and keys", ("question_mark",), "console",
            "Every key, and what it does. Type to search.", "help"),
-    Action("control", "Acts / rules", ("f2", "ctrl+l"), "console",
+    Action("lists", "Acts / rules", ("f2", "ctrl+l"), "console",
            "Goes to the list of acts; pressed again, to the list of rules.", "lists"),
-    Action("next-pane", "Next pane", ("f3", "ctrl+o"), "console",
+    Action("next-pane", "Next pane", ("f3", "tab"), "console",
            "Goes through memory, act, rule, scheduler and log.", "pane"),
     Action("zoom", "Zoom", ("f4", "ctrl+j"), "console",
            "Gives the focused list or pane the whole screen; again: back.", "zoom"),
     Action("filter", "Filter", ("slash",), "console",
            "Shows only rows with this text, in the focused list. Esc clears it.", "find"),
-    Action("settings", "Settings", ("f8", "ctrl+y"), "console",
-           "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "settings"),
+    Action("settings", "Settings", (), "console",
+           "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "", _acting),
     Action("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
            "release", _releasable),
@@ -142,7 +161,7 @@ ACTIONS: tuple[Action, ...] = (
            "Edits the selected value in its place. The type is detected while you type: JSON has its own type, "
            "anything else is a string; \"5\" in quotes is a string too.", "edit", _memory),
     Action("memory.add", "Add a key", ("insert",), "memory",
-           "Adds a key; right after a deletion it offers what was deleted.", "add", _alive),
+           "Adds a key; right after a deletion it offers what was deleted.", "add", _acting),
     Action("memory.delete", "Delete the key", ("delete", "backspace"), "memory",
            "Deletes the selected key; `add` brings it back.", "delete", _memory),
     Action("rule.raise", "Raise the event", ("enter",), "rule",

@@ -8,8 +8,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
+
+from msgspec import Struct
 
 TOGETHER = 0.012
 """Seconds below which two different keys cannot come from two fingers' intent."""
@@ -27,8 +28,7 @@ class Timer(Protocol):
     def stop(self) -> None: ...
 
 
-@dataclass(frozen=True)
-class Trigger:
+class Trigger(Struct, frozen=True):
     """What a press asks for."""
 
     function: str

@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TypeAlias
 
-from rise_engine.link.client import Client
+from msgspec import Struct
+
+from rise_engine.link.client import Client, Hello
 from rise_engine.scenario import Finding, load
-from rise_engine.scenario.loader import DEFAULT_PLACES
+from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.robots import DEFAULT
-from rise_engine.scenario.settings import NAME
+from rise_tui.settings import Settings, expanded, folder_of, nothing_in
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What a session is started with; None and empty: as the scenario says."""
-
-    folder: str
-    robot: str | None = None
-    mode: str | None = None
-    seed: int = 0
-    places: Mapping[str, str] = field(default_factory=dict)
-    """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
-
-
-@dataclass(frozen=True)
-class Refused:
+class Refused(Struct, frozen=True):
     """The scenario does not load."""
 
     findings: list[Finding]
@@ -47,20 +34,14 @@ Prepared: TypeAlias = "Scenario | Refused"
 
 def prepare(settings: Settings) -> Prepared:
     """Read and check the scenario. Blocking."""
-    if not settings.folder.strip():
-        return Refused([], "name a folder")
-    folder = folder_of(settings.folder)
-    usual = [folder / name for name in (NAME, *DEFAULT_PLACES.values())]
-    if folder != expanded(settings.folder):  # a file was named
-        usual.append(expanded(settings.folder))
-    if folder.is_dir() and not any(settings.places.values()) and not any(path.exists() for path in usual):
-        return Refused([], f"there is no scenario in {folder}: no scenario.toml, no acts, no rules")
+    if problem := nothing_in(settings):
+        return Refused([], problem)
     loaded = load(settings.folder, robot=settings.robot, mode=settings.mode, places=settings.places)
     return Refused(list(loaded.findings)) if loaded.scenario is None else loaded.scenario
 
 
 def start(scenario: Scenario, settings: Settings) -> Client:
-    """Start an engine. Returns at once; `attach` says when it could not start."""
+    """Start an engine in this process, for tests. Returns at once; `attach` says when it could not start."""
     from rise_engine.link.local import start_local
 
     return start_local(scenario, seed=settings.seed)
@@ -72,6 +53,14 @@ class Launcher:
 
     prepare: Callable[[Settings], Prepared] = prepare
     start: Callable[[Scenario, Settings], Client] = start
+    """May block. Raises EngineGone with the reason."""
+    outlives: bool = False
+    """Whether the engine goes on when this process ends."""
+
+
+def settings_of(hello: Hello) -> Settings:
+    """What a session that runs already was started with."""
+    return Settings(hello.scenario.folder, hello.robot, hello.mode, hello.seed, dict(hello.scenario.paths))
 
 
 def robots(folder: str) -> list[str]:
@@ -81,19 +70,7 @@ def robots(folder: str) -> list[str]:
     return robot_names(folder_of(folder))
 
 
-def expanded(folder: str) -> Path:
-    """With the home folder for `~`; never raises, unlike `Path.expanduser`, because people are still typing it."""
-    return Path(os.path.expanduser(folder))  # noqa: PTH111
-
-
-def folder_of(folder: str) -> Path:
-    """The folder itself, also where its `scenario.toml` was named."""
-    path = expanded(folder)
-    return path.parent if path.suffix == ".toml" else path
-
-
-@dataclass(frozen=True)
-class Shown:
+class Shown(Struct, frozen=True):
     """What the scenario in a folder says about robot, mode and places, without reading the rest of it."""
 
     robots: list[str]

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from itertools import count
+from time import monotonic
 
-from rise_engine.kernel.inputs import Submit
-from rise_engine.link.client import Client, EngineGone
-from rise_tui.store import EVERYTHING, Notice, Sent, Store, Topic, describe
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.link.client import Client, EngineGone, LinkLost, Verb
+from rise_tui.notice import Notice
+from rise_tui.store import EVERYTHING, Sent, Store, Topic, describe
 
 Changed = Callable[[frozenset[Topic] | set[Topic]], None]
+
+AGAIN_SECONDS = 0.5
+"""Between two attempts to attach again after the connection was cut."""
+
+RECLAIM_SECONDS, RECLAIMS = 0.1, 30
+"""How often, and how many times, it is looked whether the engine has let go of the connection that was cut."""
+
+UNSENT_STOP = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
 
 
 class Session:
@@ -21,6 +32,8 @@ class Session:
         self.changed: Changed = lambda topics: None
         """Called after every change of the store; the screen repaints from it, at its own pace."""
         self._numbers = count(1)
+        self._left = False
+        self._reclaiming: set[asyncio.Task[None]] = set()
 
     @classmethod
     async def attach(cls, client: Client, wizard: str) -> Session:
@@ -29,33 +42,74 @@ class Session:
         return cls(client, Store(hello, wizard, client.now))
 
     async def pump(self) -> None:
-        """Take records in until the engine ends."""
-        try:
-            async for batch in self.client.records():
-                self.changed(self.store.apply(batch))
-        except EngineGone as gone:
-            self._gone(str(gone))
-            return
-        ended = self.store.view.session.reason if self.store.view.session is not None else ""
-        self._gone(ended or "the session is over")
+        """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""
+        while True:
+            try:
+                async for batch in self.client.records():
+                    self.changed(self.store.apply(batch))
+                break
+            except LinkLost:
+                if self._left or not await self._attach_again():
+                    return
+                if self.store.reclaims:
+                    reclaiming = asyncio.create_task(self._reclaim())
+                    self._reclaiming.add(reclaiming)
+                    reclaiming.add_done_callback(self._reclaiming.discard)
+            except EngineGone as gone:
+                self._gone(str(gone), over=self.store.view.ended)
+                return
+        ended = self.store.view.end_reason
+        self._gone(ended or "it has ended", over=True)
+
+    async def _attach_again(self) -> bool:
+        """False when the engine has gone meanwhile."""
+        self.store.cut = monotonic()
+        self.changed(EVERYTHING)
+        while True:
+            try:
+                self.store.attach_again(await self.client.attach())
+            except LinkLost:
+                await asyncio.sleep(AGAIN_SECONDS)
+            except EngineGone as gone:
+                self._gone(str(gone), over=False)
+                return False
+            else:
+                self.changed(EVERYTHING)
+                return True
+
+    async def _reclaim(self) -> None:
+        """Take back the control that was lost with the connection, once the engine has noticed that it is cut."""
+        for _ in range(RECLAIMS):
+            if not self.store.reclaims or self.store.cut is not None or self.store.has_control:
+                break
+            if self.store.view.control is None:
+                await self.control("take")
+                break
+            await asyncio.sleep(RECLAIM_SECONDS)
+        self.store.reclaims = False
 
     async def submit(self, function: str, behavior: str = "", calling_type: str = "") -> None:
         """Ask for a task; what comes of it arrives as records. Never raises: what goes wrong is shown."""
         store = self.store
-        if store.gone:
-            self.tell(Notice(f"{describe(function, behavior)}: not sent, {store.unavailable()}", "fault"))
+        if reason := store.unavailable():
+            if function == "stopAll" and store.cut is not None:
+                store.unstopped = True
+                store.notice = Notice(UNSENT_STOP, "fault")
+            else:
+                store.notice = Notice(f"{describe(function, behavior)}: not sent, {reason}", "fault")
+            self.changed({"notice", "status"})
             return
-        ref = f"{store.wizard}-{next(self._numbers)}"
+        ref = f"{store.refs}{next(self._numbers)}"
         store.sent[ref] = Sent(function, behavior, store.now())
         self.changed(EVERYTHING)
-        message = Submit(
-            function=function, behavior=behavior, calling_type=calling_type, source=f"wizard:{store.wizard}", ref=ref
-        )
+        message = Submit(function=function, behavior=behavior, calling_type=calling_type, source=store.me, ref=ref)
         try:
             reply = await self.client.send(message)
+        except LinkLost:
+            return  # it stays `sent` until the pump has attached again and says what is known
         except EngineGone as gone:
             store.sent.pop(ref, None)
-            self._gone(str(gone))
+            self._gone(str(gone), over=False)
             return
         if not reply.accepted or reply.task in store.view.tasks:
             store.sent.pop(ref, None)
@@ -63,17 +117,53 @@ class Session:
             store.notice = Notice(f"{describe(function, behavior)} was rejected: {reply.reason}", "wait")
         self.changed(EVERYTHING)
 
+    async def note(self, text: str) -> bool:
+        """Add a remark to the record. False when it was not taken; the reason is shown."""
+        reason = self.store.cannot_tell()
+        if not reason:
+            try:
+                reply = await self.client.send(Note(text=text, source=self.store.me))
+                reason = "" if reply.accepted else reply.reason
+            except LinkLost:
+                reason = "the connection was cut; it may or may not have arrived"
+            except EngineGone as gone:
+                self._gone(str(gone), over=False)
+                reason = self.store.unavailable()
+        if reason:
+            self.tell(Notice(f"the note was not taken: {reason}", "wait"))
+        return not reason
+
+    async def control(self, verb: Verb) -> None:
+        """Take, ask for, give or release control; what comes of it arrives as a record."""
+        reason = self.store.cannot_tell()
+        if not reason:
+            try:
+                reply = await self.client.control(verb)
+                reason = "" if reply.accepted else reply.reason
+            except LinkLost:
+                return  # the next snapshot says who has it
+            except EngineGone as gone:
+                self._gone(str(gone), over=False)
+                return
+        if reason:
+            self.tell(Notice(f"control is where it was: {reason}", "wait"))
+
     def tell(self, notice: Notice) -> None:
         """Show a sentence."""
         self.store.notice = notice
         self.changed({"notice"})
 
-    async def end(self) -> None:
-        """Leave and end the session; the engine stops the robot."""
-        await self.client.close(end_session=True)
+    async def leave(self, *, end_session: bool) -> None:
+        """Leave; with `end_session` the engine stops the robot and ends."""
+        self._left = not end_session  # the end of the records then says nothing about the session
+        await self.client.close(end_session=end_session)
 
-    def _gone(self, reason: str) -> None:
-        if not self.store.gone:
-            self.store.gone = reason or "no reason was given"
-        self.store.sent.clear()
+    def _gone(self, reason: str, *, over: bool) -> None:
+        store = self.store
+        if self._left:
+            return
+        if not store.gone or over:
+            store.gone, store.over = reason or "no reason was given", over
+        store.cut = None
+        store.sent.clear()
         self.changed(EVERYTHING)

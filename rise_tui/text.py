@@ -9,8 +9,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len, set_cell_size
 
-Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm"]
-"""What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones."""
+Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call"]
+"""What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.
+
+`call` is an amber `alarm`: somebody has to know, and nothing is wrong."""
 
 Span: TypeAlias = tuple[str, Tone]
 Line: TypeAlias = tuple[Span, ...]

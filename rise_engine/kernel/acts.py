@@ -186,8 +186,12 @@ class ActRunner:
         self._advance(run)
 
     def lose_robot(self, reason: str) -> None:
-        """The link is gone: what the robot was doing is unknown from here on."""
+        """The link is gone: what the robot was doing is unknown from here on, and nothing can be sent."""
         self.robot_lost = reason
+        self.lose_running(reason)
+
+    def lose_running(self, reason: str) -> None:
+        """What the robot was doing is unknown; those acts end, and whatever waits for that goes on."""
         for run in list(self.runs.values()):
             for id, state in run.actions.items():
                 if state.state in ("running", "canceling") and not self._core.scenario.robot.actions[state.type].engine:

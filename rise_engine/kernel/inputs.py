@@ -88,6 +88,26 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     versions: dict[str, str] = {}
 
 
+class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True, gc=False):
+    """The engine that ran this session has gone, and another one goes on with it. What the robot was doing is lost."""
+
+    versions: dict[str, str] = {}
+    reason: str = ""
+
+
+ControlStatus: TypeAlias = Literal["taken", "asked", "given", "released"]
+
+
+class ControlChanged(Input, frozen=True, tag="control", kw_only=True, gc=False):
+    """Among the consoles of a session, who may act has changed, or somebody asks for it."""
+
+    status: ControlStatus
+    by: str
+    """Who did it: `wizard:<name>`."""
+    holder: str | None
+    """Who holds control now; null: nobody."""
+
+
 class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True, gc=False):
     """The last input of a session."""
 
@@ -95,5 +115,14 @@ class SessionEnded(Input, frozen=True, tag="session_ended", kw_only=True, gc=Fal
 
 
 AnyInput: TypeAlias = (
-    Submit | ActionReport | TimerElapsed | RobotChanged | StopReport | Note | SessionStarted | SessionEnded
+    Submit
+    | ActionReport
+    | TimerElapsed
+    | RobotChanged
+    | StopReport
+    | Note
+    | ControlChanged
+    | SessionStarted
+    | SessionRecovered
+    | SessionEnded
 )

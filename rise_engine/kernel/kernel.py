@@ -9,7 +9,7 @@ byte for byte. The first record that a `Submit` causes is the record of its own 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from rise_engine.kernel.commands import Command
 from rise_engine.kernel.core import Core
@@ -17,19 +17,23 @@ from rise_engine.kernel.functions import Functions
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    ControlChanged,
     Note,
     RobotChanged,
     SessionEnded,
+    SessionRecovered,
     SessionStarted,
     StopReport,
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, RobotRecord, SessionRecord
+from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, restore, take
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.scenario.model import Scenario
+
+_SessionStatus: TypeAlias = Literal["started", "recovered", "ended"]
 
 
 class Kernel:
@@ -49,7 +53,9 @@ class Kernel:
             RobotChanged: self._robot_changed,
             StopReport: self._stop_reported,
             Note: self._note,
+            ControlChanged: self._control_changed,
             SessionStarted: self._session_started,
+            SessionRecovered: self._session_recovered,
             SessionEnded: self._session_ended,
         }
 
@@ -122,14 +128,26 @@ class Kernel:
     def _note(self, input: Note) -> None:
         self.core.note(input.text, input.source)
 
+    def _control_changed(self, input: ControlChanged) -> None:
+        core = self.core
+        core.seq += 1
+        core.records.append(ControlRecord(core.seq, core.t, "", input.status, input.by, input.holder))
+
     def _session_started(self, input: SessionStarted) -> None:
         self._session("started", input.versions)
         self.rules.memory.begin()
 
+    def _session_recovered(self, input: SessionRecovered) -> None:
+        """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
+        self._session("recovered", input.versions, input.reason)
+        self.scheduler.runner.lose_running("the engine was restarted while it ran")
+        if self.stop.status == "requested":  # its answer went to the engine that has gone
+            self.stop.ask_robot()
+
     def _session_ended(self, input: SessionEnded) -> None:
         self._session("ended", {}, input.reason)
 
-    def _session(self, status: Literal["started", "ended"], versions: dict[str, str], reason: str = "") -> None:
+    def _session(self, status: _SessionStatus, versions: dict[str, str], reason: str = "") -> None:
         core = self.core
         core.seq += 1
         scenario = self.scenario

@@ -123,6 +123,17 @@ class StopRecord(Record, tag="stop"):
     source: str = ""
 
 
+class ControlRecord(Record, tag="control"):
+    """Who of several consoles may act."""
+
+    status: Literal["taken", "asked", "given", "released"]
+    """asked: somebody without control would like to have it; nothing has changed."""
+    by: str
+    """Who did it."""
+    holder: str | None
+    """Who holds control now; null: nobody."""
+
+
 class NoteRecord(Record, tag="note"):
     text: str
     source: str
@@ -138,5 +149,6 @@ AnyRecord: TypeAlias = (
     | MemoryRecord
     | RobotRecord
     | StopRecord
+    | ControlRecord
     | NoteRecord
 )

@@ -1,13 +1,13 @@
 """The one interface between a console and an engine: messages, never calls into the engine (console.md, law 4 and 5).
 
-`Client` is what a console holds. `rise_engine.link.local` implements it over an engine on a thread of its own; the
-socket client of a later release implements the same, so that consoles do not change when the engine moves out.
+`Client` is what a console, a feature node or a test holds. `rise_engine.link.socket_client` implements it over the
+session's socket, `rise_engine.link.local` over an engine on a thread of the same process.
 """
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Sequence
-from typing import Protocol, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
@@ -16,8 +16,30 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import View
 
+Role: TypeAlias = Literal["wizard", "observer", "node"]
+"""wizard: a console that may hold control. observer: only watches, but may stop everything and add notes. node: a
+program, which submits tasks at any time, as ROS nodes do."""
+
+Verb: TypeAlias = Literal["take", "ask", "give", "release"]
+"""What a wizard can do about control: take it (whoever has it), ask the holder for it, give it to the one who asked,
+release it. Who attaches as a wizard while nobody holds control gets it."""
+
 ClientInput: TypeAlias = Submit | Note
-"""What a console may send. Time and nothing else is added by the engine."""
+"""What a client may send. The engine puts on the time and the source."""
+
+
+class Journaling(Struct, frozen=True, tag_field="kind", tag="journaling"):
+    """How the record of the session stands. Comes among the records whenever it changes; no record itself."""
+
+    durable: int = 0
+    """All records up to this `seq` are on the disk. Records reach clients only then."""
+    behind: float = 0.0
+    """Seconds for which the oldest input has been waiting for the disk; 0 when nothing waits."""
+    trouble: str = ""
+    """Why nothing can be recorded, for a person. While this is set, the session is paused."""
+
+
+Update: TypeAlias = AnyRecord | Journaling
 
 
 class Hello(Struct, frozen=True):
@@ -30,10 +52,19 @@ class Hello(Struct, frozen=True):
     seed: int
     view: View
     """The state at `view.seq`; the next record has the next number."""
+    you: str = ""
+    """How the session calls this client: `wizard:anna`; a second Anna is `wizard:anna#2`. `view.control` names the one
+    who holds control."""
+    role: Role = "wizard"
+    folder: str = ""
+    """The session's folder; empty when nothing is kept."""
+    replay: bool = False
+    """This is no session but the replay of one: nothing can be submitted."""
+    journaling: Journaling = Journaling()
 
 
 class Reply(Struct, frozen=True):
-    """The engine's answer to one input."""
+    """The engine's answer to one message. An accepted one is on the disk."""
 
     accepted: bool
     reason: str = ""
@@ -45,25 +76,36 @@ class EngineGone(ConnectionError):
     """The engine has ended or cannot be reached; the message says why, for a person."""
 
 
+class LinkLost(EngineGone):
+    """This connection was cut (the client was too slow, say), but the engine goes on: attach again."""
+
+
 class Client(Protocol):
-    """One console's connection to one engine. All methods belong to the console's loop."""
+    """One connection to one engine. All methods belong to the client's loop."""
 
     async def attach(self) -> Hello:
-        """Begin. Raises EngineGone."""
+        """Begin, or begin again. Raises EngineGone."""
         ...
 
-    def records(self) -> AsyncIterator[Sequence[AnyRecord]]:
-        """Batches of records since `attach`, in order and without gaps; ends when the engine does."""
+    def records(self) -> AsyncIterator[Sequence[Update]]:
+        """Batches of records since `attach`, in order and without gaps; ends when the session does.
+
+        Raises LinkLost when only this connection was cut, EngineGone when the engine has gone without an end.
+        """
         ...
 
     async def send(self, message: ClientInput) -> Reply:
-        """Submit an input and wait for the engine to accept or reject it. Raises EngineGone."""
+        """Submit an input and wait until the engine has accepted (and recorded) or rejected it. Raises EngineGone."""
+        ...
+
+    async def control(self, verb: Verb) -> Reply:
+        """Do something about who holds control; what comes of it arrives as a record too. Raises EngineGone."""
         ...
 
     def now(self) -> float:
         """The session's time in seconds, as well as this client knows it; for running clocks on the screen."""
         ...
 
-    async def close(self, *, end_session: bool = True) -> None:
-        """Leave. With `end_session`, the engine stops the robot and ends the session."""
+    async def close(self, *, end_session: bool = False) -> None:
+        """Leave; the session goes on. With `end_session`, the engine stops the robot and ends the session."""
         ...

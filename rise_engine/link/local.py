@@ -1,7 +1,8 @@
 """An engine in this process, on a thread and an asyncio loop of its own, and clients that talk to it by messages.
 
 The engine never waits for a client: records go into a client's mailbox, and one wake-up is posted to its loop however
-many arrive. A client that is gone, stalled or closed costs the engine nothing more than that. Several may be attached.
+many arrive. A client that is gone, stalled or closed costs the engine nothing more than that. Several may be attached;
+who of them may do what is the room's matter (`rise_engine.link.room`). Nothing is kept: there is no journal.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import asyncio
 import atexit
 import logging
 import threading
-from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
 from typing import Any
@@ -19,19 +19,15 @@ from weakref import WeakSet
 from msgspec.structs import replace
 
 from rise_engine.clock import RealClock
-from rise_engine.engine import Engine
+from rise_engine.engine import Answer, Engine
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import AnyRecord
-from rise_engine.link.client import ClientInput, EngineGone, Hello, Reply
+from rise_engine.link.client import ClientInput, EngineGone, Hello, Journaling, LinkLost, Reply, Role, Update, Verb
 from rise_engine.link.mailbox import Call, Mailbox
+from rise_engine.link.room import END_SECONDS, Member, NotAdmitted, Room
 from rise_engine.robots import make_robot, warning_for
 from rise_engine.scenario.model import Mode, RobotProfile, Scenario
-from rise_engine.view import ActView, TaskView, View
 
 _LOG = logging.getLogger(__name__)
-
-END_SECONDS = 6.0
-"""Real seconds that the robot gets to confirm the last stop before the session ends without it."""
 
 _hosts: WeakSet[EngineHost] = WeakSet()
 
@@ -44,13 +40,16 @@ def start_local(
     seed: int = 0,
     speed: float = 1.0,
     faults: Sequence[str] = (),
+    who: str = "local",
+    role: Role = "wizard",
 ) -> LocalClient:
     """Start an engine for `scenario` and give a client of it. Does not wait: `attach` says when it could not start.
 
+    `who` is the client's name in the record, without its role.
     `mode` and `robot` default to the scenario's. Another robot's profile must know all actions of the scenario, so that
     it is better chosen when loading; a name is only accepted when it is the scenario's own robot (ValueError).
     """
-    return EngineHost(scenario, mode=mode, robot=robot, seed=seed, speed=speed, faults=faults).start().client()
+    return EngineHost(scenario, mode=mode, robot=robot, seed=seed, speed=speed, faults=faults).start().client(who, role)
 
 
 class EngineHost:
@@ -81,12 +80,13 @@ class EngineHost:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._backlog: list[Callable[[], None]] = []
         self._calls: set[Call] = set()
-        self._mailboxes: list[Mailbox] = []
+        self._mailboxes: dict[Mailbox, Member | None] = {}
+        """Whoever gets records; None: somebody who only waits for the end."""
         self._gone: str | None = None
         # These belong to the engine's thread:
         self._clock: RealClock | None = None
         self._engine: Engine | None = None
-        self._view = View()
+        self._room: Room | None = None
 
     def start(self) -> EngineHost:
         """Begin the session. Call it once."""
@@ -94,9 +94,9 @@ class EngineHost:
         self._thread.start()
         return self
 
-    def client(self) -> LocalClient:
+    def client(self, who: str = "local", role: Role = "wizard") -> LocalClient:
         """A new connection; any number may be attached at once."""
-        return LocalClient(self)
+        return LocalClient(self, who, role)
 
     @property
     def gone(self) -> str | None:
@@ -105,8 +105,10 @@ class EngineHost:
 
     def now(self) -> float:
         """Session time in seconds; 0 before it has begun, and the last moment after it has ended."""
-        clock = self._clock
-        return self._view.t if clock is None or self._gone is not None else max(clock.now(), 0.0)
+        clock, room = self._clock, self._room
+        if clock is None or room is None:
+            return 0.0
+        return room.view.t if self._gone is not None else max(clock.now(), 0.0)
 
     def end(self, reason: str) -> None:
         """Stop the robot when anything runs and end the session."""
@@ -121,18 +123,23 @@ class EngineHost:
 
     def call(self, work: Callable[[], Any]) -> asyncio.Future[Any]:
         """Run `work` on the engine's thread; a future of the calling loop gets what comes of it, or EngineGone."""
+        return self._call(lambda settle: settle(work()))
+
+    def ask(self, question: Callable[[Room, Answer], None]) -> asyncio.Future[Reply]:
+        """Put a question to the room on the engine's thread; the future gets the room's answer, or EngineGone."""
+        return self._call(lambda settle: question(self.room, settle))
+
+    def _call(self, work: Callable[[Callable[[Any], None]], None]) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
         call = Call(loop, loop.create_future())
 
         def run() -> None:
             try:
-                result = work()
+                work(lambda result: self._settle(call, result, None))
             except Exception as error:
                 # A failed kernel ends the thread, which settles every call with the reason.
                 if self._engine is None or self._engine.failure is None:
                     self._settle(call, None, error)
-            else:
-                self._settle(call, result, None)
 
         with self._lock:
             self._calls.add(call)
@@ -184,7 +191,9 @@ class EngineHost:
         clock = RealClock(loop, self._speed)
         scenario = self.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, self.seed, self._faults)
-        engine = Engine(scenario, robot, clock, self.seed, sinks=(self._view.apply, self._deliver))
+        engine = Engine(scenario, robot, clock, self.seed)
+        room = Room(engine, end=self._begin_end)
+        room.subscribe(self._deliver)
         ended = asyncio.Event()
         engine.when_ended(ended.set)
         engine.start()
@@ -192,7 +201,7 @@ class EngineHost:
         if warning is not None:
             engine.post(Note(text=warning))
         with self._lock:
-            self._engine, self._clock, self._loop = engine, clock, loop
+            self._engine, self._room, self._clock, self._loop = engine, room, clock, loop
             for work in self._backlog:
                 loop.call_soon(work)
             self._backlog.clear()
@@ -206,99 +215,121 @@ class EngineHost:
         engine.end(reason)
         loop.call_later(END_SECONDS, engine.end_now, reason)
 
-    def _deliver(self, record: AnyRecord) -> None:
+    def _deliver(self, update: Update) -> None:
+        if isinstance(update, Journaling):  # there is no journal
+            return
         for mailbox in tuple(self._mailboxes):
-            if not mailbox.put(record):
+            if not mailbox.put(update):
                 self.leave(mailbox)
 
-    def enter(self, mailbox: Mailbox) -> Hello:
+    @property
+    def room(self) -> Room:
+        """For work that runs on the engine's thread."""
+        assert self._room is not None
+        return self._room
+
+    def enter(self, mailbox: Mailbox, who: str, role: Role) -> tuple[Member, Hello]:
         """Between two steps: the state, and from here on every record."""
+        try:
+            member = self.room.attach(who, role)
+        except NotAdmitted as problem:
+            raise EngineGone(str(problem)) from None
+        hello = self.room.hello(member)
+        self.listen(mailbox, member)
+        return member, hello
+
+    def listen(self, mailbox: Mailbox, member: Member | None = None) -> None:
         with self._lock:
-            self._mailboxes.append(mailbox)
-        scenario = self.scenario
-        return Hello(scenario, scenario.mode, scenario.robot.name, self.seed, copy_of(self._view))
+            self._mailboxes[mailbox] = member
 
     def leave(self, mailbox: Mailbox) -> None:
-        with self._lock, suppress(ValueError):
-            self._mailboxes.remove(mailbox)
+        with self._lock:
+            member = self._mailboxes.pop(mailbox, None)
+        if member is not None:
+            self.room.leave(member)
 
-    def accept(self, message: ClientInput) -> Reply:
-        assert self._engine is not None
-        return self._engine.accept(message)
+    def leave_soon(self, mailbox: Mailbox) -> None:
+        """From any thread."""
+        self._post(lambda: self.leave(mailbox))
 
 
 class LocalClient:
     """Implements `rise_engine.link.client.Client`. All methods belong to one loop: the one that called `attach`."""
 
-    def __init__(self, host: EngineHost) -> None:
+    def __init__(self, host: EngineHost, who: str = "local", role: Role = "wizard") -> None:
         self.host = host
+        self._who = who
+        self._role: Role = role
         self._mailbox: Mailbox | None = None
+        self._member: Member | None = None
 
     async def attach(self) -> Hello:
         self._detach()
         mailbox = Mailbox(asyncio.get_running_loop())
-        hello: Hello = await self.host.call(lambda: self.host.enter(mailbox))
-        self._mailbox = mailbox
-        return hello
+        member, hello = await self.host.call(lambda: self.host.enter(mailbox, self._who, self._role))
+        self._mailbox, self._member = mailbox, member
+        return hello  # type: ignore[no-any-return]
 
-    def records(self) -> AsyncIterator[Sequence[AnyRecord]]:
-        """As the protocol says. Raises EngineGone when the engine failed or this client fell too far behind."""
+    def records(self) -> AsyncIterator[Sequence[Update]]:
+        """As the protocol says. Raises LinkLost when this client fell too far behind."""
         if self._mailbox is None:
             raise RuntimeError("attach first")
-        return self._mailbox.batches()
+        return self._from(self._mailbox)
+
+    async def _from(self, mailbox: Mailbox) -> AsyncIterator[Sequence[Update]]:
+        try:
+            async for batch in mailbox.batches():
+                yield batch
+        except EngineGone as error:
+            if self.host.gone is None:
+                raise LinkLost(str(error)) from None
+            raise
 
     async def send(self, message: ClientInput) -> Reply:
         if not isinstance(message, Submit | Note):
             raise TypeError(f"a client may send Submit and Note, not {type(message).__name__}")
-        reply: Reply = await self.host.call(lambda: self.host.accept(message))
-        return reply
+        return await self.host.ask(lambda room, answer: room.send(self._attached(), message, answer))
+
+    async def control(self, verb: Verb) -> Reply:
+        return await self.host.ask(lambda room, answer: room.control(self._attached(), verb, answer))
 
     def now(self) -> float:
         return self.host.now()
 
-    async def close(self, *, end_session: bool = True) -> None:
+    async def close(self, *, end_session: bool = False, reason: str = "") -> None:
+        """As the protocol says. Raises PermissionError, and stays attached, when this client may not end the session;
+        returns when the session has ended."""
         if end_session:
-            last = Mailbox(asyncio.get_running_loop())
-            with suppress(EngineGone):
-                await self.host.call(lambda: self.host.enter(last))
-                self.host.end("the console has ended the session")
-                async for _ in last.batches():
-                    pass
+            await self._end(reason)
         self._detach()
 
+    async def _end(self, reason: str) -> None:
+        last = Mailbox(asyncio.get_running_loop())
+        with suppress(EngineGone):
+            await self.host.call(lambda: self.host.listen(last))
+            member = self._member
+            if member is None:  # who has started it may end it
+                self.host.end(reason or "ended by its starter")
+                reply = Reply(True)
+            else:
+                reply = await self.host.ask(lambda room, answer: room.end(member, reason, answer))
+            if not reply.accepted:
+                last.close()
+                self.host.leave_soon(last)
+                raise PermissionError(reply.reason)
+            async for _ in last.batches():
+                pass
+
+    def _attached(self) -> Member:
+        if self._member is None:
+            raise LinkLost("this client is not attached to a session")
+        return self._member
+
     def _detach(self) -> None:
-        mailbox, self._mailbox = self._mailbox, None
+        mailbox, self._mailbox, self._member = self._mailbox, None, None
         if mailbox is not None:
             mailbox.close()
-            self.host.leave(mailbox)
-
-
-def copy_of(view: View) -> View:
-    """A view that the engine will not change any more. What has ended is shared, because nothing changes it again."""
-    copies = {
-        number: _copy_of_task(task)
-        for number, task in view.tasks.items()
-        if task.ended is None or any(action.ended is None for action in task.actions.values())
-    }
-    tasks = view.tasks | copies
-    return replace(
-        view,
-        tasks=tasks,
-        acts={name: _copy_of_act(act) for name, act in view.acts.items()},
-        rules={name: replace(rule) for name, rule in view.rules.items()},
-        memory=dict(view.memory),
-        running=list(view.running),
-        waiting=list(view.waiting),
-        unhandled=deque(view.unhandled, view.unhandled.maxlen),
-    )
-
-
-def _copy_of_task(task: TaskView) -> TaskView:
-    return replace(task, actions={name: replace(action) for name, action in task.actions.items()})
-
-
-def _copy_of_act(act: ActView) -> ActView:
-    return replace(act, running=list(act.running), waiting=list(act.waiting))
+            self.host.leave_soon(mailbox)
 
 
 def _end_all() -> None:

@@ -14,18 +14,17 @@ from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.draft import Draft
 from rise_engine.scenario.findings import Finding, Findings
+from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import Place, RobotProfile, Scenario
 from rise_engine.scenario.relaxng import act_schema, rule_schema, validate
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
-from rise_engine.scenario.settings import NAME, Settings
+from rise_engine.scenario.settings import Settings
 from rise_engine.scenario.source import Files, Source
 from rise_engine.scenario.toml_places import TomlFile, read_toml
 from rise_engine.scenario.xml import XmlFile, read_xml
-
-DEFAULT_PLACES = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
 
 
 class Loaded(Struct, frozen=True):
@@ -34,6 +33,9 @@ class Loaded(Struct, frozen=True):
     scenario: Scenario | None
     findings: list[Finding]
     """In reading order, errors and warnings."""
+    files: dict[str, bytes] = {}
+    """What was read, by the place that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
+    wherever it lay: written there, it is the same scenario (`DEFAULT_PLACES`)."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -105,6 +107,7 @@ class _Loader:
         found = findings.sorted()
         if findings.errors:
             return Loaded(None, found)
+        files = self.canonical(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
@@ -119,9 +122,9 @@ class _Loader:
             paths=paths,
             known_keys=frozenset(draft.key_sets),
             topics=frozenset(mention.name for mention in draft.waits),
-            hash=self.hash(profile.name),
+            hash=_hash(files, profile.name),
         )
-        return Loaded(scenario, found)
+        return Loaded(scenario, found, files)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)
@@ -206,17 +209,34 @@ class _Loader:
                 schemas[kind] = act_schema(profile.actions) if kind == "acts" else rule_schema()
             validate(xml, schemas[kind], self.findings)
 
-    def hash(self, robot: str) -> str:
-        """Over everything that was read, in a fixed order, wherever it lay."""
-        digest = _sha256()
-        parts = sorted(
-            (source.name if not Path(source.name).is_absolute() else f"/{Path(source.name).name}", source.data)
-            for source in self.files.read
-        )
-        for name, data in [*parts, ("robot", robot.encode())]:
-            digest.update(f"{name}\0{len(data)}\0".encode())
-            digest.update(data)
-        return str(digest.hexdigest())
+    def canonical(self, paths: Mapping[str, str]) -> dict[str, bytes]:
+        """What was read, by its usual place."""
+        settings = {NAME, self.path.name}
+        acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))
+        files: dict[str, bytes] = {}
+        for source in self.files.read:
+            path = self.folder / source.name
+            if path == memory:
+                name = DEFAULT_PLACES["memory"]
+            elif acts in (path, path.parent):
+                name = f"acts/{path.name}"
+            elif rules in (path, path.parent):
+                name = f"rules/{path.name}"
+            elif source.name in settings:
+                name = NAME
+            else:
+                name = f"robots/{path.name}"
+            files[name] = source.data
+        return files
+
+
+def _hash(files: Mapping[str, bytes], robot: str) -> str:
+    """Over everything that was read, in a fixed order, wherever it lay."""
+    digest = _sha256()
+    for name, data in [*sorted(files.items()), ("robot", robot.encode())]:
+        digest.update(f"{name}\0{len(data)}\0".encode())
+        digest.update(data)
+    return str(digest.hexdigest())
 
 
 def _sha256() -> Any:

@@ -13,7 +13,6 @@ from rise_engine.scenario.keys import KeyRefusedError, normal_key
 from rise_engine.scenario.model import ActSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile
 
-NAME = "scenario.toml"
 TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "study", "actions")
 BINDINGS: dict[str, FunctionName] = {
     "act": "startCommunicationRobotAct",

@@ -28,6 +28,7 @@ class LogPane(Pane):
         self._seen = 0
         self._matching: list[int] = []
         self._applied = ""
+        self._attached = store.attached
 
     @property
     def rows(self) -> TaskLog:
@@ -38,14 +39,19 @@ class LogPane(Pane):
 
     def repaint(self) -> None:
         log = self.store.log
+        anew = self._attached != self.store.attached
+        self._attached = self.store.attached
+        if anew:
+            self.log_view.forget_missed()
         if not self.filter_text:
-            self.log_view.show(log, restart=bool(self._applied))
+            self.log_view.show(log, restart=anew or bool(self._applied))
         else:
-            if self.filter_text != self._applied:
+            anew = anew or self.filter_text != self._applied
+            if anew:
                 self._matching, self._seen = [], 0
             self._matching += filter(self._matches, log[self._seen :])
             self._seen = len(log)
-            self.log_view.show(self._matching, restart=self.filter_text != self._applied)
+            self.log_view.show(self._matching, restart=anew)
         self._applied = self.filter_text
         self._show_title()
 

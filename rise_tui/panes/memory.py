@@ -91,7 +91,7 @@ class MemoryPane(ListPane):
 
     def do(self, action: str) -> None:
         key = self.list.current
-        if reason := self.store.unavailable():
+        if reason := self.store.cannot_act():
             self.post_message(Told(reason))
         elif action == "memory.add" or key == ADD:
             if action != "memory.delete":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from textual import on
 from textual.app import ComposeResult
@@ -14,8 +14,15 @@ from textual.widgets import Button, Static
 from rise_tui.quiet import QuietModal
 
 
-class Dialog(QuietModal[bool]):
-    """Asks; answers True only for the named key or button."""
+class Answer(NamedTuple):
+    """One thing that can be answered."""
+
+    key: str
+    title: str
+
+
+class Dialog(QuietModal[str]):
+    """Asks; the result is the key of the answer that was chosen, empty for none."""
 
     DEFAULT_CSS = """
     Dialog {
@@ -29,15 +36,17 @@ class Dialog(QuietModal[bool]):
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape", "answer(False)", show=False),
+        Binding("escape", "answer('')", show=False),
         Binding("left,up", "app.focus_previous", show=False),
         Binding("right,down", "app.focus_next", show=False),
     ]
 
-    def __init__(self, title: str, said: Sequence[str], *, yes: str, key: str, no: str = "Cancel") -> None:
+    def __init__(self, title: str, said: Sequence[str], *answers: Answer, no: str = "Cancel", first: str = "") -> None:
+        """`first` is the key of the answer that Enter takes; without it, Enter takes none."""
         super().__init__()
-        self._title, self._said, self._yes, self._key, self._no = title, said, yes, key, no
-        self._bindings.bind(key, "answer(True)", show=False)
+        self._title, self._said, self._answers, self._no, self._first = title, said, answers, no, first
+        for answer in answers:
+            self._bindings.bind(answer.key, f"answer('{answer.key}')", show=False)
         self._answered = self._withdrawn = False
 
     def compose(self) -> ComposeResult:
@@ -47,13 +56,18 @@ class Dialog(QuietModal[bool]):
             yield Static("\n".join(self._said), id="said", markup=False)
             with Horizontal(id="buttons"):
                 yield Button(f"{self._no} (esc)", id="no", compact=True)
-                yield Button(f"{self._yes} ({self._key})", id="yes", compact=True)
+                for answer in self._answers:
+                    yield Button(f"{answer.title} ({answer.key})", id=f"answer-{answer.key}", compact=True)
 
-    def action_answer(self, yes: bool) -> None:
+    def on_mount(self) -> None:
+        if self._first:
+            self.set_focus(self.query_one(f"#answer-{self._first}"))
+
+    def action_answer(self, key: str) -> None:
         """The first answer counts; keys that were still on their way do nothing."""
         if not self._answered:
             self._answered = True
-            self.dismiss(yes)
+            self.dismiss(key)
 
     def withdraw(self) -> bool:
         """Close without an answer, at the latest when nothing lies above it. False when it was answered already."""
@@ -66,9 +80,9 @@ class Dialog(QuietModal[bool]):
     def on_screen_resume(self) -> None:
         if self._withdrawn and self.app.screen is self:  # `is_current` is true below a dialog too
             self._withdrawn = False
-            self.dismiss(False)
+            self.dismiss("")
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
-        self.action_answer(event.button.id == "yes")
+        self.action_answer((event.button.id or "").rpartition("-")[2].removeprefix("no"))

@@ -1,10 +1,10 @@
-"""Settings (F8): where the scenario is, which robot, which mode. Applying starts a new session."""
+"""Settings: where the scenario is, which robot, which mode. Applying starts a new session."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
+from msgspec.structs import replace
 from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -12,9 +12,10 @@ from textual.widgets import Button, Input, Label, Static
 from textual.worker import Worker
 
 from rise_engine.scenario.model import Scenario
-from rise_tui.launch import Launcher, Refused, Settings, Shown, expanded, robots, shown
+from rise_tui.launch import Launcher, Refused, Shown, robots, shown
 from rise_tui.quiet import QuietModal
-from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.dialog import Answer, Dialog
+from rise_tui.settings import Settings, expanded
 from rise_tui.widgets.editor import Field
 
 PLACES = ("acts", "rules", "memory")
@@ -201,9 +202,9 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
             "The running session is stopped and ended, and a new one starts:",
             f"{scenario.title} · {scenario.mode.upper()} · robot {scenario.robot.title or scenario.robot.name}",
         ]
-        dialog = Dialog("Start a new session?", said, yes="Start anew", key="s")
+        dialog = Dialog("Start a new session?", said, Answer("s", "Start anew"))
 
-        def answered(yes: bool | None) -> None:
+        def answered(yes: str | None) -> None:
             if yes:
                 self.dismiss((scenario, settings))
 

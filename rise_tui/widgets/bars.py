@@ -1,4 +1,4 @@
-"""The console's own bars: status, stop, notice, and key hints."""
+"""The console's own bars: status, notice, and key hints. Those that alarm are in `alarm`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal
 
 from rise_tui.actions import BY_ID, Action
+from rise_tui.control import short
 from rise_tui.messages import ActionAsked
 from rise_tui.store import Store
 from rise_tui.text import Line, Span, Tone, clock, crop, fit, spread, width_of
 from rise_tui.widgets.line import Lines
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
+
+WIDE = 100
+"""From this width on there is room for `wizard` before the name."""
 
 NOTICES: dict[str, tuple[str, Tone]] = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}
 
@@ -54,16 +58,12 @@ class StatusLine(Horizontal):
         what: Span = (hello.mode.upper(), "wait" if hello.mode == "real" else "accent")
         if hello.mode == "real" and simulated:
             what = ("REAL (simulated!)", "fault")
-        name = hello.robot if hello.mode == "real" else f"{hello.robot} (sim)"
-        mode: Line = (
-            what,
-            gap,
-            (f"{name} {ROBOT_GLYPHS.get(status, '○')} {status}", tone),
-        )
-        armed: Span = (f" {store.state} ", "alarm" if store.state == "STOPPED" else "strong")
-        if store.gone:
-            armed = (" ENDED ", "alarm")
-        right: Line = (gap, armed, gap, (fit(store.wizard, min(len(store.wizard), 12)), "muted"), (" ", "plain"))
+        if hello.replay:
+            what = (" REPLAY ", "call")
+        name = hello.robot if hello.mode == "real" and not hello.replay else f"{hello.robot} (sim)"
+        link: Span = (f"{name} {ROBOT_GLYPHS.get(status, '○')} {status}", tone)
+        mode: Line = (what,) if hello.replay else (what, gap, link)
+        right = _right_end(store, self.size.width)
         if self._right.styles.width is None or self._right.styles.width.value != width_of(right):
             self._right.styles.width = width_of(right)
         self._left.show(spread(((f" {store.scenario.title}", "strong"),), mode, self._left.size.width))
@@ -71,60 +71,35 @@ class StatusLine(Horizontal):
         self._right.show(right)
 
 
-class AlarmBar(Lines):
-    """Shown while a stop holds or after the engine has ended: what was asked, who confirmed, who did not."""
-
-    DEFAULT_CSS = """
-    AlarmBar { height: 3; background: $error 18%; display: none; }
-    AlarmBar.-on { display: block; }
-    """
-
-    def draw(self, store: Store) -> None:
-        lines = self._lines(store)
-        self.set_class(bool(lines), "-on")
-        width = self.size.width
-        self.show(*(crop(line, width) if width else line for line in lines))
-
-    def _lines(self, store: Store) -> tuple[Line, ...]:
-        if store.gone:
-            return (
-                ((" ✗ ENGINE ENDED ", "alarm"), (f"  {store.gone}", "strong")),
-                (("   keys do nothing any more; what is shown is the last known state", "plain"),),
-                (("   ^C leaves", "plain"),),
-            )
-        stop = store.view.stop
-        if not stop.latched:
-            if not store.stopping:
-                return ()
-            return ((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")), (), ()
-        requested = stop.status == "requested"
-        what = f"asked {clock(stop.since)} by {stop.source}" if requested else "nothing starts until it is released"
-        asked: Line = ((f"  {what}", "strong"),)
-        if requested:
-            return (
-                ((" ■ STOP requested ", "alarm"), *asked),
-                (("   waiting for the robot to confirm", "plain"),),
-                (),
-            )
-        confirmed = parts(stop.confirmed) or "nobody"
-        missing: Line = (
-            (("   NOT CONFIRMED  ", "fault"), (parts(stop.unconfirmed), "strong")) if stop.unconfirmed
-            else (("   everything asked has confirmed", "plain"),)
-        )  # fmt: skip
-        return (
-            ((" ■ STOPPED ", "alarm"), *asked, ("   ^R release", "key")),
-            (("   confirmed      ", "plain"), (confirmed, "strong"), (f"   stop by {stop.source}", "muted")),
-            missing,
-        )
-
-
-def parts(names: Sequence[str]) -> str:
-    """Parts of robots, each robot named once: `pepper: arms, gaze`."""
-    found: dict[str, list[str]] = {}
-    for name in names:
-        robot, _, part = name.rpartition("/")
-        found.setdefault(robot, []).append(part)
-    return "; ".join(f"{robot}: {', '.join(of)}" if robot else ", ".join(of) for robot, of in found.items())
+def _right_end(store: Store, width: int) -> Line:
+    """Whether keys start anything, and who may press them."""
+    gap: Span = ("  ", "plain")
+    me = short(store.me)
+    wide = width >= WIDE
+    own: Line = (
+        (f"wizard {fit(me, min(len(me), 12))}" if wide else fit(me, min(len(me), 12)), "muted"),
+        (" ", "plain"),
+    )
+    if store.gone:
+        return (gap, (" ENDED " if store.over else " GONE ", "alarm"), gap, *own)
+    if store.cut is not None:
+        return (gap, (" CUT, attaching again ", "alarm"), (" ", "plain"))
+    late: Line = (gap, (f"disk {store.journaling.behind:.0f} s behind", "wait")) if store.journaling.behind > 1 else ()
+    paused: Line = (gap, (" PAUSED ", "alarm")) if store.journaling.trouble else ()
+    stopped: Line = (gap, (" STOPPED ", "alarm")) if store.state == "STOPPED" else ()
+    if store.hello.replay:
+        return (*stopped, (" ", "plain"))
+    if store.has_control:
+        return (*late, *(stopped or paused or (gap, (" LIVE ", "strong"))), gap, *own)
+    holder = short(store.view.control)
+    holder = fit(holder, min(len(holder), 12))
+    if store.view.control is None and store.hello.role == "wizard":
+        who = f" {holder} has control "
+    else:
+        who = f" WATCHING · {holder} has control "
+    # Where there is little room the robot's link needs it, and the red bar says these two as well.
+    alarmed = (stopped or paused) if width >= WIDE else ()
+    return (*late, *alarmed, gap, (who, "call"))
 
 
 class NoticeLine(Lines):
@@ -154,7 +129,7 @@ class KeyHints(Lines):
         spans: list[Span] = []
         self._places.clear()
         width = self.size.width
-        for action in (*common[:1], *own, *common[1:]):
+        for action in dict.fromkeys((*common[:1], *own, *common[1:])):
             if not action.hint or not action.keys:
                 continue
             piece = _hint(action, bool(action.unavailable(store)))
@@ -165,10 +140,10 @@ class KeyHints(Lines):
             spans += piece
         self.show(tuple(spans))
 
-    def draw_typing(self) -> None:
-        """While a text field has the focus no key starts anything, but the stop key stops."""
+    def draw_typing(self, enter: str) -> None:
+        """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
         self._places = [(0, 12, "stop")]
-        rest: Line = ((" enter", "key"), (" take ", "plain"), (" esc", "key"), (" leave ", "plain"))
+        rest: Line = ((" enter", "key"), (f" {enter} ", "plain"), (" esc", "key"), (" leave ", "plain"))
         self.show((*_hint(BY_ID["stop"], False), *rest, ("  typing: keys start nothing", "muted")))
 
     def on_click(self, event: events.Click) -> None:

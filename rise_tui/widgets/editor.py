@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from textual import events, on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.message import Message
 from textual.widgets import Input
@@ -22,6 +23,8 @@ class Field(Input):
     DEFAULT_CSS = """
     Field, Field:focus { height: 1; border: none; padding: 0; background: $panel; }
     """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
+    """To the next field, while elsewhere on the console it goes to the next pane."""
 
     def validate_value(self, value: str) -> str:
         """A pasted control character would reach the terminal as it is."""

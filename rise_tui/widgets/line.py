@@ -8,15 +8,14 @@ from textual.message import Message
 from textual.strip import Strip
 
 from rise_tui.text import Line, plain, width_of
-from rise_tui.widgets.toned import Toned, tone_css
+from rise_tui.widgets.toned import Toned
 
 
 class Lines(Toned):
     """One or more lines of toned text."""
 
-    DEFAULT_CSS = f"""
-    {tone_css("Lines")}
-    Lines {{ height: 1; width: 1fr; }}
+    DEFAULT_CSS = """
+    Lines { height: 1; width: 1fr; }
     """
 
     class Resized(Message):

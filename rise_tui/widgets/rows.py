@@ -14,7 +14,7 @@ from textual.strip import Strip
 
 from rise_tui.quiet import QuietScrollView
 from rise_tui.text import Row, plain
-from rise_tui.widgets.toned import COMPONENTS, CURSOR, CURSOR_AWAY, Toned, tone_css
+from rise_tui.widgets.toned import CURSOR, CURSOR_AWAY, Toned
 
 FALL = 0.7
 """Seconds after the cursor's row has vanished in which nobody can have seen the row where the cursor now stands."""
@@ -23,14 +23,12 @@ FALL = 0.7
 class RowView(QuietScrollView, Toned, can_focus=True):
     """A list with a cursor. Subclasses say how many rows there are and what is in each."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = set(COMPONENTS)
-    DEFAULT_CSS = f"""
-    {tone_css("RowView")}
-    RowView {{
+    DEFAULT_CSS = """
+    RowView {
         height: 1fr; width: 1fr;
         overflow-x: hidden; overflow-y: auto; scrollbar-gutter: stable;
         scrollbar-size-vertical: 1;
-    }}
+    }
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [

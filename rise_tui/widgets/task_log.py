@@ -82,6 +82,10 @@ class TaskLog(RowView):
         for index in range(max(old, self.scroll_offset.y), min(self._shown, self.scroll_offset.y + self.size.height)):
             self.refresh_line(index)
 
+    def forget_missed(self) -> None:
+        """The caller has emptied its list of missed tasks."""
+        self._missed_ids = set(self._missed)
+
     def action_edge(self, direction: int) -> None:
         if direction > 0:
             self.follow()

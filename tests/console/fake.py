@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +12,31 @@ from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
+    ControlRecord,
     MemoryRecord,
+    NoteRecord,
     RobotRecord,
     RuleRecord,
+    SessionRecord,
     StopRecord,
     TaskRecord,
 )
-from rise_engine.link.client import ClientInput, EngineGone, Hello, Reply
+from rise_engine.link.client import (
+    ClientInput,
+    EngineGone,
+    Hello,
+    Journaling,
+    LinkLost,
+    Reply,
+    Role,
+    Update,
+    Verb,
+)
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import View
-from rise_tui.launch import Launcher, Prepared, Settings
+from rise_tui.launch import Launcher, Prepared
+from rise_tui.settings import Settings
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
 
@@ -35,11 +50,28 @@ def demo() -> Scenario:
 class FakeClient:
     """Implements `rise_engine.link.client.Client`."""
 
-    def __init__(self, scenario: Scenario, *, mode: str = "debug") -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        mode: str = "debug",
+        you: str = "wizard:anna",
+        role: Role = "wizard",
+        holder: str | None = "wizard:anna",
+        replay: bool = False,
+        folder: str = "/home/lab/rise-sessions/2026-11-21_141503_demo-study_debug",
+    ) -> None:
         self.scenario = scenario
         self.mode = mode
+        self.you, self.role, self.replay, self.folder = you, role, replay, folder
+        self.journaling = Journaling()
         self.time = 83.0
         self.sent: list[Submit] = []
+        self.notes: list[Note] = []
+        self.verbs: list[Verb] = []
+        self.attached = 0
+        self.unreachable = 0
+        """How many attempts to attach fail as LinkLost from now on."""
         self.closed: list[bool] = []
         self.answers = True
         """Whether a submitted task gets its reply at once."""
@@ -47,7 +79,7 @@ class FakeClient:
         self.gone = ""
         self._seq = 0
         self._tasks = 0
-        self._queue: asyncio.Queue[Sequence[AnyRecord] | None] = asyncio.Queue()
+        self._queue: asyncio.Queue[Sequence[Update] | EngineGone | None] = asyncio.Queue()
         self._view = View()
         self._attached = False
         self._answer = asyncio.Event()
@@ -55,6 +87,8 @@ class FakeClient:
         start += [
             MemoryRecord(0, 0.0, "", key, value, None, "file", created=True) for key, value in scenario.memory.items()
         ]
+        if holder is not None:
+            start.append(ControlRecord(0, 0.0, "", status="taken", by=holder, holder=holder))
         for record in start:
             self.emit(record, at=0.0)
 
@@ -65,11 +99,10 @@ class FakeClient:
         for record in records:
             self._seq += 1
             record.seq, record.t = self._seq, self.time if at is None else at
+        for record in records:
+            self._view.apply(record)
         if self._attached:
             self._queue.put_nowait(list(records))
-        else:
-            for record in records:
-                self._view.apply(record)
 
     def task(self, function: str, behavior: str, status: str = "ACTIVE", **more: Any) -> int:
         """A new task, with one record for each state on its way."""
@@ -107,8 +140,27 @@ class FakeClient:
         """Let everything that waits for its reply have it; a test has played the records."""
         self._answer.set()
 
+    def control_record(self, status: str, by: str, holder: str | None) -> None:
+        self.emit(ControlRecord(0, 0.0, "", status=status, by=by, holder=holder))  # type: ignore[arg-type]
+
+    def journal(self, *, trouble: str = "", behind: float = 0.0) -> None:
+        """How the record stands, from now on."""
+        self.journaling = Journaling(durable=self._seq, behind=behind, trouble=trouble)
+        if self._attached:
+            self._queue.put_nowait([self.journaling])
+
+    def cut(self) -> None:
+        """Only this connection is cut; what is sent on it waits for ever."""
+        self._attached = False
+        self._queue.put_nowait(LinkLost("this console was too slow"))
+
     def end(self, reason: str) -> None:
+        """The engine goes without an end."""
         self.gone = reason
+        self._queue.put_nowait(EngineGone(reason))
+
+    def end_in_order(self, reason: str) -> None:
+        self.emit(SessionRecord(0, 0.0, "", status="ended", reason=reason))
         self._queue.put_nowait(None)
 
     def asked(self) -> list[tuple[str, str]]:
@@ -118,18 +170,45 @@ class FakeClient:
     # --- Client ---
 
     async def attach(self) -> Hello:
+        self.attached += 1
+        if self.unreachable:
+            self.unreachable -= 1
+            raise LinkLost("not yet")
+        if self.gone:
+            raise EngineGone(self.gone)
         self._attached = True
-        return Hello(self.scenario, self.mode, self.scenario.robot.name, 1, self._view)
+        return self.hello()
 
-    async def records(self) -> AsyncIterator[Sequence[AnyRecord]]:
+    def hello(self) -> Hello:
+        """The state now."""
+        return Hello(
+            self.scenario,
+            self.mode,
+            self.scenario.robot.name,
+            1,
+            deepcopy(self._view),
+            you=self.you,
+            role=self.role,
+            folder=self.folder,
+            replay=self.replay,
+            journaling=self.journaling,
+        )
+
+    async def records(self) -> AsyncIterator[Sequence[Update]]:
         while (batch := await self._queue.get()) is not None:
+            if isinstance(batch, EngineGone):
+                raise batch
             yield batch
-        raise EngineGone(self.gone)
 
     async def send(self, message: ClientInput) -> Reply:
         if self.gone:
             raise EngineGone(self.gone)
-        assert not isinstance(message, Note)
+        if isinstance(message, Note):
+            self.notes.append(message)
+            if self.reject:
+                return Reply(False, self.reject)
+            self.emit(NoteRecord(0, 0.0, "", message.text, message.source))
+            return Reply(True)
         self.sent.append(message)
         if not self.answers:
             await self._answer.wait()
@@ -143,14 +222,24 @@ class FakeClient:
     def now(self) -> float:
         return self.time
 
-    async def close(self, *, end_session: bool = True) -> None:
+    async def control(self, verb: Verb) -> Reply:
+        """Remembers it, and does what an engine does about taking, asking, giving and releasing."""
+        self.verbs.append(verb)
+        if self.reject:
+            return Reply(False, self.reject)
+        holder = {"take": self.you, "ask": self._view.control, "give": self._view.asked, "release": None}[verb]
+        status = {"take": "taken", "ask": "asked", "give": "given", "release": "released"}[verb]
+        self.control_record(status, self.you, holder)
+        return Reply(True)
+
+    async def close(self, *, end_session: bool = False) -> None:
         self.closed.append(end_session)
 
 
 class FakeLauncher(Launcher):
     """Gives prepared clients, and remembers what it was asked to start."""
 
-    def __init__(self, *clients: FakeClient, prepared: Prepared | None = None) -> None:
+    def __init__(self, *clients: FakeClient, prepared: Prepared | None = None, outlives: bool = True) -> None:
         self.clients = list(clients)
         self.started: list[Settings] = []
         self.prepared_with: list[Settings] = []
@@ -163,4 +252,4 @@ class FakeLauncher(Launcher):
             self.started.append(settings)
             return self.clients[min(len(self.started), len(self.clients)) - 1]
 
-        super().__init__(prepare, start)
+        super().__init__(prepare, start, outlives)

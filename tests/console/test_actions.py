@@ -50,7 +50,7 @@ def test_the_stop_keys_work_before_anything_else() -> None:
 def test_every_action_explains_itself() -> None:
     for action in ACTIONS:
         assert action.title and action.help.endswith((".", "too."))
-        assert action.keys or action.id == "theme"
+        assert action.keys or action.id in ("theme", "settings")
 
 
 def test_the_document_lists_every_key() -> None:

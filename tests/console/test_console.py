@@ -335,11 +335,11 @@ async def test_release_is_there_only_while_stopped_and_says_why_not() -> None:
 async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
     async with console() as it:
         it.client.end("the engine stopped: a bug")
-        await it.until(lambda: "ENGINE ENDED" in it.screen.alarm.text)
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
         assert "a bug" in it.screen.alarm.text
         await it.press("g", "enter", "f9")
         assert it.client.sent == []
-        assert "ended" in it.notice
+        assert "the engine has gone" in it.notice
 
 
 async def test_a_send_that_fails_does_not_end_the_console() -> None:
@@ -374,7 +374,7 @@ async def test_as_many_panes_as_there_is_room_for(size: tuple[int, int], shown: 
 async def test_every_pane_is_reached_by_f3_and_its_twin() -> None:
     async with console(size=(80, 24)) as it:
         seen = []
-        for key in ("f3", "ctrl+o", "f3", "ctrl+o", "f3", "f3"):
+        for key in ("f3", "tab", "f3", "tab", "f3", "f3"):
             await it.press(key)
             pane = it.screen.panes.focused()
             assert pane is not None and pane.rows.has_focus
@@ -443,7 +443,8 @@ async def test_settings_apply_after_asking_and_end_the_running_session_first() -
     first, second = FakeClient(demo()), FakeClient(demo(), mode="real")
     launcher = FakeLauncher(first, second)
     async with console(client=first, launcher=launcher) as it:
-        await it.press("f8")
+        it.screen.action_do("settings")
+        await it.until(lambda: isinstance(it.app.screen, SettingsScreen))
         screen = it.app.screen
         assert isinstance(screen, SettingsScreen)
         await it.pilot.pause()
@@ -462,7 +463,8 @@ async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothi
     client = FakeClient(demo())
     refused = Refused([Finding("error", "unknown-act", "there is no act `Hi`", Place("rules/main.xml", 3, 4))])
     async with console(client=client, launcher=FakeLauncher(client, prepared=refused)) as it:
-        await it.press("f8")
+        it.screen.action_do("settings")
+        await it.until(lambda: isinstance(it.app.screen, SettingsScreen))
         screen = it.app.screen
         assert isinstance(screen, SettingsScreen)
         await it.pilot.pause()
@@ -471,16 +473,6 @@ async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothi
         await it.until(lambda: "rules/main.xml:3:4" in str(screen.findings.content))
         await it.press("escape")
         assert it.app.screen is it.screen and client.closed == []
-
-
-async def test_quitting_asks_and_ends_the_session() -> None:
-    async with console() as it:
-        await it.press("ctrl+c")
-        await it.until(lambda: isinstance(it.app.screen, Dialog))
-        await it.press("escape")
-        assert it.client.closed == []
-        await it.press("ctrl+c", "e")
-        await it.until(lambda: it.client.closed == [True])
 
 
 async def test_themes_go_round() -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from textual.widgets import Button
 
-from rise_tui.launch import Refused, Settings, expanded, prepare, shown
+from rise_tui.launch import Refused, prepare, shown
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.settings import Choice, SettingsScreen
+from rise_tui.settings import Settings, expanded
 from rise_tui.widgets.editor import Field
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
@@ -40,7 +41,7 @@ async def test_a_key_on_its_way_to_a_closed_question_releases_nothing() -> None:
     async with console() as it:
         dialog = await asking_to_release(it)
         it.screen.stop_all()
-        dialog.action_answer(True)
+        dialog.action_answer("r")
         await it.sent("stopAll", "")
         assert ("releaseStop", "") not in it.client.asked()
 
@@ -62,7 +63,8 @@ async def test_the_question_is_closed_also_below_another_one() -> None:
 
 
 async def settings_of(it: Console) -> SettingsScreen:
-    await it.press("f8")
+    it.screen.action_do("settings")
+    await it.until(lambda: isinstance(it.app.screen, SettingsScreen))
     screen = it.app.screen
     assert isinstance(screen, SettingsScreen)
     await it.until(lambda: screen.query("#apply"))

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from rise_tui.quiet import Outlet
-from tests.console.test_process import ROOT, Terminal, terminal
+from tests.console.terminals import ROOT, Terminal, terminal
 
 GREETING = str(ROOT / "scenarios" / "greeting")
 SECONDS = 20.0
-"""More than the 13 s of the watchdog on a busy machine; an orderly end takes less than 3."""
+"""More than the 5 s of the watchdog on a busy machine; an orderly end takes less than 3."""
 
 
 def busy(it: Terminal) -> None:
@@ -88,9 +88,7 @@ def test_the_shell_keeps_its_blocking_terminal() -> None:
 
 @pytest.mark.parametrize("held", ["", "time.sleep(60)"])
 def test_the_watchdog_ends_what_nothing_else_ends(held: str) -> None:
-    lines = (
-        "import time\nfrom rise_tui import app\napp.END_SECONDS, app.GRACE_SECONDS = 0.1, 0.1\napp._end_at_last(143)"
-    )
+    lines = "import time\nfrom rise_tui import app\napp._end_at_last(143, 0.2)"
     program = f"import threading, time\nthreading.Thread(target=lambda: exec({lines!r})).start()\n{held}"
     assert subprocess.run([sys.executable, "-c", program], check=False, timeout=SECONDS, cwd=ROOT).returncode == 143
 

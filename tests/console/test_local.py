@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from rise_tui.app import ConsoleApp
-from rise_tui.launch import Launcher, Settings, prepare
+from rise_tui.launch import Launcher, prepare
+from rise_tui.settings import Settings
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 

@@ -2,93 +2,16 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import pty
-import re
-import select
 import signal
-import struct
 import subprocess
 import sys
-import termios
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 
 import pytest
 
 from tests.console.fake import DEMO
-
-ROOT = Path(__file__).parents[2]
-SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
-PATIENCE = 60.0
-
-
-class Terminal:
-    """A pty with a console on it. Waits for what it shows, never for time alone."""
-
-    def __init__(self, *arguments: str) -> None:
-        self.master, slave = pty.openpty()
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
-        environment = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "rise_tui.cli", *arguments],
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            cwd=ROOT,
-            env=environment,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
-        )
-        os.close(slave)
-        self.shown = b""
-
-    def read(self, seconds: float) -> bool:
-        """Take in what comes; False at the end."""
-        if not select.select([self.master], [], [], seconds)[0]:
-            return True
-        try:
-            data = os.read(self.master, 65536)
-        except OSError:
-            return False
-        self.shown += data
-        return bool(data)
-
-    def until(self, text: str) -> None:
-        """Wait until it has shown this since the last call."""
-        end = monotonic() + PATIENCE
-        while text not in (plain := SEQUENCE.sub(b"", self.shown).decode(errors="replace")):
-            assert monotonic() < end, f"{text!r} was not shown:\n{plain[-3000:]}"
-            if not self.read(0.2) and text not in SEQUENCE.sub(b"", self.shown).decode(errors="replace"):
-                raise AssertionError(f"it ended without {text!r}:\n{plain[-3000:]}")
-        self.shown = b""
-
-    def press(self, keys: bytes) -> None:
-        self.shown = b""
-        os.write(self.master, keys)
-
-    def ended(self) -> int:
-        end = monotonic() + PATIENCE
-        while self.process.poll() is None:
-            assert monotonic() < end, "it did not end"
-            self.read(0.1)
-        return self.process.returncode
-
-
-@contextmanager
-def terminal(*arguments: str) -> Iterator[Terminal]:
-    found = Terminal(*arguments)
-    try:
-        yield found
-    finally:
-        if found.process.poll() is None:
-            found.process.kill()
-            found.process.wait()
-        if found.master >= 0:
-            os.close(found.master)
+from tests.console.terminals import PATIENCE, ROOT, alive, terminal
 
 
 def test_start_press_stop_and_leave() -> None:
@@ -99,13 +22,33 @@ def test_start_press_stop_and_leave() -> None:
         it.press(b"\x1b[20~")  # F9
         it.until("everything asked has confirmed")
         it.press(b"\x03")
-        it.until("End the session?")
+        it.until("End the session")
         it.press(b"e")
+        it.until("ended: the record is in ")
         assert it.ended() == 0
+        assert not [engine for engine in it.engines() if alive(engine)]
+
+
+def test_detach_and_come_back_to_what_went_on() -> None:
+    with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna") as it:
+        it.until("LIVE")
+        it.press(b"m")
+        it.until("running")
+        it.press(b"\x03")
+        it.until("Detach (d)")
+        it.press(b"d")
+        it.until("detached: Demo study goes on; come back with: rise-tui")
+        assert it.ended() == 0
+        (engine,) = it.engines()
+        assert alive(engine)
+        with terminal("--wizard", "anna", home=it.home) as again:
+            again.until("LIVE")
+            again.until("waiting")  # the rule went on to its next state meanwhile
+            assert again.engines() == [engine]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_it_in_order(number: signal.Signals) -> None:
+def test_a_signal_detaches_and_gives_the_terminal_back(number: signal.Signals) -> None:
     with terminal("--config", DEMO, "--seed", "1") as it:
         it.until("LIVE")
         it.press(b"g")
@@ -114,25 +57,73 @@ def test_a_signal_ends_it_in_order(number: signal.Signals) -> None:
         assert it.ended() == 128 + number
         it.read(0.2)
         assert b"\x1b[?1049l" in it.shown, "the terminal was not given back"
+        assert all(alive(engine) for engine in it.engines()) and it.engines()
 
 
-def test_a_closed_terminal_ends_it_in_order() -> None:
+def test_a_closed_terminal_detaches() -> None:
     with terminal("--config", DEMO, "--seed", "1") as it:
         it.until("LIVE")
         os.close(it.master)
         it.master = -1
         assert it.process.wait(PATIENCE) == 128 + signal.SIGHUP
+        assert all(alive(engine) for engine in it.engines()) and it.engines()
+
+
+def test_a_console_that_is_killed_changes_nothing() -> None:
+    with terminal("--config", DEMO, "--seed", "1") as it:
+        it.until("LIVE")
+        it.process.kill()
+        it.process.wait()
+        with terminal("--config", DEMO, home=it.home) as again:  # the same line again attaches
+            again.until("LIVE")
+
+
+def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
+    with terminal("--config", DEMO, "--seed", "1") as it:
+        it.until("LIVE")
+        it.press(b"p")
+        it.until("running")
+        os.kill(it.engines()[0], signal.SIGKILL)
+        it.until("ENGINE GONE")
+        it.press(b"\x03")
+        it.until("to recover the session: rise-tui --config ")
+        assert it.ended() == 0
+        with terminal("--config", DEMO, home=it.home) as again:
+            again.until("r, n or q?")
+            again.press(b"q\r")
+            assert again.ended() == 0
+        with terminal("--config", DEMO, "--recover", home=it.home) as again:
+            again.until("failed")  # the act that the robot was doing counts as lost
+
+
+def test_two_consoles_take_control_from_one_another() -> None:
+    with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna") as anna:
+        anna.until("LIVE")
+        with terminal("--wizard", "ben", home=anna.home) as ben:
+            ben.until("WATCHING · anna has control")
+            ben.press(b"\x1b[19~")  # F8
+            ben.until("Take it (t)")
+            ben.press(b"t")
+            ben.until("LIVE")
+            anna.until("ben took control at ")
+
+
+def test_an_observer_watches_and_starts_no_session() -> None:
+    with terminal("--config", DEMO, "--observe") as it:
+        it.until("is running, and --observe starts none")
+        assert it.ended() == 2 and it.engines() == []
 
 
 def test_a_refused_scenario_is_told_with_all_findings_and_no_console(tmp_path: Path) -> None:
     (tmp_path / "acts").mkdir()
     (tmp_path / "acts" / "a.xml").write_text("<Dialogs><Dialog name='A'><Spech/></Dialog></Dialogs>", encoding="utf-8")
     (tmp_path / "scenario.toml").write_text('titel = "x"\n', encoding="utf-8")
-    command = [sys.executable, "-m", "rise_tui.cli", "--config", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-    assert done.returncode == 1
-    assert "acts/a.xml:1:" in done.stdout and "scenario.toml:1:1" in done.stdout
-    assert "\x1b" not in done.stdout
+    with terminal("--config", str(tmp_path)) as it:
+        assert it.ended() == 1 and it.engines() == []
+        it.read(0.2)
+        said = it.shown.decode()
+        assert "acts/a.xml:1:" in said and "scenario.toml:1:1" in said and "\x1b" not in said
+        assert "was refused: nothing was started" in said
 
 
 def test_without_a_terminal_it_says_what_to_use_instead() -> None:

@@ -8,13 +8,13 @@ import pytest
 from textual.pilot import Pilot
 
 from rise_tui.app import ConsoleApp
-from rise_tui.launch import Settings
+from rise_tui.settings import Settings
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 
-def played() -> FakeClient:
+def played(**options: Any) -> FakeClient:
     """A session in the middle of something."""
-    client = FakeClient(demo())
+    client = FakeClient(demo(), **options)
     client.time = 70.0
     client.act("Praise", "SUCCEEDED")
     client.task(
@@ -89,5 +89,88 @@ def test_editing_the_memory(snap_compare: Any, size: str) -> None:
 def test_help(snap_compare: Any, size: str) -> None:
     async def before(pilot: Pilot[Any]) -> None:
         await settle(pilot, "question_mark")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+# --- several consoles, leaving, trouble ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_watching(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "g")
+
+    assert snap_compare(app(client=played(you="wizard:ben")), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_asked_for_control(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.control_record("asked", "wizard:ben", "wizard:anna")
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "f8")
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_control_taken(snap_compare: Any, size: str) -> None:
+    client = played()
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+        client.control_record("taken", "wizard:ben", "wizard:ben")
+        await settle(pilot)
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_not_recording(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.journal(trouble="no space is left on the disk (/home/lab/rise-sessions)")
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "g")
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_stopped_and_not_recording(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
+    client.journal(trouble="no space is left on the disk (/home/lab/rise-sessions)")
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_leaving(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+c")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_a_replay(snap_compare: Any, size: str) -> None:
+    client = played(you="observer:replay", role="observer", replay=True)
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_a_note(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+o", *"child", "space", *"laughed")
 
     assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)

@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 from rise_engine.kernel.inputs import Note, RobotChanged, Submit
-from rise_engine.kernel.records import AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, ControlRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
 from rise_engine.link import mailbox
-from rise_engine.link.client import Client, EngineGone
-from rise_engine.link.local import EngineHost, LocalClient, copy_of, start_local
+from rise_engine.link.client import Client, EngineGone, Journaling
+from rise_engine.link.local import EngineHost, LocalClient, start_local
+from rise_engine.link.room import copy_of
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import View
 
@@ -63,6 +64,7 @@ class Follower:
         async for batch in self.client.records():
             async with self.changed:
                 for record in batch:
+                    assert not isinstance(record, Journaling)
                     assert record.seq == self.view.seq + 1, "a gap"
                     self.view.apply(record)
                     self.records.append(record)
@@ -94,7 +96,7 @@ async def test_a_session_through_the_client() -> None:
     assert client.now() > 1
     rejected = await client.send(start("Gret"))
     assert not rejected.accepted and "Greet" in rejected.reason
-    await client.close()
+    await client.close(end_session=True)
     assert client.host.gone == "the session has ended"
     with pytest.raises(EngineGone, match="ended"):
         await client.send(Note(text="too late"))
@@ -107,6 +109,9 @@ async def test_the_stream_ends_when_the_engine_does_and_the_robot_was_stopped() 
     follower = await Follower(client).attach()
     await client.send(start("Greet"))
     other = await Follower(client.host.client()).attach()
+    with pytest.raises(PermissionError, match="only who holds control can end the session: wizard:local does"):
+        await other.client.close(end_session=True)
+    assert (await other.client.control("take")).accepted
     await other.client.close(end_session=True)
     assert follower.task is not None
     await asyncio.wait_for(follower.task, 10)
@@ -115,6 +120,25 @@ async def test_the_stream_ends_when_the_engine_does_and_the_robot_was_stopped() 
     assert isinstance(last, SessionRecord) and last.status == "ended"
     assert_one_ending_each(follower.records)
     assert follower.view.ended
+
+
+async def test_what_a_client_does_stands_in_its_own_name_and_the_holder_alone_acts() -> None:
+    async with hosted() as host:
+        anna, bob = host.client("anna"), host.client("bob")
+        follower = await Follower(anna).attach()
+        hello = await bob.attach()
+        assert (hello.you, hello.role) == ("wizard:bob", "wizard")
+        task = await follower.until(TaskRecord, id=(await anna.send(start("Greet", source="wizard:eve"))).task)
+        assert task.source == "wizard:anna"
+        reply = await bob.send(start("Greet"))
+        assert not reply.accepted and "wizard:anna" in reply.reason
+        await bob.control("ask")
+        await follower.until(ControlRecord, status="asked", by="wizard:bob")
+        await anna.control("give")
+        await follower.until(ControlRecord, status="given", holder="wizard:bob")
+        assert (await bob.send(start("Greet"))).accepted
+        await bob.close()
+        await follower.until(ControlRecord, status="released", holder=None)
 
 
 async def test_the_engine_has_a_thread_of_its_own() -> None:
@@ -131,7 +155,7 @@ async def test_a_client_whose_loop_stalls_does_not_hold_up_the_engine() -> None:
     async with hosted() as host:
         follower = await Follower(host.client()).attach()
         await follower.client.send(start("Greet"))
-        _block_until(lambda: bool(host._view.acts["Greet"].runs))
+        _block_until(lambda: bool(host.room.view.acts["Greet"].runs))
         assert follower.view.acts["Greet"].runs == 0, "this loop has not run"
         ended = await follower.until(TaskRecord, id=1, status="SUCCEEDED")
         typical = follower.view.acts["Greet"].typical
@@ -205,7 +229,7 @@ def test_a_client_whose_loop_is_closed_is_forgotten() -> None:
             await follower.client.send(Note(text=str(number)))
         await follower.until(NoteRecord, text="9")
         assert len(host._mailboxes) == 1
-        await follower.client.close()
+        await follower.client.close(end_session=True)
 
     asyncio.run(others())
     assert host.join(5)
@@ -227,7 +251,7 @@ async def test_in_debug_mode_the_driver_is_always_simulated() -> None:
     client = start_local(scenario(GREETING, robot=profile(driver="ros7")), mode="debug", speed=FAST)
     hello = await client.attach()
     assert hello.view.robot is None or "simulated" in hello.view.robot.detail
-    await client.close()
+    await client.close(end_session=True)
 
 
 async def test_mode_real_on_a_simulated_robot_says_so() -> None:
@@ -277,15 +301,15 @@ async def test_stop_all_goes_through_while_clients_flood() -> None:
         clients = [host.client() for _ in range(10)]
         for client in clients:
             await client.attach()
-        follower = await Follower(host.client()).attach()
-        await follower.client.send(start("Long"))
+        follower = await Follower(host.client(role="observer")).attach()
+        assert (await clients[0].send(start("Long"))).accepted
 
         async def flood(client: LocalClient) -> None:
             for number in range(100):
                 await client.send(Note(text=str(number)))
 
         floods = [asyncio.create_task(flood(client)) for client in clients]
-        reply = await asyncio.wait_for(follower.client.send(Submit(function="stopAll", source="wizard:a")), 5)
+        reply = await asyncio.wait_for(follower.client.send(Submit(function="stopAll")), 5)
         assert reply.accepted
         await follower.until(StopRecord, status="latched")
         await asyncio.gather(*floods)

@@ -18,7 +18,9 @@ from rise_engine.kernel.commands import CancelTimer, SetTimer, StartAction, Stop
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
+    ControlChanged,
     RobotChanged,
+    SessionRecovered,
     SessionStarted,
     StopReport,
     Submit,
@@ -181,6 +183,8 @@ MOVES: st.SearchStrategy[Move] = st.one_of(
     st.tuples(st.just("stop"), st.booleans(), st.just("")),
     st.tuples(st.just("release"), st.just(""), st.just("")),
     st.tuples(st.just("robot"), st.sampled_from(["lost", "connected"]), st.just("")),
+    st.tuples(st.just("recover"), st.just(""), st.just("")),
+    st.tuples(st.just("control"), st.sampled_from(["taken", "asked", "released"]), st.sampled_from(["wizard:a", None])),
 )
 
 
@@ -258,6 +262,10 @@ class Run:
                 self.do(Submit(function="releaseStop", source="wizard:w"))
             case "robot":
                 self.do(RobotChanged(status=a))
+            case "recover":
+                self.do(SessionRecovered(reason="test"))
+            case "control":
+                self.do(ControlChanged(status=a, by="wizard:b", holder=b))
             case "wait":
                 self.wait(a)
         self.snapshots.append(self.kernel.snapshot())

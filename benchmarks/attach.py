@@ -1,0 +1,126 @@
+"""Attaching to a session of 100,000 records: wall time until a client has its state, against the wanted second.
+
+The floor is what no way of attaching can do without: encoding the state once and decoding it once, in the same run. The
+engine is a process of its own, as it is for a console; the client's time is measured, its scenario loaded included.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import msgspec
+from measure import Report
+
+ROOT = Path(__file__).parents[1]
+RECORDS = 100_000
+ROUNDS = 7
+
+ENGINE = """
+import asyncio, sys
+from pathlib import Path
+from rise_engine.clock import RealClock
+from rise_engine.engine import Engine
+from rise_engine.kernel.inputs import Submit
+from rise_engine.link.places import claim
+from rise_engine.link.room import Room
+from rise_engine.link.server import Server
+from rise_engine.robots import make_robot
+from rise_engine.scenario import load
+from rise_engine.session.folder import create
+
+async def main(root, records):
+    loaded = load("scenarios/lablinking")
+    scenario = loaded.scenario
+    folder = create(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1000, faults=(), versions={})
+    clock = RealClock(asyncio.get_running_loop(), 1000)
+    engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
+    with claim("attach") as name:
+        room = Room(engine, str(folder))
+        server = Server(room, name.socket)
+        await server.start()
+        engine.start()
+        number = 0
+        while room.view.seq < records:
+            act = ("R_Task1_Step1", "R_Praise", "R_Nod")[number % 3]
+            engine.post(Submit(function="startCommunicationRobotAct", behavior=act, source="wizard:anna"))
+            engine.post(Submit(function="assignValue", behavior=f"step = {number}", source="wizard:anna"))
+            engine.post(Submit(function="raiseEventTopic", behavior="/next", source="wizard:anna"))
+            number += 1
+            if len(room.view.waiting) > 5:
+                await asyncio.sleep(0.002)
+        print(name.socket, flush=True)
+        await asyncio.to_thread(sys.stdin.read)
+        engine.end_now("done")
+        await server.close()
+
+asyncio.run(main(sys.argv[1], int(sys.argv[2])))
+"""
+
+
+def main() -> bool:
+    from rise_engine.link.messages import State, state_of, view_of
+    from rise_engine.link.socket_client import SocketClient
+    from rise_engine.view import TaskView, View
+
+    async def attach(path: str) -> tuple[float, View]:
+        client = SocketClient(Path(path), "bench", "observer")
+        begun = time.perf_counter()
+        hello = await client.attach()
+        took = time.perf_counter() - begun
+        await client.close()
+        return took, hello.view
+
+    def bare(view: View) -> float:
+        begun = time.perf_counter()
+        state, tasks = msgspec.json.encode(state_of(view)), msgspec.json.encode(list(view.tasks.values()))
+        view_of(msgspec.json.decode(state, type=State), msgspec.json.decode(tasks, type=list[TaskView]))
+        return time.perf_counter() - begun
+
+    report = Report("Attach to a running session (wall time)")
+    root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    before = os.environ.get("RISE_RUNTIME")
+    os.environ["RISE_RUNTIME"] = f"{root}/run"
+    try:
+        with subprocess.Popen(
+            [sys.executable, "-c", ENGINE, root, str(RECORDS)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+        ) as engine:
+            assert engine.stdout is not None and engine.stdin is not None
+            path = engine.stdout.readline().strip()
+            attached, floor = [], []
+            asyncio.run(attach(path))
+            for _ in range(ROUNDS):
+                took, view = asyncio.run(attach(path))
+                attached.append(took)
+                floor.append(bare(view))
+            engine.stdin.close()
+    finally:
+        shutil.rmtree(root)
+        if before is None:
+            del os.environ["RISE_RUNTIME"]
+        else:
+            os.environ["RISE_RUNTIME"] = before
+    ours, least = statistics.median(attached), statistics.median(floor)
+    size = len(msgspec.json.encode(list(view.tasks.values())))
+    report.row("records, tasks in the state", f"{view.seq:,}, {len(view.tasks):,}", f"{size / 1e6:.1f} MB")
+    report.row("encode and decode the state, nothing else", f"{least * 1000:.0f} ms")
+    report.row("attach, scenario loaded", f"{ours * 1000:.0f} ms", f"{json.dumps([round(a, 3) for a in attached])}")
+    report.row("against the floor", f"{ours / least:.1f} times")
+    report.target("seconds to attach to 100,000 records", ours, 1.0, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    sys.exit(not main())

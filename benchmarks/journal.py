@@ -1,0 +1,96 @@
+"""The journal: records made into lines and durable, beside bare lines that are written and synchronised in groups.
+
+Both bring the same number of lines of the same length onto the same disk, as fast as they can. The journal is measured
+from the record on: its JSON, its check sum, the hand-over to the writer's thread.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from kernel_events import ours
+from measure import Report, interleave
+
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.session.journal import Journal
+from rise_engine.session.lines import input_line, step_lines
+
+EVENTS = 5_000
+GROUP = 1_000
+"""Lines per write of the floor."""
+
+SUBMIT = Submit(function="raiseEventTopic", behavior="/R_RequestInteraction_end", source="file")
+
+
+def journaled(folder: Path, steps: list[list[AnyRecord]]) -> Callable[[], float]:
+    """Wall seconds per line, from the first record until the last is durable."""
+    lines = len(steps) + sum(map(len, steps))
+
+    def run() -> float:
+        path = folder / "journal.jsonl"
+        changed = threading.Event()
+        journal = Journal(path, changed=changed.set)
+        start = time.perf_counter()
+        for n, records in enumerate(steps):
+            journal.append(step_lines(input_line(n, SUBMIT), records))
+        while journal.durable != journal.appended:
+            changed.wait()
+            changed.clear()
+        seconds = time.perf_counter() - start
+        journal.close()
+        path.unlink()
+        return seconds / lines
+
+    return run
+
+
+def bare(folder: Path, steps: list[list[AnyRecord]]) -> Callable[[], float]:
+    made = [step_lines(input_line(n, SUBMIT), records) for n, records in enumerate(steps)]
+    lines = sum(each.count(b"\n") for each in made)
+    line = b"x" * (sum(map(len, made)) // lines - 1) + b"\n"
+
+    def run() -> float:
+        path = folder / "bare"
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT)
+        start = time.perf_counter()
+        left = lines
+        while left:
+            now = min(left, GROUP)
+            os.write(descriptor, line * now)
+            os.fdatasync(descriptor)
+            left -= now
+        seconds = time.perf_counter() - start
+        os.close(descriptor)
+        path.unlink()
+        return seconds / lines
+
+    return run
+
+
+def main() -> bool:
+    kernel, _ = ours()
+    steps = [kernel.handle(SUBMIT)[0] for _ in range(EVENTS)]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        works: dict[str, tuple[Callable[[], object], int]] = {
+            "journal, from records": (journaled(folder, steps), 0),
+            f"bare lines, {GROUP:,} per write": (bare(folder, steps), 0),
+        }
+        figures = interleave(works, rounds=21)
+    report = Report("Journal throughput (wall time)")
+    for name, figure in figures.items():
+        report.row(name, f"{figure.per_second:,.0f} lines/s")
+    mine, floor = figures.values()
+    report.target("times the floor", mine.median / floor.median, 3, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    sys.exit(not main())

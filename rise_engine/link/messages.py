@@ -1,0 +1,234 @@
+"""What crosses a session's socket: one JSON object per line, version 1 (docs/reference/link.md).
+
+A client attaches, gets the session's state in pieces (`hello`, `tasks`, `ready`), and from then on every record and the
+answers to what it sends. Fields that a reader does not know are ignored; whatever changes a meaning raises `VERSION`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
+from rise_engine.link.client import Journaling, Reply, Role, Verb
+from rise_engine.session.lines import writable
+from rise_engine.view import ActView, MemoryView, RuleView, StopView, TaskView, View
+
+VERSION = 1
+LINE_LIMIT = 1_048_576
+"""Bytes of a client's line. One that is longer is no mistake of a person: its connection ends."""
+MESSAGE_LIMIT = 65_536
+"""Bytes of a `send`; a longer one is answered with a rejection. Its texts are repeated in records to every client."""
+
+Number: TypeAlias = Annotated[int, Meta(ge=0, le=2**53)]
+
+
+# --- from a client --------------------------------------------------------------------------------------------------
+
+
+class Attach(Struct, tag_field="type", tag="attach", frozen=True):
+    """The first line, unless it is `about`."""
+
+    version: int
+    name: str
+    role: Role = "wizard"
+
+
+class AskAbout(Struct, tag_field="type", tag="about", frozen=True):
+    """Instead of attaching: what session is this? It is answered, and the connection ends."""
+
+
+class Send(Struct, tag_field="type", tag="send", frozen=True):
+    id: Number
+    """The client's own number; the `reply` carries it."""
+    message: Submit | Note
+
+
+class Control(Struct, tag_field="type", tag="control", frozen=True):
+    id: Number
+    verb: Verb
+
+
+class End(Struct, tag_field="type", tag="end", frozen=True):
+    """Stop the robot and end the session."""
+
+    id: Number
+    reason: str = ""
+
+
+FromClient: TypeAlias = Attach | AskAbout | Send | Control | End
+
+
+# --- to a client ----------------------------------------------------------------------------------------------------
+
+
+class State(Struct, frozen=True):
+    """A `View` without its tasks, which follow in pieces."""
+
+    seq: int
+    t: float
+    session: SessionRecord | None
+    ended: bool
+    end_reason: str
+    control: str | None
+    asked: str | None
+    robot: RobotRecord | None
+    stop: StopView
+    acts: dict[str, ActView]
+    rules: dict[str, RuleView]
+    memory: dict[str, MemoryView]
+    running: list[int]
+    waiting: list[int]
+    unhandled: list[EventRecord]
+
+
+class Welcome(Struct, tag_field="type", tag="hello", frozen=True):
+    version: int
+    you: str
+    role: Role
+    mode: str
+    robot: str
+    seed: int
+    scenario_hash: str
+    folder: str
+    """The session's folder, absolute. The scenario that the session runs is read from the copy in there."""
+    replay: bool
+    journaling: Journaling
+    t: float
+    """The session's time at this moment."""
+    speed: float
+    """Session seconds in a second."""
+    state: State
+
+
+class Tasks(Struct, tag_field="type", tag="tasks", frozen=True):
+    """Some of the view's tasks: first those that are not over, then the others by their ids."""
+
+    tasks: list[TaskView]
+
+
+class Ready(Struct, tag_field="type", tag="ready", frozen=True):
+    """The state is complete; from here on everything comes as it happens."""
+
+
+class Records(Struct, tag_field="type", tag="records", frozen=True):
+    records: list[AnyRecord]
+
+
+class JournalingChanged(Struct, tag_field="type", tag="journaling", frozen=True):
+    journaling: Journaling
+
+
+class Answer(Struct, tag_field="type", tag="reply", frozen=True):
+    """To `send`, `control` and `end`. An accepted `send` is on the disk, and its records have come before."""
+
+    id: int
+    accepted: bool
+    reason: str = ""
+    task: int | None = None
+
+    @property
+    def reply(self) -> Reply:
+        return Reply(self.accepted, self.reason, self.task)
+
+
+class Refused(Struct, tag_field="type", tag="refused", frozen=True):
+    """The connection ends; the session goes on."""
+
+    reason: str
+
+
+class Ended(Struct, tag_field="type", tag="ended", frozen=True):
+    """The session is over. The last line."""
+
+    reason: str
+    failed: bool = False
+    """The engine itself failed."""
+
+
+class About(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
+    """A session in a few words, for lists of sessions."""
+
+    version: int
+    title: str
+    mode: str
+    robot: str
+    seed: int
+    scenario_folder: str
+    scenario_hash: str
+    folder: str
+    """The session's folder."""
+    t: float
+    """Its time in seconds."""
+    seq: int
+    """Records so far."""
+    busy: bool
+    """An act runs or waits."""
+    stopped: bool
+    """Everything is stopped until the stop is released."""
+    control: str | None
+    clients: list[str]
+    """Who is attached."""
+    replay: bool = False
+    trouble: str = ""
+    """Why nothing can be recorded; while this is set, the session is paused."""
+    pid: int = 0
+    program: str = ""
+    lag: float = 0.0
+    """Seconds by which the engine's loop was late at most, within the last five seconds."""
+    lag_max: float = 0.0
+    """The same since the session began."""
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+ToClient: TypeAlias = Welcome | Tasks | Ready | Records | JournalingChanged | Answer | Refused | Ended | About
+
+_encode = msgspec.json.Encoder().encode
+_decode_from_client = msgspec.json.Decoder(FromClient).decode
+_decode_to_client = msgspec.json.Decoder(ToClient).decode
+
+
+def line(message: FromClient | ToClient) -> bytes:
+    """A message with its line end. Half characters, as a broken file name has them, are written as `\\udcff`."""
+    try:
+        return _encode(message) + b"\n"
+    except UnicodeEncodeError:
+        return _encode(writable(msgspec.to_builtins(message))) + b"\n"
+
+
+def from_client(data: bytes) -> FromClient:
+    """Raises ValueError with a sentence."""
+    try:
+        return _decode_from_client(data)  # type: ignore[no-any-return]
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise ValueError(f"this line is no message of the protocol: {error}") from None
+
+
+def to_client(data: bytes) -> ToClient:
+    """Raises ValueError with a sentence."""
+    try:
+        return _decode_to_client(data)  # type: ignore[no-any-return]
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise ValueError(f"the engine sent something that this version does not know: {error}") from None
+
+
+def state_of(view: View) -> State:
+    values: dict[str, Any] = {name: getattr(view, name) for name in State.__struct_fields__}
+    return State(**{**values, "unhandled": list(view.unhandled)})
+
+
+def view_of(state: State, tasks: Iterable[TaskView]) -> View:
+    """What `state_of` was made from. The last task of an act is again the same object as among the tasks."""
+    view = View(tasks={task.id: task for task in sorted(tasks, key=lambda task: task.id)})
+    for name in State.__struct_fields__:
+        setattr(view, name, getattr(state, name))
+    view.unhandled = deque(state.unhandled, View().unhandled.maxlen)
+    for act in view.acts.values():
+        if act.last is not None:
+            act.last = view.tasks.get(act.last.id, act.last)
+    return view

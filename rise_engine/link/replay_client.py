@@ -1,0 +1,86 @@
+"""A recorded session, played to a console as if it happened now: the same `Client`, but nothing can be changed."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.link.client import ClientInput, EngineGone, Hello, Reply, Update, Verb
+from rise_engine.session.folder import JOURNAL, SessionError, read_info
+from rise_engine.session.reading import read_journal
+from rise_engine.session.replay import session_scenario
+from rise_engine.view import View
+
+BATCH = 500
+"""Records that a console gets at once at most, so that it can paint in between."""
+
+_NO = Reply(False, "this is a replay: nothing can be changed in it")
+
+
+class ReplayClient:
+    """Implements `rise_engine.link.client.Client` over a session's folder."""
+
+    def __init__(self, folder: Path, speed: float = 1.0) -> None:
+        """`speed`: how many session seconds pass in one second."""
+        self._folder = folder
+        self._speed = speed
+        self._records: list[AnyRecord] = []
+        self._began = 0.0
+        self._closed = asyncio.Event()
+
+    async def attach(self) -> Hello:
+        try:
+            return await asyncio.to_thread(self._open)
+        except SessionError as error:
+            raise EngineGone(str(error)) from None
+        finally:
+            self._began = time.monotonic()
+
+    def _open(self) -> Hello:
+        info = read_info(self._folder)
+        contents = read_journal(self._folder / JOURNAL)
+        notes: list[str] = []
+        scenario = session_scenario(self._folder, info, notes)
+        self._records = [record for _, record in contents.placed()]
+        return Hello(
+            scenario,
+            info.mode,
+            info.robot,
+            info.seed,
+            View(),
+            you="observer:replay",
+            role="observer",
+            folder=str(self._folder),
+            replay=True,
+        )
+
+    async def records(self) -> AsyncIterator[Sequence[Update]]:
+        at = 0
+        while at < len(self._records) and not self._closed.is_set():
+            wait = (self._records[at].t - self.now()) / self._speed
+            if wait > 0:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._closed.wait(), wait)
+                continue
+            end, now = at + 1, self.now()
+            while end < len(self._records) and end - at < BATCH and self._records[end].t <= now:
+                end += 1
+            yield self._records[at:end]
+            at = end
+            await asyncio.sleep(0)
+
+    async def send(self, message: ClientInput) -> Reply:
+        return _NO
+
+    async def control(self, verb: Verb) -> Reply:
+        return _NO
+
+    def now(self) -> float:
+        return (time.monotonic() - self._began) * self._speed
+
+    async def close(self, *, end_session: bool = False) -> None:
+        self._closed.set()

@@ -1,0 +1,356 @@
+"""Who is attached to a session, who of them holds control, and what each may do. No sockets in here.
+
+One member at most holds control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
+What changes about control goes through the engine like any other input, so that it is in the record.
+
+Two names: a member's own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to one
+console; the `source` of what it submits is the person (`wizard:anna`), because the record asks who did it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from msgspec.structs import replace
+
+from rise_engine.engine import Answer, Engine, versions
+from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Submit
+from rise_engine.kernel.records import ActionRecord, AnyRecord, SessionRecord, TaskRecord
+from rise_engine.link.client import ClientInput, Hello, Reply, Role, Update, Verb
+from rise_engine.link.messages import VERSION, About
+from rise_engine.view import ActView, TaskView, View
+
+_LOG = logging.getLogger(__name__)
+
+END_SECONDS = 6.0
+"""Real seconds that the robot gets to confirm the last stop before the session ends without it."""
+NAME_LENGTH = 64
+
+REPLAY = "this is the replay of a session: nothing can be done in it"
+
+
+class NotAdmitted(Exception):
+    """Somebody cannot attach; the text says why, for a person."""
+
+
+class Member:
+    """Somebody who is attached."""
+
+    __slots__ = ("name", "role", "source")
+
+    def __init__(self, name: str, source: str, role: Role) -> None:
+        self.name = name
+        self.source = source
+        self.role = role
+
+
+class Room:
+    """The audience of one engine. All methods belong to the engine's thread, and none may be called inside a step."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        folder: str = "",
+        *,
+        view: View | None = None,
+        replay: bool = False,
+        end: Callable[[str], object] | None = None,
+    ) -> None:
+        """Make it before the engine starts, so that it misses no record.
+
+        `view`: the state of a session that goes on, before the first new record. `end`: what ends the session when a
+        member asks for it; without it, the engine is asked, and told again after `END_SECONDS`.
+        """
+        self.engine = engine
+        self.folder = folder
+        self.replay = replay
+        self.members: dict[str, Member] = {}
+        self.end_reason = ""
+        """Why the session ended, once it has."""
+        self._end = end or self._end_engine
+        self._view = View() if view is None else view
+        self._all: list[TaskView] | None = None
+        self._open = {id for id, task in self._view.tasks.items() if _changes_still(task)}
+        self._listeners: list[Callable[[Update], object]] = []
+        self._holder: Member | None = None
+        self._asker: Member | None = None
+        self._inputs_before = engine.inputs
+        self._opened = False
+        engine.subscribe(self._record)
+        engine.when_journaling = self._tell
+
+    @property
+    def view(self) -> View:
+        """The present state, for looking only."""
+        return self._view
+
+    def tasks(self) -> tuple[list[TaskView], list[TaskView]]:
+        """The view's tasks that can still change, which are to be looked at now; and all, of which the others never do.
+
+        Made once for all who ask before there is another task: a copy of the whole view would be ten times as dear.
+        """
+        tasks = self._view.tasks
+        if self._all is None:
+            self._all = list(tasks.values())
+        return [tasks[id] for id in sorted(self._open) if id in tasks], self._all
+
+    def subscribe(self, listener: Callable[[Update], object]) -> None:
+        """Let `listener` have every record, and every change of how recording stands. It may be called in a step."""
+        self._listeners.append(listener)
+
+    # --- coming and going ---------------------------------------------------------------------------------------
+
+    def attach(self, name: str, role: Role) -> Member:
+        """Raises NotAdmitted. A wizard who comes while nobody holds control gets it."""
+        problem = _name_problem(name)
+        if self.engine.ended:
+            problem = "the session has ended"
+        if problem:
+            raise NotAdmitted(problem)
+        source = unique = f"{role}:{name}"
+        number = 1
+        while unique in self.members:
+            number += 1
+            unique = f"{source}#{number}"
+        member = self.members[unique] = Member(unique, source, role)
+        if role == "wizard" and self._holder is None and self._begun and not self.replay:
+            self._change("taken", member, member)
+        return member
+
+    def leave(self, member: Member) -> None:
+        """Somebody has gone. Control that they held goes to who asked for it, or to nobody."""
+        if self.members.get(member.name) is not member:
+            return
+        del self.members[member.name]
+        if member is self._holder:
+            heir = self._asker
+            self._change("released" if heir is None else "given", member, heir)
+        elif member is self._asker:
+            self._change("released", member, self._holder)
+
+    def hello(self, member: Member) -> Hello:
+        """The state between two steps; the records that a listener gets from now on belong after it."""
+        engine, scenario = self.engine, self.engine.scenario
+        return Hello(
+            scenario,
+            scenario.mode,
+            scenario.robot.name,
+            engine.seed,
+            copy_of(self._view, self._open),
+            you=member.name,
+            role=member.role,
+            folder=self.folder,
+            replay=self.replay,
+            journaling=engine.journaling,
+        )
+
+    def about(self) -> About:
+        engine, scenario, view = self.engine, self.engine.scenario, self._view
+        return About(
+            version=VERSION,
+            title=scenario.title,
+            mode=scenario.mode,
+            robot=scenario.robot.name,
+            seed=engine.seed,
+            scenario_folder=scenario.folder,
+            scenario_hash=scenario.hash,
+            folder=self.folder,
+            t=round(max(engine.clock.now(), 0.0), 3),
+            seq=view.seq,
+            busy=bool(view.running or view.waiting),
+            stopped=view.stop.latched,
+            control=view.control,
+            clients=list(self.members),
+            replay=self.replay,
+            trouble=engine.journaling.trouble,
+            pid=os.getpid(),
+            versions=versions(),
+        )
+
+    # --- what members do ----------------------------------------------------------------------------------------
+
+    def send(self, member: Member, message: ClientInput, answer: Answer) -> None:
+        """Pass an input on, in the member's name; `answer` is called once."""
+        problem = self._may_not(member, message)
+        if problem:
+            answer(Reply(False, problem))
+        else:
+            self.engine.accept(replace(message, source=member.source, t=0.0), answer)
+
+    def control(self, member: Member, verb: Verb, answer: Answer) -> None:
+        """Take control, ask for it, give it away or release it; `answer` is called once."""
+        problem = REPLAY if self.replay else "" if self._begun else "the session has not begun yet"
+        if not problem and member.role == "observer":
+            problem = "an observer never has control; attach as a wizard to have it"
+        if not problem and member.role == "node":
+            problem = "a program needs no control: it may submit at any time"
+        if problem:
+            answer(Reply(False, problem))
+            return
+        holder, asker = self._holder, self._asker
+        match verb:
+            case "take" | "ask" if holder is member:
+                answer(Reply(True, "you hold control already"))
+            case "ask" if asker is member:
+                answer(Reply(True, "you have asked already"))
+            case "ask" if holder is not None:
+                self._change("asked", member, holder, answer)
+            case "take" | "ask":
+                self._change("taken", member, member, answer)
+            case "give" | "release" if holder is not member and not (verb == "release" and asker is member):
+                answer(Reply(False, f"you do not hold control: {self._who_holds()}"))
+            case "give" if asker is None:
+                answer(Reply(False, "nobody has asked for control; release it, and anybody can take it"))
+            case "give":
+                self._change("given", member, asker, answer)
+            case "release":  # also of one who asked and does not want it any more
+                self._change("released", member, None if holder is member else holder, answer)
+
+    def end(self, member: Member, reason: str, answer: Answer) -> None:
+        """End the session; the answer says that it begins to end."""
+        problem = REPLAY if self.replay else ""
+        if member.role == "observer":
+            problem = "an observer cannot end the session"
+        elif member.role == "wizard" and self._holder not in (None, member):
+            problem = f"only who holds control can end the session: {self._who_holds()}"
+        if problem:
+            answer(Reply(False, problem))
+        else:
+            answer(Reply(True))
+            self._end(reason or f"ended by {member.source}")
+
+    def _may_not(self, member: Member, message: ClientInput) -> str:
+        if self.replay:
+            return REPLAY
+        if not self._begun:
+            return "the session has not begun yet"
+        if not isinstance(message, Submit) or message.function == "stopAll":
+            return ""
+        if member.role == "node" or member is self._holder:
+            return ""
+        if member.role == "observer":
+            return "an observer only watches, adds notes and can stop everything; attach as a wizard to do more"
+        return f"you do not hold control: {self._who_holds()}"
+
+    def _who_holds(self) -> str:
+        holder = self._holder
+        return f"{holder.name} does; ask for it, or take it" if holder is not None else "nobody does; take it"
+
+    # --- control ------------------------------------------------------------------------------------------------
+
+    @property
+    def _begun(self) -> bool:
+        """The engine has taken its first input; none of ours may come before."""
+        return self.engine.inputs != self._inputs_before
+
+    def _change(self, status: ControlStatus, by: Member, holder: Member | None, answer: Answer | None = None) -> None:
+        """Counts from now on, although the record of it may still be on its way to the disk.
+
+        Without `answer` it is no wish but a fact: it is recorded later if it cannot be now.
+        """
+        before = self._holder, self._asker
+        after = self._holder, self._asker = holder, by if status == "asked" else None
+        fact = ControlChanged(status=status, by=by.name, holder=holder.name if holder is not None else None)
+        if answer is None:
+            self.engine.post(fact)
+            return
+        asks_back = answer
+
+        def answered(reply: Reply) -> None:
+            if not reply.accepted and (self._holder, self._asker) == after:
+                self._holder, self._asker = before
+            asks_back(reply)
+
+        self.engine.accept(fact, answered)
+
+    def _open_room(self) -> None:
+        """With the first record: who came before it gets control, and who held it before a crash does not."""
+        self._opened = True
+        if self._holder is not None or self.replay:
+            return
+        wizard = next((member for member in self.members.values() if member.role == "wizard"), None)
+        if wizard is not None:
+            self._change("taken", wizard, wizard)
+        elif self._view.control is not None:
+            self.engine.post(ControlChanged(status="released", by=self._view.control, holder=None))
+
+    # --- from the engine ----------------------------------------------------------------------------------------
+
+    def _record(self, record: AnyRecord) -> None:
+        view = self._view
+        if isinstance(record, TaskRecord) and record.id not in view.tasks:
+            self._all = None
+        view.apply(record)
+        if isinstance(record, TaskRecord | ActionRecord):
+            id = record.id if isinstance(record, TaskRecord) else record.task
+            task = view.tasks.get(id)
+            if task is not None and _changes_still(task):
+                self._open.add(id)
+            else:
+                self._open.discard(id)
+        elif isinstance(record, SessionRecord) and record.status == "ended":
+            self.end_reason = record.reason
+        self._tell(record)
+        if not self._opened:
+            self._open_room()
+
+    def _tell(self, update: Update) -> None:
+        for listener in self._listeners:
+            try:
+                listener(update)
+            except Exception:  # the engine would let go of the whole room
+                _LOG.exception("a listener failed")
+
+    def _end_engine(self, reason: str) -> None:
+        self.engine.end(reason)
+        asyncio.get_running_loop().call_later(END_SECONDS, self.engine.end_now, reason)
+
+
+def copy_of(view: View, open: Iterable[int] | None = None) -> View:
+    """A view that the engine will not change any more. What has ended is shared, because nothing changes it again.
+
+    `open`: the tasks that can still change, for one who keeps count of them; without it they are looked for.
+    """
+    if open is None:
+        open = [id for id, task in view.tasks.items() if _changes_still(task)]
+    tasks = view.tasks.copy()
+    for id in open:
+        if id in tasks:
+            tasks[id] = _copy_of_task(tasks[id])
+    return replace(
+        view,
+        tasks=tasks,
+        acts={name: _copy_of_act(act, tasks) for name, act in view.acts.items()},
+        rules={name: replace(rule) for name, rule in view.rules.items()},
+        memory=dict(view.memory),
+        running=list(view.running),
+        waiting=list(view.waiting),
+        unhandled=deque(view.unhandled, view.unhandled.maxlen),
+    )
+
+
+def _changes_still(task: TaskView) -> bool:
+    return task.ended is None or any(action.ended is None for action in task.actions.values())
+
+
+def _copy_of_task(task: TaskView) -> TaskView:
+    return replace(task, actions={name: replace(action) for name, action in task.actions.items()})
+
+
+def _copy_of_act(act: ActView, tasks: dict[int, TaskView]) -> ActView:
+    last = act.last if act.last is None else tasks.get(act.last.id, act.last)
+    return replace(act, running=list(act.running), waiting=list(act.waiting), last=last)
+
+
+def _name_problem(name: str) -> str:
+    if not name.strip():
+        return "say who you are: the name is empty"
+    if len(name) > NAME_LENGTH:
+        return f"the name is longer than {NAME_LENGTH} characters"
+    if name != name.strip() or not name.isprintable() or "#" in name:
+        return f"{name!r} cannot be a name: it has blanks at an end, a `#`, or characters that cannot be shown"
+    return ""

@@ -1,0 +1,139 @@
+"""Starting an engine in the background: a process that belongs to no terminal, and one word from it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from select import select
+from typing import TypeAlias
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.link.places import PlaceError, runtime_folder
+
+PATIENCE = 30.0
+"""Seconds that an engine has to say whether it serves."""
+
+
+class Options(Struct, frozen=True):
+    """How a session is started; None: as the scenario says. The fields are those of `rise_engine.serve.Order`."""
+
+    folder: str
+    robot: str | None = None
+    mode: str | None = None
+    seed: int | None = None
+    speed: float = 1.0
+    faults: tuple[str, ...] = ()
+    places: dict[str, str] = {}
+    unfinished: str = "ask"
+    """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
+
+
+class Started(Struct, frozen=True):
+    """An engine serves."""
+
+    name: str
+    """Of the session, for `SocketClient`."""
+    folder: str
+    """The session's folder."""
+    lines: list[str] = []
+    """What there is to say about a recovery."""
+
+
+class Refused(Struct, frozen=True):
+    """Nothing was started."""
+
+    code: int
+    lines: list[str]
+    unfinished: list[tuple[str, str]] = []
+    """Sessions that could be recovered: folder, and a sentence about it."""
+
+
+class Word(Struct):
+    """What an engine's process says to whoever started it, once: that it serves, or why not."""
+
+    code: int
+    """0, or the exit status (`rise_engine.serve`)."""
+    name: str = ""
+    folder: str = ""
+    lines: list[str] = []
+    unfinished: list[tuple[str, str]] = []
+
+
+Outcome: TypeAlias = Started | Refused
+
+
+class Starting:
+    """An engine that is coming up; something else can be done meanwhile."""
+
+    def __init__(self, options: Options) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._problem = ""
+        self._ready, ready = os.pipe()
+        try:
+            self._log = runtime_folder() / "engine.log"
+            log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+            self._logged = os.fstat(log).st_size
+        except (OSError, PlaceError) as error:
+            self._problem = str(error)
+            os.close(ready)
+            return
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "rise_engine.serve", msgspec.json.encode(options).decode(), str(ready)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=(ready,),
+                start_new_session=True,
+                close_fds=True,
+            )
+        except OSError as error:
+            self._problem = f"the engine's process cannot be started: {error.strerror or error}"
+        finally:
+            os.close(ready)
+            os.close(log)
+
+    def wait(self) -> Outcome:
+        """Wait (blocking) for the engine's word."""
+        text = b""
+        if not self._problem:
+            while not text.endswith(b"\n"):
+                if not select([self._ready], [], [], PATIENCE)[0]:
+                    self._problem = f"the engine said nothing within {PATIENCE:g} s"
+                    break
+                chunk = os.read(self._ready, 65_536)
+                if not chunk:
+                    break
+                text += chunk
+        os.close(self._ready)
+        if not text.endswith(b"\n"):
+            return self._no_word()
+        word = msgspec.json.decode(text, type=Word)
+        if word.code == 0:
+            if self._process is not None:
+                self._process.returncode = 0  # it is nobody's child: no warning that it still runs
+            return Started(word.name, word.folder, word.lines)
+        if self._process is not None:
+            self._process.wait()
+        return Refused(word.code, word.lines, word.unfinished)
+
+    def _no_word(self) -> Refused:
+        """What it left in its log instead."""
+        if self._process is None:
+            return Refused(70, [self._problem])
+        if self._problem:
+            self._process.kill()
+        code = self._process.wait()
+        with self._log.open("rb") as log:
+            log.seek(self._logged)
+            said = log.read().decode("utf-8", "replace").splitlines()
+        ended = f"the engine ended before it served (its log is {self._log})"
+        return Refused(code if code > 0 else 70, [self._problem or ended, *said[-20:]])
+
+
+def start_engine(options: Options) -> Outcome:
+    """Start an engine and wait (blocking) until it serves or refuses."""
+    return Starting(options).wait()

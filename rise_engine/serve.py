@@ -1,0 +1,352 @@
+"""`rise-engine serve`: one session in a process of its own, which no console can take down.
+
+The process claims the session's name, makes or takes up the session's folder, runs the engine, and listens on the
+session's socket until the session ends. SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a
+lost terminal sends, is ignored.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import os
+import signal
+import socket
+import sys
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from random import SystemRandom
+from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.clock import RealClock
+from rise_engine.engine import Engine, Resumption, versions
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.link.places import Claim, PlaceError, claim, session_name
+from rise_engine.link.room import Room
+from rise_engine.link.server import Server
+from rise_engine.link.spawn import Word
+from rise_engine.robots import DriverError, RobotOptionsError, make_robot, warning_for
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import (
+    JOURNAL,
+    SessionError,
+    abandon,
+    create,
+    read_info,
+    sessions_folder,
+    unfinished,
+)
+from rise_engine.session.journal import Journal
+from rise_engine.session.lines import header_line
+from rise_engine.session.recovery import Recovered, recover
+from rise_engine.session.reports import find_session
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+OK, REFUSED, USAGE, RUNNING, UNFINISHED, LOST, FAILED, UNRECORDED = 0, 1, 2, 3, 4, 5, 70, 74
+"""Exit statuses (docs/reference/rise-engine.md)."""
+
+END_SECONDS = 6.0
+"""Real seconds that the robot gets to confirm the last stop."""
+RECORD_SECONDS = 5.0
+"""Real seconds that the disk gets to take the last records."""
+LOOK_SECONDS = 0.5
+
+
+class Order(Struct, frozen=True):
+    """What to serve."""
+
+    folder: str
+    robot: str | None = None
+    mode: str | None = None
+    places: dict[str, str] = {}
+    """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
+    seed: int | None = None
+    """None: a new one."""
+    speed: float = 1.0
+    faults: tuple[str, ...] = ()
+    first: tuple[Submit, ...] = ()
+    """Submitted at the beginning of a new session."""
+    name: str | None = None
+    """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
+    unfinished: str = "ask"
+    """What to do when an earlier session of the folder did not end: ask (refuse and say so), new, recover (the latest),
+    or the path of the session to recover."""
+
+
+class Refusal(Exception):
+    """Nothing is served."""
+
+    def __init__(self, code: int, *lines: str, unfinished: list[tuple[str, str]] | None = None) -> None:
+        super().__init__("\n".join(lines))
+        self.word = Word(code, lines=list(lines), unfinished=unfinished or [])
+
+
+def serve(order: Order, say: Callable[[Word], None]) -> int:
+    """Serve a session until it ends; gives the exit status. `say` is called once."""
+    try:
+        session = _Prepared(order)
+    except Refusal as refusal:
+        say(refusal.word)
+        return refusal.word.code
+    with session.claim:
+        try:
+            return asyncio.run(_Serving(session, say).run())
+        except Refusal as refusal:
+            say(refusal.word)
+            return refusal.word.code
+
+
+class _Prepared:
+    """Everything that can be refused, before anything runs."""
+
+    def __init__(self, order: Order) -> None:
+        self.order = order
+        self.recovered: Recovered | None = None
+        try:
+            self.name = order.name or session_name(Path(order.folder))
+            claimed = claim(self.name)
+        except PlaceError as error:
+            raise Refusal(FAILED, str(error)) from None
+        if claimed is None:
+            raise Refusal(RUNNING, f"a session of this scenario is running already: {self.name}")
+        self.claim: Claim = claimed
+        try:
+            self._choose()
+        except BaseException:
+            claimed.close()
+            raise
+
+    def _choose(self) -> None:
+        order = self.order
+        which: Path | None = None
+        if order.unfinished not in ("ask", "new", "recover"):
+            try:
+                which = find_session(order.unfinished)
+            except SessionError as error:
+                raise Refusal(USAGE, str(error)) from None
+        else:
+            there = unfinished(str(Path(order.folder).absolute()))
+            if there and order.unfinished == "ask":
+                raise Refusal(
+                    UNFINISHED,
+                    "an earlier session of this scenario did not end: recover it, or begin a new one",
+                    unfinished=[(str(folder), _describe(folder)) for folder in there],
+                )
+            if there and order.unfinished == "recover":
+                which = there[0]
+            for folder in there if order.unfinished == "new" else ():
+                abandon(folder)
+        if which is not None:
+            self._recover(which)
+        else:
+            self._begin()
+
+    def _begin(self) -> None:
+        order = self.order
+        loaded = load(order.folder, robot=order.robot, mode=order.mode, places=order.places)
+        if loaded.scenario is None:
+            raise Refusal(REFUSED, *map(str, loaded.findings))
+        self.scenario: Scenario = loaded.scenario
+        self.seed = order.seed if order.seed is not None else SystemRandom().randrange(2**31)
+        self.speed, self.faults = order.speed, order.faults
+        self._try_robot()
+        try:
+            self.folder = create(
+                sessions_folder(),
+                self.scenario,
+                loaded.files,
+                seed=self.seed,
+                speed=self.speed,
+                faults=self.faults,
+                versions=versions(),
+            )
+        except SessionError as error:
+            raise Refusal(UNRECORDED, str(error)) from None
+
+    def _recover(self, which: Path) -> None:
+        try:
+            self.recovered = recover(which)
+        except SessionError as error:
+            raise Refusal(LOST, f"{which.name} cannot be recovered: {error}") from None
+        info = self.recovered.info
+        self.scenario, self.folder = self.recovered.scenario, which
+        self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
+        self._try_robot()
+
+    def _try_robot(self) -> None:
+        """A driver that is not installed, or an option that it does not take, is found before a session is made."""
+        from rise_engine.clock import VirtualClock
+
+        try:
+            make_robot(self.scenario.robot, self.scenario.mode, VirtualClock(), self.seed, self.faults)
+        except DriverError as error:
+            raise Refusal(REFUSED, f"error: {error}") from None
+        except RobotOptionsError as error:
+            raise Refusal(USAGE, f"error: {error}") from None
+
+
+class _Serving:
+    """The running session."""
+
+    def __init__(self, prepared: _Prepared, say: Callable[[Word], None]) -> None:
+        self.prepared = prepared
+        self.say = say
+        self.ending = False
+        self.unrecorded = False
+
+    async def run(self) -> int:
+        prepared = self.prepared
+        loop = asyncio.get_running_loop()
+        recovered = prepared.recovered
+        clock = RealClock(loop, prepared.speed, recovered.t if recovered is not None else 0.0)
+        robot = make_robot(prepared.scenario.robot, prepared.scenario.mode, clock, prepared.seed, prepared.faults)
+
+        def changed() -> None:
+            with suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(engine.look_at_journal)
+
+        try:
+            journal = Journal(
+                prepared.folder / JOURNAL,
+                size=recovered.size if recovered is not None else 0,
+                changed=changed,
+                now=clock.now,
+            )
+        except OSError as error:
+            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        if recovered is None:
+            journal.append(header_line(f"rise-tui {versions()['rise-tui']}"))
+            resumption = None
+        else:
+            if recovered.lines:
+                journal.append(recovered.lines)
+            resumption = Resumption(recovered.kernel, recovered.inputs, recovered.timers, "its engine had gone")
+        engine = self.engine = Engine(
+            prepared.scenario, robot, clock, prepared.seed, journal=journal, resumption=resumption
+        )
+        view = recovered.view if recovered is not None else None
+        room = Room(engine, str(prepared.folder), view=view, end=self.end)
+        server = Server(room, prepared.claim.socket)
+        ended = asyncio.Event()
+        engine.when_ended(ended.set)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, self.end, f"ended by {number.name}")
+        loop.add_signal_handler(signal.SIGHUP, lambda: None)
+        try:
+            await server.start()
+        except OSError as error:
+            raise Refusal(FAILED, f"the session's socket cannot be made: {error}") from None
+        looking = loop.create_task(self._look(engine))
+        self._begin(engine, recovered)
+        self.say(Word(OK, prepared.name, str(prepared.folder), list(recovered.report) if recovered else []))
+        gc.freeze()
+        gc.enable()
+        _tell_systemd("READY=1")
+        try:
+            await ended.wait()
+        finally:
+            looking.cancel()
+            _tell_systemd("STOPPING=1")
+            await server.close()
+            recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
+        if engine.failure is not None:
+            return FAILED
+        return OK if recorded and not self.unrecorded else UNRECORDED
+
+    def _begin(self, engine: Engine, recovered: Recovered | None) -> None:
+        if recovered is not None:
+            engine.resume()
+            for sentence in recovered.report:
+                engine.post(Note(text=sentence))
+            return
+        engine.start()
+        warning = warning_for(engine.scenario.robot, engine.scenario.mode)
+        if warning is not None:
+            engine.post(Note(text=warning))
+        for submit in self.prepared.order.first:
+            engine.post(submit)
+
+    def end(self, reason: str) -> None:
+        """Stop the robot, end the session, and do not wait for ever for either robot or disk."""
+        if self.ending:
+            return
+        self.ending = True
+        loop = asyncio.get_running_loop()
+        self.engine.end(reason, stop=True if self.engine.busy else None)
+        loop.call_later(END_SECONDS, self.engine.end_now, reason)
+        loop.call_later(END_SECONDS + RECORD_SECONDS, self._give_up)
+
+    def _give_up(self) -> None:
+        if not self.engine.ended:
+            self.unrecorded = True
+            logging.getLogger(__name__).error("the disk did not take the last records: %s", self.engine.journaling)
+            self.engine.give_up()
+
+    async def _look(self, engine: Engine) -> None:
+        while True:
+            await asyncio.sleep(LOOK_SECONDS)
+            engine.look_at_journal()
+
+
+def to_person(order: Order) -> Callable[[Word], None]:
+    """How the process says its one word to a person."""
+
+    def say(word: Word) -> None:
+        for line in word.lines:
+            sys.stderr.write(line + "\n")
+        for folder, sentence in word.unfinished:
+            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+        if word.code == UNFINISHED:
+            sys.stderr.write("say --recover to go on with the latest, or --new\n")
+        elif word.code == REFUSED:
+            sys.stderr.write(f"{order.folder} was refused: nothing was started\n")
+        elif word.code == OK:
+            sys.stderr.write(f"serving {word.name}; the record is in {word.folder}\n")
+        sys.stderr.flush()
+
+    return say
+
+
+def to_starter(descriptor: int) -> Callable[[Word], None]:
+    """How it says it to whoever started it and waits at the other end of a pipe."""
+
+    def say(word: Word) -> None:
+        with suppress(OSError):  # it has gone; the session goes on without it
+            os.write(descriptor, msgspec.json.encode(word) + b"\n")
+        os.close(descriptor)
+
+    return say
+
+
+def _describe(folder: Path) -> str:
+    try:
+        info = read_info(folder)
+        last = (folder / JOURNAL).stat().st_mtime
+    except (SessionError, OSError) as error:
+        return str(error)
+    began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
+    return f"{info.title} ({info.mode}, {info.robot}), begun {began:%Y-%m-%d %H:%M}, last record {at:%H:%M:%S}"
+
+
+def _tell_systemd(state: str) -> None:
+    """For a unit of Type=notify (sd_notify(3))."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address:
+        return
+    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+        notify.connect("\0" + address[1:] if address.startswith("@") else address)
+        notify.send(state.encode())
+
+
+if __name__ == "__main__":  # as rise_engine.link.spawn starts it, without a command line to understand
+    gc.disable()  # nothing of what starting makes is garbage
+    _, _order, _descriptor = sys.argv
+    sys.exit(serve(msgspec.json.decode(_order, type=Order), to_starter(int(_descriptor))))

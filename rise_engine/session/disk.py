@@ -1,0 +1,62 @@
+"""The few things that a journal asks of the operating system, in one place, so that tests can let any of them fail."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from pathlib import Path
+
+
+class Disk:
+    """The real one."""
+
+    def open(self, path: Path, *, create: bool) -> int:
+        flags = os.O_RDWR | os.O_CLOEXEC | (os.O_CREAT | os.O_EXCL if create else 0)
+        return os.open(path, flags, 0o600)
+
+    def write(self, descriptor: int, data: bytes, offset: int) -> None:
+        """All of `data` at `offset`."""
+        view = memoryview(data)
+        while view:
+            written = os.pwrite(descriptor, view, offset)
+            if written == 0:
+                raise OSError(errno.EIO, "nothing was written")
+            view, offset = view[written:], offset + written
+
+    def sync(self, descriptor: int) -> None:
+        """Returns when what was written survives a power cut, as far as the system knows."""
+        if sys.platform == "darwin":
+            import fcntl
+
+            fcntl.fcntl(descriptor, fcntl.F_FULLFSYNC)
+        else:
+            os.fdatasync(descriptor)
+
+    def close(self, descriptor: int) -> None:
+        os.close(descriptor)
+
+    def sync_folder(self, path: Path) -> None:
+        """So that the names in a folder survive too."""
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def sentence(error: OSError) -> str:
+    """What went wrong, for a person."""
+    match error.errno:
+        case errno.ENOSPC:
+            return "the disk is full"
+        case errno.EDQUOT:
+            return "your disk quota is used up"
+        case errno.EROFS:
+            return "the disk is read-only"
+        case errno.EIO:
+            return "the disk reports an error"
+        case errno.EACCES | errno.EPERM:
+            return "the file may not be written"
+        case _:
+            return f"the disk does not take it ({error.strerror or error})"

@@ -1,0 +1,114 @@
+"""Export: the records of a session for whoever analyses it, as JSON lines or as a table.
+
+Everything that can be read is exported, also from a session that is running, torn or damaged; what could not be read is
+said, and never made up.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, TypeAlias
+
+import msgspec
+
+from rise_engine.kernel.records import AnyRecord, SessionRecord
+from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
+from rise_engine.session.lines import record_bytes
+from rise_engine.session.reading import Contents, read_journal
+
+Format: TypeAlias = Literal["jsonl", "csv"]
+
+COLUMNS = (
+    *("session", "mode", "seq", "t", "wall", "kind"),
+    *("status", "reason", "source"),  # several kinds
+    *("id", "function", "behavior", "calling_type", "position", "ref"),  # task
+    *("task", "act", "action", "type", "parameters", "sent_as"),  # action
+    *("name", "state", "previous", "trigger", "transition", "priority"),  # rule
+    *("topic", "taken_by"),  # event
+    *("rule", "expression", "values", "result", "error", "missing"),  # condition; state too
+    *("key", "value", "old", "created", "deleted"),  # memory
+    "detail",  # robot
+    *("confirmed", "unconfirmed"),  # stop
+    *("by", "holder"),  # control
+    "text",  # note
+    *("scenario", "scenario_hash", "robot", "seed", "versions"),  # session
+)
+"""Of the table: always all of them, in this order. New ones may only come at the end."""
+
+_BUFFER = 1_000_000
+"""Characters that are gathered before they are written."""
+
+
+def export(folder: Path, format: Format, out: BinaryIO) -> list[str]:
+    """Write a session's records to `out`; what could not be read, in sentences.
+
+    Raises SessionError, before anything is written, when nothing can be read; OSError when `out` does not take it.
+    """
+    return Export(folder).write(format, out)
+
+
+class Export:
+    """A session that has been read and can be exported."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises SessionError."""
+        self.name = folder.resolve().name
+        contents = self._contents = read_journal(folder / JOURNAL)
+        self.problems = _problems(contents)
+        """What could not be read, in sentences."""
+        self.mode = ""
+        if (folder / INFO).exists():
+            try:
+                self.mode = read_info(folder).mode
+            except SessionError as error:
+                self.problems.append(f"{error}; the mode was taken from the journal")
+        else:
+            self.problems.append(f"{folder} has no {INFO}; the mode was taken from the journal")
+        if not self.mode:
+            self.mode = next((r.mode for _, r in contents.placed() if isinstance(r, SessionRecord) and r.mode), "")
+
+    def write(self, format: Format, out: BinaryIO) -> list[str]:
+        if format == "jsonl":
+            self._write_lines(out)
+        else:
+            self._write_table(out)
+        out.flush()
+        return self.problems
+
+    def _write_lines(self, out: BinaryIO) -> None:
+        for _, record in self._contents.placed():
+            out.write(record_bytes(record) + b"\n")
+
+    def _write_table(self, out: BinaryIO) -> None:
+        text = io.StringIO(newline="")
+        rows = csv.writer(text)  # as RFC 4180 has it: commas, CR LF, quotes doubled
+        rows.writerow(COLUMNS)
+        for _, record in self._contents.placed():
+            rows.writerow(self._row(record))
+            if text.tell() > _BUFFER:
+                out.write(text.getvalue().encode())
+                text.seek(0)
+                text.truncate()
+        out.write(text.getvalue().encode())
+
+    def _row(self, record: AnyRecord) -> list[str]:
+        values: dict[str, Any] = msgspec.json.decode(record_bytes(record))
+        values["session"], values["mode"] = self.name, self.mode
+        return [cell(values.get(column)) for column in COLUMNS]
+
+
+def cell(value: Any) -> str:
+    """A JSON value in a table: texts as they are, null (like what is not there) empty, everything else as JSON."""
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else msgspec.json.encode(value).decode()
+
+
+def _problems(contents: Contents) -> list[str]:
+    found = [f"{JOURNAL}: line {line} cannot be read: {why}" for line, why in contents.damaged.items()]
+    found += [f"{JOURNAL}: {gap}" for gap in contents.gaps]
+    if contents.torn:
+        found.append(f"{JOURNAL} is torn at its end: the last {len(contents.torn)} bytes cannot be read")
+    return found

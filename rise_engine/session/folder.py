@@ -1,0 +1,239 @@
+"""A session's folder: what it ran, kept beside what happened.
+
+    2026-11-21_141503_lablinking_debug/
+        session.toml     what ran: scenario and its hash, mode, robot, seed, speed, versions, machine
+        scenario/        a copy of every file that was read, the robot's profile included
+        journal.jsonl    what happened (rise_engine.session.lines)
+
+Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`. None is ever written over.
+"""
+
+from __future__ import annotations
+
+import getpass
+import json
+import os
+import platform
+import re
+import tomllib
+import unicodedata
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+from msgspec import Struct, field
+from msgspec.structs import asdict, replace
+
+from rise_engine.scenario import load
+from rise_engine.scenario.layout import DEFAULT_PLACES
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.lines import FORMAT
+
+INFO, JOURNAL, COPY = "session.toml", "journal.jsonl", "scenario"
+
+
+class SessionError(Exception):
+    """A session's folder cannot be used; the text says why, for a person."""
+
+
+class SessionInfo(Struct, frozen=True):
+    """`session.toml`."""
+
+    title: str
+    mode: Literal["debug", "real"]
+    """debug: the robot was simulated; this is no data of a participant."""
+    robot: str
+    seed: int
+    scenario_hash: str
+    scenario_folder: str
+    """Where the scenario was read from (the copy lies beside this file)."""
+    started: str
+    """ISO 8601 with offset."""
+    format: int = FORMAT
+    speed: float = 1.0
+    faults: tuple[str, ...] = ()
+    """What the simulated robot was asked to do wrong."""
+    versions: dict[str, str] = field(default_factory=dict)
+    machine: dict[str, str] = field(default_factory=dict)
+
+
+def sessions_folder() -> Path:
+    """Where sessions are kept, unless somebody says otherwise."""
+    named = os.environ.get("RISE_SESSIONS")
+    return Path(named).expanduser() if named else Path.home() / "rise-sessions"
+
+
+def create(
+    root: Path,
+    scenario: Scenario,
+    files: Mapping[str, bytes],
+    *,
+    seed: int,
+    speed: float,
+    faults: tuple[str, ...],
+    versions: Mapping[str, str],
+) -> Path:
+    """Make the folder of a new session, without its journal. `files` as `Loaded.files`. Raises SessionError."""
+    started = datetime.now().astimezone()
+    info = SessionInfo(
+        title=scenario.title,
+        mode=scenario.mode,
+        robot=scenario.robot.name,
+        seed=seed,
+        scenario_hash=scenario.hash,
+        scenario_folder=scenario.folder,
+        started=started.isoformat(timespec="milliseconds"),
+        speed=speed,
+        faults=faults,
+        versions=dict(versions),
+        machine={"host": platform.node(), "system": platform.platform(), "user": _user()},
+    )
+    name = f"{started:%Y-%m-%d_%H%M%S}_{_slug(scenario.title)}_{scenario.mode}"
+    try:
+        root.mkdir(0o700, parents=True, exist_ok=True)
+        folder = _fresh(root, name)
+        for place, data in files.items():
+            path = folder / COPY / place
+            path.parent.mkdir(0o700, parents=True, exist_ok=True)
+            path.write_bytes(data)
+        (folder / COPY).mkdir(0o700, exist_ok=True)
+        (folder / INFO).write_text(_toml(info), encoding="utf-8")
+    except OSError as error:
+        raise SessionError(f"the session's folder cannot be made in {root}: {error.strerror or error}") from None
+    return folder
+
+
+def read_info(folder: Path) -> SessionInfo:
+    """Raises SessionError."""
+    path = folder / INFO
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = values.get("format")
+        if isinstance(found, int) and found > FORMAT:
+            raise SessionError(
+                f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
+                "install that version"
+            )
+        return msgspec.convert(values, SessionInfo)
+    except FileNotFoundError:
+        raise SessionError(f"{folder} is no session: it has no {INFO}") from None
+    except (OSError, ValueError, msgspec.ValidationError) as error:
+        raise SessionError(f"{path} cannot be read: {error}") from None
+
+
+def load_copy(folder: Path, info: SessionInfo) -> Scenario:
+    """The scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
+    copy = folder / COPY
+    if not copy.is_dir():
+        raise SessionError(
+            f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
+        )
+    return load_as(copy, info)
+
+
+def load_as(copy: Path, info: SessionInfo) -> Scenario:
+    """The scenario in `copy`, laid out as `Loaded.files`, as the session ran it. Raises SessionError."""
+    loaded = load(copy, robot=info.robot, mode=info.mode, places=_present(copy))
+    if loaded.scenario is None:
+        raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
+    if loaded.scenario.hash != info.scenario_hash:
+        raise SessionError(
+            f"{copy} is not the scenario that this session ran: its hash is {loaded.scenario.hash[:12]}..., "
+            f"not {info.scenario_hash[:12]}..."
+        )
+    return replace(loaded.scenario, title=info.title, folder=info.scenario_folder)
+
+
+def ended(folder: Path) -> bool:
+    """Whether the session came to its end in order: its journal's last input says so. False when that is unknown."""
+    try:
+        with (folder / JOURNAL).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 4_096))
+            return b'"input":"session_ended"' in file.read()  # no text can hold this: its quotes would be escaped
+    except OSError:
+        return False
+
+
+def unfinished(scenario_folder: str, root: Path | None = None) -> list[Path]:
+    """Sessions of a scenario that did not end in order and have a journal, the latest first."""
+    found: list[Path] = []
+    where = os.path.realpath(scenario_folder)
+    for folder in _folders(root or sessions_folder()):
+        # The cheapest question first: after a year there are hundreds, and nearly all have ended.
+        if ended(folder) or (folder / "abandoned").exists() or not _begun(folder):
+            continue
+        try:
+            info = read_info(folder)
+        except SessionError:
+            continue
+        if os.path.realpath(info.scenario_folder) == where:
+            found.append(folder)
+    return sorted(found, reverse=True)
+
+
+def _begun(folder: Path) -> bool:
+    """Whether anything happened in it."""
+    try:
+        with (folder / JOURNAL).open("rb") as file:
+            return b'\n{"n":' in file.read(4_096)
+    except OSError:
+        return False
+
+
+def abandon(folder: Path) -> None:
+    """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
+    (folder / "abandoned").touch()
+
+
+def _folders(root: Path) -> Iterator[Path]:
+    try:
+        yield from (Path(entry.path) for entry in os.scandir(root) if entry.is_dir())
+    except OSError:
+        return
+
+
+def _fresh(root: Path, name: str) -> Path:
+    for number in range(1, 10_000):
+        folder = root / (name if number == 1 else f"{name}-{number}")
+        try:
+            folder.mkdir(0o700)
+        except FileExistsError:
+            continue
+        return folder
+    raise SessionError(f"{root} has too many sessions of one second")
+
+
+def _present(copy: Path) -> dict[str, str]:
+    return {kind: place for kind, place in DEFAULT_PLACES.items() if (copy / place).exists()}
+
+
+def _slug(title: str) -> str:
+    plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-").lower()[:40] or "session"
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return str(os.getuid())
+
+
+def _toml(info: SessionInfo) -> str:
+    lines = ["# A RISE session (docs/reference/sessions.md)."]
+    if info.mode == "debug":
+        lines.append("# DEBUG: the robot was simulated. This is no participant's data.")
+    tables: list[str] = []
+    for key, value in asdict(info).items():
+        if isinstance(value, dict):
+            tables += ["", f"[{key}]", *(f"{_text(name)} = {_text(each)}" for name, each in value.items())]
+        else:
+            lines.append(f"{key} = {_text(list(value) if isinstance(value, tuple) else value)}")
+    return "\n".join([*lines, *tables, ""])
+
+
+def _text(value: Any) -> str:
+    """A TOML value: strings, numbers and lists are written as in JSON, where DEL needs an escape too."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f").encode("utf-8", "replace").decode()

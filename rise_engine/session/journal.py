@@ -1,0 +1,193 @@
+"""Writing a journal: a thread of its own makes lines durable, as many at a time as have come (natural group commit).
+
+The engine hands over and goes on; it is told when what it handed over is on the disk. When the disk fails, nothing is
+dropped: the thread tries again, each time with a freshly opened file and all that was not yet known to be durable,
+because a synchronisation that failed once proves nothing when it succeeds later.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+from rise_engine.session.disk import Disk, sentence
+
+RETRY_SECONDS = 1.0
+"""How long after a failure the disk is tried again."""
+BEAT_SECONDS = 1.0
+"""How often the session's time is noted in the file `clock`, which says how late it was when an engine vanished."""
+BATCH = 4_000_000
+"""Bytes after which a batch is written although more is waiting."""
+
+
+class Journal:
+    """The journal of a running session. Everything but the thread belongs to the engine's thread."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        size: int = 0,
+        changed: Callable[[], None] = lambda: None,
+        now: Callable[[], float] | None = None,
+        disk: Disk | None = None,
+        retry: float = RETRY_SECONDS,
+    ) -> None:
+        """`size`: 0 makes a new file, else an existing one goes on there. Raises OSError.
+
+        `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block. `now`
+        gives the session's time.
+        """
+        self.path = path
+        self.changed = changed
+        self.trouble = ""
+        """Why nothing becomes durable at the moment, for a person; empty while all is well."""
+        self.durable = 0
+        """How many of the `append`s are on the disk."""
+        self.appended = 0
+        self._now = now
+        self._disk = disk or Disk()
+        self._retry = retry
+        self._size = size
+        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._waiting_since: float | None = None
+        self._looked = 0.0
+        """When the file was last seen in its place."""
+        self._hurry = threading.Event()
+        self._descriptor = self._disk.open(path, create=size == 0)
+        if size == 0:
+            self._disk.sync_folder(path.parent)
+        self._clock = os.open(path.with_name("clock"), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._thread = threading.Thread(target=self._run, name="rise-journal", daemon=True)
+        self._thread.start()
+
+    def append(self, lines: bytes) -> int:
+        """Hand over whole lines; they are durable when `durable` has reached the number that this returns."""
+        self.appended += 1
+        if self._waiting_since is None:
+            self._waiting_since = time.monotonic()
+        self._queue.put(lines)
+        return self.appended
+
+    @property
+    def behind(self) -> float:
+        """Seconds for which something has been waiting to become durable; 0 when nothing waits."""
+        if self.durable == self.appended:
+            self._waiting_since = None
+        return 0.0 if self._waiting_since is None else time.monotonic() - self._waiting_since
+
+    def progressed(self) -> None:
+        """The engine has seen that `durable` grew: what still waits has waited from now on at most."""
+        self._waiting_since = None if self.durable == self.appended else time.monotonic()
+
+    def close(self, timeout: float = 5.0) -> bool:
+        """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
+        self._queue.put(None)
+        self._thread.join(timeout)
+        self._hurry.set()
+        self._thread.join(1.0)
+        return self.durable == self.appended
+
+    # --- the writer's thread --------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        going = True
+        while going:
+            batch: list[bytes] = []
+            size = 0
+            try:
+                lines = self._queue.get(timeout=BEAT_SECONDS)
+                while lines is not None:
+                    batch.append(lines)
+                    size += len(lines)
+                    if size > BATCH:
+                        break
+                    lines = self._queue.get_nowait()
+                going = lines is not None
+            except Empty:
+                self._beat()
+            if batch and self._commit(b"".join(batch)):
+                self.durable += len(batch)
+                self.changed()
+        with suppress(OSError):
+            self._stay_in_place()
+        with suppress(OSError):
+            self._disk.close(self._descriptor)
+        with suppress(OSError):
+            os.close(self._clock)
+
+    def _commit(self, data: bytes) -> bool:
+        """True when it is durable; False when the engine cannot wait any longer."""
+        while True:
+            try:
+                if time.monotonic() - self._looked > BEAT_SECONDS:
+                    self._stay_in_place()
+                self._disk.write(self._descriptor, data, self._size)
+                self._disk.sync(self._descriptor)
+            except OSError as error:
+                self._say(sentence(error))
+                if self._hurry.wait(self._retry):
+                    return False
+                self._reopen()
+            else:
+                self._size += len(data)
+                self._say("")
+                return True
+
+    def _stay_in_place(self) -> None:
+        """A file that somebody has removed takes everything, and then nothing is left of it: write it anew.
+
+        Looked at once a second and not at each commit: what was written meanwhile is still in the removed file.
+        """
+        mine = os.fstat(self._descriptor)
+        try:
+            there = self.path.stat(follow_symlinks=False)
+        except FileNotFoundError:
+            pass
+        else:
+            if (there.st_dev, there.st_ino) == (mine.st_dev, mine.st_ino):
+                self._looked = time.monotonic()
+                return
+            raise FileExistsError(errno.EEXIST, f"another file has been put in the place of {self.path.name}")
+        before = os.pread(self._descriptor, self._size, 0)
+        beside = self.path.with_name(self.path.name + ".new")
+        beside.unlink(missing_ok=True)
+        fresh = self._disk.open(beside, create=True)
+        try:
+            self._disk.write(fresh, before, 0)
+            self._disk.sync(fresh)
+            os.link(beside, self.path)  # unlike a renaming, this never puts itself in the place of another file
+        except OSError:
+            self._disk.close(fresh)
+            raise
+        beside.unlink(missing_ok=True)
+        self._disk.close(self._descriptor)
+        self._descriptor = fresh
+        self._disk.sync_folder(self.path.parent)
+
+    def _reopen(self) -> None:
+        try:
+            fresh = self._disk.open(self.path, create=False)
+        except OSError:  # the next write says what is wrong
+            return
+        with suppress(OSError):
+            self._disk.close(self._descriptor)
+        self._descriptor = fresh
+
+    def _say(self, trouble: str) -> None:
+        if trouble != self.trouble:
+            self.trouble = trouble
+            self.changed()
+
+    def _beat(self) -> None:
+        with suppress(OSError):  # the next commit says what is wrong
+            self._stay_in_place()
+        if self._now is not None:
+            with suppress(OSError):
+                os.pwrite(self._clock, b"%-15.3f\n" % self._now(), 0)

@@ -1,0 +1,207 @@
+"""Recovery: an unfinished session as it was when its engine went away, made again from the inputs in its journal.
+
+First everything is worked out and checked; only then the folder is touched. Whatever is cut off or written anew is kept
+beside it (`journal.torn-1`, `journal.damaged-1.jsonl`, ...): nothing is ever thrown away. The caller has made sure that
+no engine is running the session.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from msgspec import Struct
+
+from rise_engine.kernel import Kernel
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.disk import Disk, sentence
+from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, read_info
+from rise_engine.session.lines import header_line, record_line
+from rise_engine.session.reading import Contents, read_bytes, read_journal
+from rise_engine.session.replay import Replayed, replay, require_inputs, session_scenario
+from rise_engine.view import View
+
+CLOCK = "clock"
+_LATEST = 1e9
+"""Seconds (some 30 years): a clock file that says more is damaged."""
+
+
+class Recovered(Struct):
+    """What an engine needs to go on."""
+
+    scenario: Scenario
+    info: SessionInfo
+    kernel: Kernel
+    view: View
+    t: float
+    """Session time to go on from: nothing is known to have happened later."""
+    timers: dict[int, float]
+    """The kernel's timers, and when they are due (session time)."""
+    inputs: int
+    """How many there are; the next one has the next number."""
+    size: int
+    """Bytes that the journal has now, all valid."""
+    lines: bytes
+    """Records of the last input that are not in the journal: what to append first."""
+    report: list[str]
+    """What was found and done, in sentences for a person."""
+
+
+def recover(folder: Path, disk: Disk | None = None) -> Recovered:
+    """Raises SessionError when the session has ended or cannot be recovered; its journal is as it was, then."""
+    path = folder / JOURNAL
+    info = read_info(folder)
+    contents = read_journal(path)
+    if contents.ended:
+        last = contents.last_record
+        when = f"at {last.wall}" if last is not None and last.wall else f"after {contents.seconds:.1f} s"
+        raise SessionError(f"the session {folder.name} ended in order {when}: there is nothing to recover")
+    require_inputs(path, contents)
+    if not contents.steps:
+        raise SessionError(f"{path} has no input: nothing happened in this session, so start a new one")
+    report: list[str] = []
+    scenario = session_scenario(folder, info, report)
+    kernel = Kernel(scenario, info.seed)
+    done = replay(kernel, path, contents)
+    if done.difference is not None:
+        raise SessionError(
+            f"the session {folder.name} does not repeat: {done.difference}. Either the journal or session.toml was "
+            f"changed, or another version of this program wrote it ({_versions(info)}): recover it with that version. "
+            "It can be exported with this one (rise-engine export)"
+        )
+    view = View()
+    for made in done.steps:
+        for record in made.records:
+            view.apply(record)
+
+    try:
+        size = _Repair(path, contents, done, info, disk or Disk(), report).carry_out()
+    except OSError as error:
+        raise SessionError(f"{path} cannot be repaired: {sentence(error)}") from None
+    if done.unwritten:
+        count = len(done.unwritten)
+        what = "record of the last input was" if count == 1 else "records of the last input were"
+        report.append(f"{count} {what} not in the journal and {'is' if count == 1 else 'are'} added to it now.")
+    return Recovered(
+        scenario=scenario,
+        info=info,
+        kernel=kernel,
+        view=view,
+        t=max(contents.steps[-1].input.t, _noted_time(folder)),
+        timers=done.timers,
+        inputs=len(contents.steps),
+        size=size,
+        lines=b"".join(map(record_line, done.unwritten)),
+        report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
+    )
+
+
+class _Repair:
+    """Makes a journal whole that is torn or damaged."""
+
+    def __init__(
+        self, path: Path, contents: Contents, done: Replayed, info: SessionInfo, disk: Disk, report: list[str]
+    ) -> None:
+        self._path = path
+        self._contents = contents
+        self._done = done
+        self._info = info
+        self._disk = disk
+        self._report = report
+
+    def carry_out(self) -> int:
+        """The journal's size afterwards. Raises OSError."""
+        contents = self._contents
+        if contents.torn:
+            kept = self._keep("torn-{}", contents.torn)
+            self._report.append(
+                f"The end of {self._path.name} was torn: its last {len(contents.torn)} bytes cannot be read, because "
+                f"the engine or the computer went away while they were written. They are kept in {kept}."
+            )
+        if contents.damaged or self._done.missing:
+            return self._write_anew()
+        if contents.torn:
+            self._truncate(contents.size)
+        return contents.size
+
+    def _write_anew(self) -> int:
+        path, disk = self._path, self._disk
+        before = read_bytes(path)
+        whole = self._whole(before)
+        kept = self._keep("damaged-{}.jsonl", before)
+        fresh = path.with_name(f"{path.name}.new")
+        fresh.unlink(missing_ok=True)  # of a repair that was interrupted
+        self._write(fresh, whole)
+        os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
+        disk.sync_folder(path.parent)
+        if self._contents.damaged:
+            places = ", ".join(map(str, self._contents.damaged))
+            lines = f"line {places} was" if len(self._contents.damaged) == 1 else f"lines {places} were"
+            found = f"{lines} damaged"
+        else:
+            found = f"{len(self._done.missing)} of its records were missing"
+        self._report.append(
+            f"In {path.name}, {found}. What is recorded there follows from the inputs, which are whole: it was made "
+            f"again. The journal as it was is kept in {kept}."
+        )
+        return len(whole)
+
+    def _whole(self, before: bytes) -> bytes:
+        """The journal without damage: valid lines as they are, the others made again."""
+        lines = before.split(b"\n")
+        program = " ".join(("rise-tui", self._info.versions.get("rise-tui", ""))).strip()
+        parts = [header_line(program) if self._contents.header is None else lines[0] + b"\n"]
+        unwritten = {record.seq for record in self._done.unwritten}
+        for made in self._done.steps:
+            parts.append(lines[made.step.line - 1] + b"\n")
+            for record, line in zip(made.records, made.lines, strict=True):
+                if line:
+                    parts.append(lines[line - 1] + b"\n")
+                elif record.seq not in unwritten:
+                    parts.append(record_line(record))
+        return b"".join(parts)
+
+    def _keep(self, name: str, data: bytes) -> str:
+        """Write `data` to a new file beside the journal, durably; its name."""
+        number = 1
+        while True:
+            kept = self._path.with_name(f"{self._path.stem}.{name.format(number)}")
+            try:
+                self._write(kept, data)
+            except FileExistsError:
+                number += 1
+            else:
+                self._disk.sync_folder(self._path.parent)
+                return kept.name
+
+    def _write(self, path: Path, data: bytes) -> None:
+        descriptor = self._disk.open(path, create=True)
+        try:
+            self._disk.write(descriptor, data, 0)
+            self._disk.sync(descriptor)
+        except OSError:
+            path.unlink(missing_ok=True)  # half of what was to be kept would only confuse
+            raise
+        finally:
+            self._disk.close(descriptor)
+
+    def _truncate(self, size: int) -> None:
+        descriptor = self._disk.open(self._path, create=False)
+        try:
+            os.ftruncate(descriptor, size)
+            self._disk.sync(descriptor)
+        finally:
+            self._disk.close(descriptor)
+
+
+def _noted_time(folder: Path) -> float:
+    """The session's time as the engine last noted it; 0 when that cannot be read."""
+    try:
+        noted = float((folder / CLOCK).read_bytes())
+    except (OSError, ValueError):
+        return 0.0
+    return noted if 0 <= noted <= _LATEST else 0.0
+
+
+def _versions(info: SessionInfo) -> str:
+    return ", ".join(f"{name} {version}" for name, version in info.versions.items()) or "version unknown"

@@ -1,0 +1,26 @@
+"""No test leaves anything in the home folder, or meets a session of whoever runs the tests."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+
+import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_places() -> Iterator[None]:
+    """Sessions and sockets of this test run; short, because the path of a socket may not be long."""
+    folder = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    before = {name: os.environ.get(name) for name in ("RISE_SESSIONS", "RISE_RUNTIME")}
+    os.environ["RISE_SESSIONS"] = f"{folder}/sessions"
+    os.environ["RISE_RUNTIME"] = f"{folder}/run"
+    yield
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name)
+        else:
+            os.environ[name] = value
+    shutil.rmtree(folder, ignore_errors=True)

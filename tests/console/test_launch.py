@@ -1,0 +1,90 @@
+"""Starting sessions in processes of their own, as the settings screen does; and consoles on sessions that run."""
+
+from __future__ import annotations
+
+import pytest
+
+from rise_engine.link import spawn
+from rise_engine.link.client import EngineGone
+from rise_engine.link.socket_client import SocketClient
+from rise_tui import launch_process
+from rise_tui.app import ConsoleApp
+from rise_tui.launch import Launcher, settings_of
+from rise_tui.launch_process import process_launcher
+from rise_tui.screens.console import ConsoleScreen
+from rise_tui.settings import Settings, options, scenario_place
+from tests.console.conftest import Console
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+
+
+def test_a_folder_and_its_scenario_file_are_one_session() -> None:
+    assert scenario_place(Settings("/a/b")) == scenario_place(Settings("/a/b/scenario.toml")) == "/a/b"
+    assert scenario_place(Settings("/a/b/other.toml")) == "/a/b/other.toml"
+
+
+def test_the_engine_is_told_what_the_settings_say() -> None:
+    asked = options(Settings("/a", "nao", "real", places={"acts": "mine"}), 7, "new")
+    assert (asked.folder, asked.robot, asked.mode, asked.seed, asked.unfinished) == ("/a", "nao", "real", 7, "new")
+    assert asked.places == {"acts": "mine"}
+
+
+class Engine:
+    """Answers in the place of `start_engine`."""
+
+    def __init__(self, *answers: spawn.Outcome) -> None:
+        self.answers = list(answers)
+        self.asked: list[spawn.Options] = []
+
+    def __call__(self, options: spawn.Options) -> spawn.Outcome:
+        self.asked.append(options)
+        return self.answers.pop(0)
+
+
+BUSY = spawn.Refused(launch_process.RUNNING, ["a session of this scenario is running already: demo-000000"])
+
+
+def test_the_next_session_waits_until_the_last_one_has_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = Engine(BUSY, BUSY, spawn.Started("demo-000000", "/s"))
+    monkeypatch.setattr(launch_process, "start_engine", engine)
+    client = process_launcher("anna", "wizard").start(demo(), Settings(DEMO, seed=3))
+    assert isinstance(client, SocketClient)
+    assert len(engine.asked) == 3 and engine.asked[0].seed == 3 and engine.asked[0].unfinished == "ask"
+
+
+def test_a_session_that_goes_on_running_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launch_process, "LET_GO", 0.0)
+    monkeypatch.setattr(launch_process, "start_engine", Engine(BUSY, BUSY))
+    with pytest.raises(EngineGone, match="is running already"):
+        process_launcher("anna", "wizard").start(demo(), Settings(DEMO))
+
+
+def test_an_unfinished_session_of_another_scenario_is_not_given_up_in_passing(monkeypatch: pytest.MonkeyPatch) -> None:
+    refused = spawn.Refused(4, ["an earlier session did not end"], [("/s", "Demo")])
+    monkeypatch.setattr(launch_process, "start_engine", Engine(refused))
+    with pytest.raises(EngineGone, match="to recover it or begin a new one: rise-tui --config"):
+        process_launcher("anna", "wizard").start(demo(), Settings(DEMO))
+
+
+def test_a_console_that_attaches_knows_what_its_session_was_started_with() -> None:
+    found = settings_of(FakeClient(demo(), mode="real").hello())
+    assert (found.folder, found.robot, found.mode, found.seed) == (demo().folder, "pepper", "real", 1)
+    assert process_launcher("anna", "wizard").outlives and not Launcher().outlives
+
+
+async def test_what_there_is_to_say_about_a_recovery_is_said_first() -> None:
+    client = FakeClient(demo())
+    app = ConsoleApp(wizard="anna", launcher=FakeLauncher(client), client=client, told="1 action counts as lost")
+    async with app.run_test(size=(120, 40)) as pilot:
+        it = Console(pilot, client, FakeLauncher())
+        await it.until(lambda: app.console_screen is not None and "counts as lost" in it.notice)
+        assert isinstance(app.screen, ConsoleScreen)
+
+
+async def test_a_session_that_cannot_be_reached_is_told_after_leaving() -> None:
+    client = FakeClient(demo())
+    client.gone = "no session lablinking is running"
+    app = ConsoleApp(launcher=FakeLauncher(client), client=client)
+    async with app.run_test() as pilot:
+        await pilot.pause(0.3)
+    assert app.return_code == 1
+    assert app.last_words == "the session could not be reached: no session lablinking is running"

@@ -1,0 +1,116 @@
+"""Leaving: detach or end, who may end, and the one line that stays in the terminal."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from textual.widgets import Button
+
+from rise_tui.screens.dialog import Dialog
+from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, FakeLauncher, demo
+
+
+async def leaving(it: Console) -> list[str]:
+    """What the question offers."""
+    await it.press("ctrl+c")
+    await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
+    return [str(button.label) for button in it.app.screen.query(Button)]
+
+
+async def test_leaving_offers_to_detach_to_end_and_to_stay() -> None:
+    async with console() as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)", "End the session (e)"]
+        assert it.app.focused is not None and it.app.focused.id == "answer-d"
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == []
+
+
+@pytest.mark.parametrize("key", ["d", "enter"])
+async def test_detaching_leaves_the_session_alone(key: str) -> None:
+    async with console() as it:
+        await leaving(it)
+        await it.press(key)
+        await it.until(lambda: it.client.closed == [False])
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.last_words == "detached: Demo study goes on; come back with: rise-tui"
+        assert it.app.return_code == 0
+
+
+async def test_ending_ends_the_session_and_says_where_its_record_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/lab")
+    async with console() as it:
+        await leaving(it)
+        await it.press("e")
+        await it.until(lambda: it.client.closed == [True])
+        await it.until(lambda: not it.app.is_running)
+        said = "ended: the record is in ~/rise-sessions/2026-11-21_141503_demo-study_debug"
+        assert it.app.last_words == said
+
+
+@pytest.mark.parametrize("role", ["wizard", "observer"])
+async def test_who_has_no_control_can_only_leave(role: str) -> None:
+    client = FakeClient(demo(), you=f"{role}:ben", role=role)  # type: ignore[arg-type]
+    async with console(client=client) as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)"]
+        await it.press("e")
+        await it.pilot.pause(0.1)
+        assert client.closed == []
+        await it.press("d")
+        await it.until(lambda: client.closed == [False])
+
+
+async def test_control_that_is_lost_while_the_question_is_open_ends_nothing() -> None:
+    async with console() as it:
+        await leaving(it)
+        it.client.control_record("taken", "wizard:ben", "wizard:ben")
+        await it.until(lambda: not it.screen.session.store.has_control)
+        await it.press("e")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == [] and "the session goes on: ben has control" in it.notice
+
+
+async def test_a_second_ctrl_c_asks_nothing_more() -> None:
+    async with console() as it:
+        await leaving(it)
+        await it.press("ctrl+c")
+        assert len(it.app.screen_stack) == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+async def test_a_signal_detaches(number: signal.Signals) -> None:
+    async with console() as it:
+        it.app._signalled(number)
+        await it.until(lambda: it.client.closed == [False])
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.last_words == f"{number.name}: detached: Demo study goes on; come back with: rise-tui"
+        assert it.app.return_code == 128 + number
+
+
+async def test_an_engine_in_this_process_is_ended_and_not_detached_from() -> None:
+    client = FakeClient(demo())
+    async with console(client=client, launcher=FakeLauncher(client, outlives=False)) as it:
+        assert await leaving(it) == ["Stay (esc)", "End (e)"]
+        await it.press("escape")
+        it.app._signalled(signal.SIGTERM)
+        await it.until(lambda: client.closed == [True])
+
+
+async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:
+    async with console() as it:
+        it.client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert "the engine has gone; to recover the session: rise-tui --config " in it.app.last_words
+
+
+async def test_leaving_a_session_that_somebody_has_ended() -> None:
+    async with console() as it:
+        it.client.end_in_order("ended by wizard:ben")
+        await it.until(lambda: "SESSION ENDED" in it.screen.alarm.text)
+        await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.last_words.startswith("ended: the record is in ")

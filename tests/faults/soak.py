@@ -1,0 +1,306 @@
+"""Kills engines at random moments and looks whether anything that was acknowledged is lost.
+
+    python -m tests.faults.soak --kills 5000      (./dev soak)
+
+Each engine is a real process (forked from this one, so that starting it takes milliseconds) that serves a real socket
+and writes a real journal. It is killed with SIGKILL while a client sends tasks, while it starts, or while it recovers;
+then the journal must read, hold every input that was acknowledged and every record that was seen, and replay
+identically; and mostly another engine goes on with the session, and is killed in its turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import select
+import shutil
+import signal
+import socket
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import ENDINGS, ActionRecord
+from rise_engine.link import messages
+from rise_engine.link.spawn import Word
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_engine.serve import Order, serve
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.reading import read_journal
+from rise_engine.session.replay import compare
+
+ROOT = Path(__file__).parents[2]
+SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/console/data/demo"]
+PATIENCE = 20.0
+
+
+class Mistake(AssertionError):
+    """Something was lost, doubled or false."""
+
+
+class Child:
+    """An engine's process."""
+
+    def __init__(self, order: Order) -> None:
+        ready, say = os.pipe()
+        self.pid = os.fork()
+        if self.pid == 0:
+            code = 70
+            try:
+                os.close(ready)
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+                code = serve(order, lambda word: _write_word(say, word))
+            finally:
+                os._exit(code)
+        os.close(say)
+        self._ready = ready
+
+    def word(self) -> Word:
+        """Wait until it serves."""
+        text = b""
+        while not text.endswith(b"\n"):
+            if not select.select([self._ready], [], [], PATIENCE)[0]:
+                raise Mistake("the engine said nothing")
+            chunk = os.read(self._ready, 65_536)
+            if not chunk:
+                raise Mistake("the engine ended before it served")
+            text += chunk
+        return msgspec.json.decode(text, type=Word)
+
+    def kill(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+        self.wait()
+
+    def end(self) -> int:
+        os.kill(self.pid, signal.SIGTERM)
+        return self.wait()
+
+    def wait(self) -> int:
+        _, status = os.waitpid(self.pid, 0)
+        os.close(self._ready)
+        return os.waitstatus_to_exitcode(status)
+
+
+def _write_word(descriptor: int, word: Word) -> None:
+    os.write(descriptor, msgspec.json.encode(word) + b"\n")
+    os.close(descriptor)
+
+
+class Wire:
+    """A client that only remembers: what it sent, what was acknowledged, which records it saw."""
+
+    def __init__(self, path: Path) -> None:
+        self.sent: dict[int, Submit] = {}
+        self.acknowledged: dict[int, Any] = {}
+        self.seen: dict[int, dict[str, Any]] = {}
+        self._rest = b""
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.connect(str(path))
+        self._put(messages.Attach(version=messages.VERSION, name="soak", role="node"))
+
+    def send(self, task: Submit) -> None:
+        number = len(self.sent) + 1
+        task = msgspec.structs.replace(task, ref=f"{os.getpid()}-{id(self)}-{number}")
+        self.sent[number] = task
+        self._put(messages.Send(id=number, message=task))
+
+    def _put(self, message: Any) -> None:
+        with suppress(OSError):  # it was killed already
+            self._socket.sendall(msgspec.json.encode(message) + b"\n")
+
+    def read(self, seconds: float) -> bool:
+        """Take in what arrives within that time. False when the engine has gone."""
+        if not select.select([self._socket], [], [], seconds)[0]:
+            return True
+        try:
+            data = self._socket.recv(1 << 20)
+        except OSError:
+            return False
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            message = json.loads(line)
+            if message["type"] == "reply":
+                self.acknowledged[message["id"]] = message
+            elif message["type"] == "records":
+                for record in message["records"]:
+                    self.seen[record["seq"]] = record
+        return bool(data)
+
+    def drain(self) -> None:
+        """Whatever had reached this process before the engine was killed."""
+        while self.read(0.0) and select.select([self._socket], [], [], 0.0)[0]:
+            pass
+        while self.read(0.2):
+            pass
+        self._socket.close()
+
+
+def random_task(dice: random.Random, scenario: Scenario) -> Submit:
+    acts, rules, topics = list(scenario.acts), list(scenario.rules), sorted(scenario.topics)
+    match dice.choices(range(8), [5, 4, 6, 4, 2, 2, 1, 2])[0]:
+        case 0:
+            what = ("startCommunicationRobotAct", dice.choice(acts))
+        case 1:
+            what = ("startInteractionRule", dice.choice(rules))
+        case 2:
+            what = ("raiseEventTopic", "/" + dice.choice(topics))
+        case 3:
+            key = dice.choice(list(scenario.memory) or ["x"])
+            what = ("assignValue", json.dumps({key: dice.choice([True, 0, 1.5, "ü\n", [1, {"a": None}]])}))
+        case 4:
+            what = ("stopCommunicationRobotAct", dice.choice(acts))
+        case 5:
+            what = ("stopInteractionRule", dice.choice(rules))
+        case 6:
+            what = ("stopAll", "")
+        case _:
+            what = ("releaseStop", "")
+    calling = dice.choice(["", "", "None", "Blocking"]) if what[0] == "startCommunicationRobotAct" else ""
+    return Submit(function=what[0], behavior=what[1], calling_type=calling)
+
+
+class Soak:
+    """One run."""
+
+    def __init__(self, seed: int, place: Path) -> None:
+        self.dice = random.Random(seed)
+        self.place = place
+        os.environ["RISE_SESSIONS"] = str(place / "sessions")
+        os.environ["RISE_RUNTIME"] = str(place / "run")
+        self.scenarios = {folder: load(folder).scenario for folder in SCENARIOS}
+        self.counts: Counter[str] = Counter()
+
+    def run(self, kills: int, seconds: float = float("inf")) -> None:
+        until = time.monotonic() + seconds
+        while self.counts["kills"] < kills and time.monotonic() < until:
+            self.session()
+
+    def session(self) -> None:
+        """One session, killed and recovered until it is ended or left."""
+        dice = self.dice
+        folder = dice.choice(SCENARIOS)
+        scenario = self.scenarios[folder]
+        assert scenario is not None
+        faults = tuple(dice.sample(["*=slow:3", "Speech=fail@2", "Speech=hang@1", "vanish@3-5"], dice.randint(0, 1)))
+        order = Order(str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, name="soak", unfinished="new")
+        self.counts["sessions"] += 1
+        where: Path | None = None
+        for _ in range(dice.randint(1, 8)):
+            if where is not None:
+                order = msgspec.structs.replace(order, unfinished=str(where))
+            child = Child(order)
+            if dice.random() < 0.15:  # while it starts, or recovers
+                time.sleep(dice.random() * 0.03)
+                child.kill()
+                self.counts["kills"] += 1
+                self.counts["killed while starting"] += 1
+                if where is not None:
+                    self.check(where, None)
+                continue
+            word = child.word()
+            if word.code != 0:
+                child.wait()
+                if "nothing happened in this session" in " ".join(word.lines):
+                    self.counts["nothing to recover"] += 1
+                    return
+                raise Mistake(f"an engine refused: {word}")
+            self.counts["recoveries"] += where is not None
+            where = Path(word.folder)
+            wire = Wire(self.place / "run" / "soak.sock")
+            wanted, most = dice.randint(0, 40), dice.randint(1, 60)
+            while len(wire.acknowledged) < wanted and len(wire.sent) < most:
+                for _ in range(dice.randint(1, 5)):
+                    wire.send(random_task(dice, scenario))
+                if not wire.read(dice.random() * 0.01):
+                    raise Mistake("the engine ended by itself")
+            time.sleep(dice.random() * 0.004)
+            if dice.random() < 0.1:
+                code = child.end()
+                wire.drain()
+                if code != 0:
+                    raise Mistake(f"the engine ended with {code} instead of 0")
+                self.counts["ended in order"] += 1
+                self.check(where, wire, ended=True)
+                return
+            child.kill()
+            wire.drain()
+            self.counts["kills"] += 1
+            self.check(where, wire)
+
+    def check(self, where: Path, wire: Wire | None, *, ended: bool = False) -> None:
+        """The journal reads, holds what was acknowledged and seen, and replays identically."""
+        contents = read_journal(where / JOURNAL)
+        self.counts["torn"] += bool(contents.torn)
+        if contents.damaged or contents.gaps:
+            raise Mistake(f"{where}: damaged {contents.damaged} {contents.gaps}")
+        if contents.ended is not ended:
+            raise Mistake(f"{where}: ended is {contents.ended}")
+        comparison = compare(where)
+        if not comparison.identical:
+            raise Mistake(f"{where}: {comparison}")
+        self.counts["inputs"] += comparison.inputs
+        if wire is not None:
+            self.compare_with(where, contents, wire)
+        if ended:
+            _one_ending_each(where, contents)
+
+    def compare_with(self, where: Path, contents: Any, wire: Wire) -> None:
+        kept = {step.input.ref for step in contents.steps if isinstance(step.input, Submit)}
+        for number, reply in wire.acknowledged.items():
+            self.counts["acknowledged"] += 1
+            if reply.get("accepted") and wire.sent[number].ref not in kept:
+                raise Mistake(f"{where}: {wire.sent[number]} was acknowledged and is not in the journal")
+        records = {record.seq: record for _, record in contents.placed()}
+        for seq, seen in wire.seen.items():
+            self.counts["records seen"] += 1
+            if seq not in records or msgspec.to_builtins(records[seq])["kind"] != seen["kind"]:
+                raise Mistake(f"{where}: record {seq} was seen and is not in the journal: {seen}")
+
+
+def _one_ending_each(where: Path, contents: Any) -> None:
+    states: dict[str, list[str]] = {}
+    for _, record in contents.placed():
+        if isinstance(record, ActionRecord):
+            states.setdefault(f"{record.task}/{record.action}", []).append(record.status)
+    for action, statuses in states.items():
+        if sum(status in ENDINGS for status in statuses) != 1:
+            raise Mistake(f"{where}: action {action} has {statuses}")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=5_000)
+    parser.add_argument("--seed", type=int, default=None)
+    parser.add_argument("--keep", action="store_true", help="keep the sessions' folders")
+    options = parser.parse_args()
+    seed = options.seed if options.seed is not None else random.SystemRandom().randrange(10**6)
+    print(f"seed {seed}", flush=True)
+    place = Path(tempfile.mkdtemp(prefix="soak-", dir="/tmp"))
+    (place / "run").mkdir(0o700)
+    began = time.monotonic()
+    soak = Soak(seed, place)
+    try:
+        soak.run(options.kills)
+    except Mistake as mistake:
+        print(f"MISTAKE (seed {seed}, kept in {place}): {mistake}", flush=True)
+        return 1
+    finally:
+        took = time.monotonic() - began
+        print(", ".join(f"{name} {number}" for name, number in sorted(soak.counts.items())), f"in {took:.0f} s")
+    if not options.keep:
+        shutil.rmtree(place)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

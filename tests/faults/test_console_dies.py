@@ -1,0 +1,206 @@
+"""Whatever happens to a console, the participant notices nothing, and who attaches again sees the true state."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from rise_engine.kernel.records import ActionRecord, TaskRecord
+from rise_engine.link import connect
+from rise_engine.link.program import Rejected
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.reading import read_journal
+from rise_engine.view import View
+from tests.console.terminals import Terminal, environment_of, terminal
+
+ROOT = Path(__file__).parents[2]
+STUDY = str(ROOT / "scenarios" / "lablinking")
+
+SCRIPT: list[tuple[float, str, str]] = [
+    (0.0, "startInteractionRule", "Table setting"),
+    (6.0, "raiseEventTopic", "/next"),
+    (8.0, "startCommunicationRobotAct", "R_Filler_Hm"),
+    (17.0, "raiseEventTopic", "/next"),
+    (20.0, "startCommunicationRobotAct", "R_Attention"),
+    (26.0, "raiseEventTopic", "/repeat"),
+    (28.0, "stopCommunicationRobotAct", "R_Task1_Step1"),
+    (31.0, "startCommunicationRobotAct", "R_Praise"),
+]
+FAULT_AT = 2.0
+"""Seconds of the script: the robot speaks."""
+STOPPED = 30.0
+"""Seconds for which a console is held with SIGSTOP."""
+END = 35.0
+TOLERANCE = 0.25
+"""Seconds by which an action may begin earlier or later than in the session whose console stays: the noise of a busy
+machine. A console that the engine waited for would cost seconds, and change the order."""
+
+Fault = Callable[[Terminal], Awaitable[None]]
+
+
+async def nothing(it: Terminal) -> None:
+    """The console stays."""
+
+
+async def kill(it: Terminal) -> None:
+    os.kill(it.process.pid, signal.SIGKILL)
+
+
+async def hang_up(it: Terminal) -> None:
+    os.kill(it.process.pid, signal.SIGHUP)
+
+
+async def close_terminal(it: Terminal) -> None:
+    os.close(it.master)
+    it.master = -1
+
+
+async def hold(it: Terminal) -> None:
+    os.kill(it.process.pid, signal.SIGSTOP)
+    await asyncio.sleep(STOPPED)  # this is the fault, and no synchronisation
+    os.kill(it.process.pid, signal.SIGCONT)
+
+
+def whole(view: View) -> Any:
+    """Everything that a console knows of a session, without who is attached."""
+    same = msgspec.structs.replace(view, seq=0, t=0.0, control=None, asked=None)
+    return list(view.tasks), msgspec.to_builtins(same, str_keys=True, enc_hook=list)
+
+
+async def play(fault: Fault) -> list[tuple[float, str]]:
+    """The scripted study with a console that something happens to; the robot's timeline."""
+    with terminal("--config", STUDY, "--mode", "debug", "--seed", "1", "--wizard", "anna") as it:
+        await asyncio.to_thread(it.until, "LIVE")
+        socket = it.socket
+        async with connect(socket, "script") as stayed:
+            record = Path(stayed.hello.folder)
+            began = time.monotonic()
+            happening = asyncio.create_task(_after(began + FAULT_AT, fault, it))
+            for at, function, behavior in SCRIPT:
+                await asyncio.sleep(began + at - time.monotonic())  # the wizard's own timing
+                with suppress(Rejected):  # an act that has ended already, say: in all of them the same
+                    await stayed.submit(function, behavior)
+            await asyncio.sleep(began + END - time.monotonic())
+            await happening
+            if fault in (kill, hang_up, close_terminal):
+                assert await asyncio.to_thread(it.ended) is not None
+            async with connect(socket, "late") as late:
+                await stayed.until(lambda view: view.seq >= late.view.seq)
+                await late.until(lambda view: view.seq >= stayed.view.seq)
+                assert whole(late.view) == whole(stayed.view)
+            if fault is hold:
+                it.press(b"p")
+                await asyncio.to_thread(it.until, "R_Praise")
+                await stayed.until(lambda view: view.acts["R_Praise"].runs + len(view.acts["R_Praise"].running) >= 2)
+            again = await asyncio.to_thread(_attach_again, it.home) if fault is not nothing else ""
+            assert "LIVE" in again or "WATCHING" in again or fault is nothing
+            await stayed.end("the script is over")
+        return timeline(record)
+
+
+def _attach_again(home: str) -> str:
+    with terminal("--observe", home=home) as again:
+        again.until("WATCHING")
+        return "WATCHING"
+
+
+async def _after(when: float, fault: Fault, it: Terminal) -> None:
+    await asyncio.sleep(when - time.monotonic())
+    await fault(it)
+
+
+def timeline(record: Path) -> list[tuple[float, str]]:
+    """What the robot began and ended, with seconds since the script began."""
+    records = [each for _, each in read_journal(record / JOURNAL).placed()]
+    began = next(each.t for each in records if isinstance(each, TaskRecord))
+    found = [
+        (each.t - began, f"{each.act} {each.action} {each.type} {each.status} {msgspec.json.encode(each.parameters)!r}")
+        for each in records
+        if isinstance(each, ActionRecord) and each.status != "accepted"
+    ]
+    return [(t, what) for t, what in found if t < END - 0.5]
+
+
+async def test_a_console_that_dies_or_hangs_changes_nothing_for_the_participant() -> None:
+    """All at the same time, each with an engine of its own: SIGKILL, SIGHUP, a closed terminal, 30 s of SIGSTOP."""
+    calm, *others = await asyncio.gather(*map(play, (nothing, kill, hang_up, close_terminal, hold)))
+    assert len(calm) > 20
+    for fault, other in zip((kill, hang_up, close_terminal, hold), others, strict=True):
+        assert [what for _, what in other] == [what for _, what in calm], fault.__name__
+        late = max(abs(a - b) for (a, _), (b, _) in zip(calm, other, strict=True))
+        assert late < TOLERANCE, f"{fault.__name__}: {late:.3f} s"
+
+
+async def test_a_console_that_was_cut_off_for_not_reading_comes_back_by_itself() -> None:
+    """The engine lets go of whoever does not read; the true state is one attach away."""
+    with terminal("--config", STUDY, "--mode", "debug", "--seed", "1", "--wizard", "anna") as it:
+        await asyncio.to_thread(it.until, "LIVE")
+        async with connect(it.socket, "noise") as noise:
+            os.kill(it.process.pid, signal.SIGSTOP)
+            for _ in range(1_600):
+                await noise.note("x" * 900)
+            os.kill(it.process.pid, signal.SIGCONT)
+            await asyncio.to_thread(it.until, "is back")
+            it.press(b"p")
+            await asyncio.to_thread(it.until, "R_Praise")
+            async with asyncio.timeout(20):
+                await noise.until(lambda view: "R_Praise" in view.acts)
+            taken = [record.source for record in noise.view.tasks.values()]
+            assert taken == ["wizard:anna"], "it has control again"
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="needs tmux")
+def test_a_console_that_comes_back_looks_like_one_that_never_left() -> None:
+    with terminal("--config", STUDY, "--mode", "debug", "--seed", "1", "--wizard", "anna") as it:
+        it.until("LIVE")
+        environment = environment_of(it.home)
+        tmux = ["tmux", "-L", f"rise-{os.getpid()}", "-f", "/dev/null"]
+
+        def run(*arguments: str) -> str:
+            return subprocess.run(
+                [*tmux, *arguments], env=environment, capture_output=True, text=True, check=True, cwd=ROOT
+            ).stdout
+
+        def shown(window: str, text: str) -> list[str]:
+            deadline = time.monotonic() + 40
+            while text not in (screen := run("capture-pane", "-p", "-t", window)):
+                assert time.monotonic() < deadline, screen
+                time.sleep(0.05)
+            return screen.splitlines()
+
+        observe = f"exec {_own('rise-tui')} --observe"
+        run("new-session", "-d", "-x", "120", "-y", "40", "-n", "stays", observe)
+        try:
+            shown("stays", "WATCHING")
+            run("new-window", "-n", "goes", observe)
+            shown("goes", "WATCHING")
+            os.kill(int(run("display-message", "-p", "-t", "goes", "#{pane_pid}")), signal.SIGKILL)
+            it.press(b"t")
+            it.until("R_Welcome")
+            it.press(b"w")
+            shown("stays", "R_AskUnderstood")
+            it.press(b"\x1b[20~")  # F9: from here on nothing moves any more
+            shown("stays", "everything asked has confirmed")
+            run("new-window", "-n", "back", observe)
+            shown("back", "everything asked has confirmed")
+            stays, back = shown("stays", "STOPPED"), shown("back", "STOPPED")
+            assert stays[1:] == back[1:]
+        finally:
+            run("kill-server")
+
+
+def _own(program: str) -> str:
+    import sys
+
+    return str(Path(sys.executable).with_name(program))

@@ -1,0 +1,234 @@
+"""`rise-engine serve`, `sessions` and `stop` as a person or systemd uses them: real processes, real signals."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rise_engine.link.places import held, lock_path, session_name, socket_path
+from rise_engine.link.spawn import Options, Refused, Started, start_engine
+from rise_engine.session.folder import JOURNAL, read_info
+from rise_engine.session.reading import read_journal
+
+from ..engine.processes import ENGINE, engine, folder
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Sessions and sockets of one test; what it leaves running is ended, by its own id."""
+    import shutil
+    import tempfile
+
+    run = Path(tempfile.mkdtemp(prefix="r-", dir="/tmp"))
+    monkeypatch.setenv("RISE_RUNTIME", str(run))
+    monkeypatch.setenv("RISE_SESSIONS", str(tmp_path / "sessions"))
+    yield tmp_path
+    for lock in run.glob("*.lock"):
+        if held(lock):
+            os.kill(int(lock.read_text()), signal.SIGKILL)
+    shutil.rmtree(run, ignore_errors=True)
+
+
+class Serving:
+    """`rise-engine serve` in the foreground, until it says that it serves."""
+
+    def __init__(self, *arguments: object) -> None:
+        self.process = subprocess.Popen(
+            [ENGINE, "serve", *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stderr is not None
+        self.said = self.process.stderr.readline()
+
+    @property
+    def record(self) -> Path:
+        return Path(self.said.strip().partition("the record is in ")[2])
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        self.process.send_signal(number)
+        return self.wait()
+
+    def wait(self) -> int:
+        assert self.process.stderr is not None
+        code = self.process.wait(30)
+        self.process.stderr.close()
+        return code
+
+
+def statuses(record: Path, kind: str) -> list[str]:
+    found = [json.loads(line) for line in (record / JOURNAL).read_bytes().splitlines()]
+    return [line["status"] for line in found if line.get("kind") == kind]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_stops_the_robot_and_ends_the_session_in_order(places: Path, number: int) -> None:
+    it = Serving(folder(places / "study"), "--act", "Greet", "--speed", "0.1")
+    assert it.said.startswith("serving study-"), it.said
+    wait_for_record(it.record, b'"status":"accepted"')
+    assert it.end(number) == 0
+    assert statuses(it.record, "stop") == ["requested", "latched"]
+    assert statuses(it.record, "session") == ["started", "ended"]
+    assert engine("replay", it.record).stdout.startswith("identical")
+    assert engine("sessions").stderr.startswith("no session is running")
+
+
+def wait_for_record(record: Path, what: bytes) -> None:
+    """Until the journal holds it; the file system is asked, because nothing else of that process is known here."""
+    import time
+
+    deadline = time.monotonic() + 20
+    while what not in (record / JOURNAL).read_bytes():
+        assert time.monotonic() < deadline, (record / JOURNAL).read_bytes()
+        time.sleep(0.01)
+
+
+def test_a_lost_terminal_changes_nothing(places: Path) -> None:
+    it = Serving(folder(places / "study"))
+    it.process.send_signal(signal.SIGHUP)
+    it.process.send_signal(signal.SIGHUP)
+    assert engine("sessions").stdout.startswith("study-")
+    assert it.end() == 0
+
+
+def test_sessions_are_listed_and_stopped_by_folder_or_name(places: Path) -> None:
+    one, two = folder(places / "one"), folder(places / "two")
+    first, second = Serving(one), Serving(two, "--name", "other")
+    listed = json.loads(engine("sessions", "--json").stdout)
+    assert sorted(each["name"] for each in listed) == sorted([session_name(one), "other"])
+    result = engine("stop")
+    assert (result.returncode, "say which" in result.stderr) == (1, True)
+    assert engine("stop", "others").returncode == 1
+    assert engine("stop", one).returncode == 0
+    assert first.wait() == 0
+    assert engine("stop").returncode == 0, "the only one"
+    assert second.wait() == 0
+
+
+def test_one_session_per_folder(places: Path) -> None:
+    study = folder(places / "study")
+    it = Serving(study)
+    result = engine("serve", study)
+    assert result.returncode == 3
+    assert "is running already" in result.stderr
+    assert it.end() == 0
+
+
+def test_a_scenario_with_errors_is_refused_before_anything_is_made(places: Path) -> None:
+    study = folder(places / "study", bad='<Dialog name="Bad"><Speach><actionID>1</actionID></Speach></Dialog>')
+    result = engine("serve", study)
+    assert result.returncode == 1
+    assert "did you mean" in result.stderr
+    assert not (places / "sessions").exists()
+    wrong = engine("serve", folder(places / "fine"), "--fault", "Speach=fail")
+    assert wrong.returncode == 2
+    assert "did you mean 'Speech'" in wrong.stderr
+
+
+def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(places: Path) -> None:
+    study = folder(places / "study")
+    it = Serving(study, "--act", "Greet", "--rule", "Wait for it", "--speed", "0.1", "--seed", "7")
+    wait_for_record(it.record, b'"status":"accepted"')
+    assert it.end(signal.SIGKILL) == -signal.SIGKILL
+    asked = engine("serve", study)
+    assert asked.returncode == 4
+    assert str(it.record) in asked.stderr and "--recover" in asked.stderr
+    more = Serving(study, "--recover")
+    assert more.record == it.record
+    assert more.end() == 0
+    assert statuses(it.record, "session") == ["started", "recovered", "ended"]
+    assert statuses(it.record, "action")[:3] == ["started", "accepted", "lost"]
+    contents = read_journal(it.record / JOURNAL)
+    assert contents.ended and not contents.gaps and not contents.damaged
+    assert engine("replay", it.record).returncode == 0
+
+    crashed = Serving(study)
+    wait_for_record(crashed.record, b'"kind":"robot"')
+    crashed.end(signal.SIGKILL)
+    new = Serving(study, "--new")
+    assert new.record != crashed.record
+    assert new.end() == 0
+    again = Serving(study)
+    assert again.end() == 0, "nobody is asked twice about a session that was left"
+
+
+def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_ever(places: Path) -> None:
+    study = folder(places / "study")
+    it = Serving(study, "--act", "Greet")
+    wait_for_record(it.record, b'"status":"accepted"')
+    it.end(signal.SIGKILL)
+    lines = (it.record / JOURNAL).read_bytes().splitlines(keepends=True)
+    where = next(n for n, line in enumerate(lines) if b'"input":"submit"' in line)
+    lines[where] = lines[where].replace(b"Greet", b"Gruet")
+    (it.record / JOURNAL).write_bytes(b"".join(lines))
+    result = engine("serve", study, "--recover")
+    assert result.returncode == 5
+    assert f"line {where + 1} is damaged" in result.stderr and "Traceback" not in result.stderr
+
+
+def test_an_engine_in_the_background_says_that_it_serves_or_why_not(places: Path) -> None:
+    study = folder(places / "study")
+    started = start_engine(Options(str(study), seed=3))
+    assert isinstance(started, Started)
+    assert started.name == session_name(study)
+    assert read_info(Path(started.folder)).seed == 3
+    refused = start_engine(Options(str(study)))
+    assert isinstance(refused, Refused) and refused.code == 3
+    pid = int(lock_path(socket_path(started.name)).read_text())
+    assert os.getsid(pid) == pid, "it belongs to no terminal"
+    assert engine("stop").returncode == 0
+    nowhere = start_engine(Options(str(places / "nowhere")))
+    assert isinstance(nowhere, Refused) and nowhere.code == 1
+
+
+def test_systemd_is_told(places: Path) -> None:
+    path = places / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+        notify.bind(str(path))
+        notify.settimeout(20)
+        environment = {**os.environ, "NOTIFY_SOCKET": str(path)}
+        process = subprocess.Popen(
+            [ENGINE, "serve", folder(places / "study")],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        assert notify.recv(100) == b"READY=1"
+        process.terminate()
+        assert notify.recv(100) == b"STOPPING=1"
+        assert process.wait(30) == 0
+
+
+def test_the_unit_file_names_options_that_exist() -> None:
+    unit = (Path(__file__).parents[2] / "packaging/systemd/rise-engine@.service").read_text("utf-8")
+    command = next(line for line in unit.splitlines() if line.startswith("ExecStart="))
+    options = [word for word in command.split() if word.startswith("--")]
+    known = engine("serve", "--help").stdout
+    assert options and all(option in known for option in options)
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="needs root to become somebody else")
+def test_other_users_cannot_connect(places: Path) -> None:
+    it = Serving(folder(places / "study"))
+    path = next(Path(os.environ["RISE_RUNTIME"]).glob("*.sock"))
+    assert path.stat().st_mode & 0o777 == 0o600 and path.parent.stat().st_mode & 0o777 == 0o700
+    program = (
+        "import os, socket, sys\n"
+        "os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
+        "try:\n socket.socket(socket.AF_UNIX).connect(sys.argv[1])\n"
+        "except PermissionError: sys.exit(13)\n"
+    )
+    tried: Any = subprocess.run([sys.executable, "-c", program, str(path)], check=False)
+    assert tried.returncode == 13
+    assert it.end() == 0

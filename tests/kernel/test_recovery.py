@@ -1,0 +1,207 @@
+"""A session whose engine has gone and that another one goes on with, and who holds control (issue 3, section 4)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.inputs import ControlChanged, SessionRecovered
+from rise_engine.kernel.records import ENDINGS, ActionRecord, ControlRecord, SessionRecord
+
+from .harness import Session, dialog, gaze, pause, read, speech, write
+
+LOST = "the engine was restarted while it ran"
+ACTS = (
+    dialog("Talk", speech(1), gaze(2), speech(3, "And", "1,2"))
+    + dialog("Wait", pause(1, 5000), speech(2, "Well", "1"))
+    + dialog("Both", pause(1, 5000), gaze(2))
+    + dialog("Nod", gaze(1))
+)
+RULES = """<InteractionRule name="Clock" initial="Tick">
+  <State id="Tick"><transition after="10s" target="Tock"/><transition eventTopic="/Talk_end" target="Over"/></State>
+  <State id="Tock"><transition eventTopic="/back" target="Tick"/></State>
+  <State id="Over"/>
+</InteractionRule>"""
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    return Session(read(write(tmp_path, acts=ACTS, rules=RULES, memory={"mood": "good"})))
+
+
+def recover(session: Session) -> list[str]:
+    session.lines()
+    session.do(SessionRecovered(versions={"rise-tui": "0.3"}, reason="the engine was killed"))
+    return session.lines()
+
+
+def assert_one_ending_each(session: Session) -> None:
+    ended = [f"{r.task}/{r.action}" for r in session.records if isinstance(r, ActionRecord) and r.status in ENDINGS]
+    begun = {f"{r.task}/{r.action}" for r in session.records if isinstance(r, ActionRecord)}
+    assert sorted(ended) == sorted(begun)
+
+
+def test_the_record_says_that_it_was_recovered_and_with_what(session: Session) -> None:
+    first, *_ = session.do(SessionRecovered(versions={"rise-tui": "0.3"}, reason="killed"))
+    assert isinstance(first, SessionRecord)
+    assert (first.status, first.versions, first.reason) == ("recovered", {"rise-tui": "0.3"}, "killed")
+    assert (first.scenario_hash, first.seed) == (session.scenario.hash, 1)
+
+
+def test_what_ran_is_lost_once_and_not_repeated(session: Session) -> None:
+    session.act("Talk")
+    session.report("1/1", "accepted")
+    goals = list(session.goals)
+    assert recover(session) == [
+        f"action Talk/1 lost ({LOST})",
+        "action Talk/3 skipped (action 1 lost)",
+        f"action Talk/2 lost ({LOST})",
+        f"task act Talk ABORTED (action 1 (Speech) lost: {LOST})",
+        "event /Talk_end -> None",
+    ]
+    assert not session.goals and not session.kernel.busy
+    assert session.timers == {}  # their limits are gone, too
+    for goal in goals:  # a robot that speaks up later changes nothing
+        session.report(goal, "succeeded")
+    assert session.lines() == []
+    assert_one_ending_each(session)
+
+
+def test_what_was_being_cancelled_is_lost_too(session: Session) -> None:
+    session.act("Nod")
+    session.submit("stopCommunicationRobotAct", "Nod")
+    assert recover(session) == [
+        f"action Nod/1 lost ({LOST})",
+        "task act Nod CANCELED (stopped by wizard:w)",
+    ]
+    assert session.timers == {}
+
+
+def test_waiting_acts_go_on(session: Session) -> None:
+    session.act("Talk", "Blocking")
+    session.act("Nod", "Blocking")
+    session.act("Wait", "Blocking")
+    assert recover(session)[-3:-1] == ["task act Nod ACTIVE", "action Nod/1 started"]
+    session.finish_all()
+    assert session.lines()[-2:] == ["task act Wait ACTIVE", "action Wait/1 started"]
+    session.wait(5)
+    session.finish_all()
+    assert not session.kernel.busy
+    assert_one_ending_each(session)
+
+
+def test_waits_of_the_engine_go_on_with_the_time_that_was_left(session: Session) -> None:
+    session.act("Wait")
+    session.wait(3)
+    assert recover(session) == []
+    session.wait(1.9)
+    assert session.lines() == []
+    session.wait(0.1)
+    assert session.lines() == ["action Wait/1 succeeded", "action Wait/2 started"]
+    session.finish_all()
+    assert session.lines()[-1] == "task act Wait SUCCEEDED"
+
+
+def test_an_act_that_waits_and_moves_loses_only_what_the_robot_did(session: Session) -> None:
+    """Its act fails by that, so the wait is cancelled, as with every action that fails."""
+    session.act("Both")
+    assert recover(session) == [
+        f"action Both/2 lost ({LOST})",
+        "action Both/1 canceled (action 2 lost)",
+        f"task act Both ABORTED (action 2 (LookAt) lost: {LOST})",
+    ]
+    assert session.timers == {}
+    assert_one_ending_each(session)
+
+
+def test_timers_of_rules_are_kept(session: Session) -> None:
+    session.rule("Clock")
+    session.wait(4)
+    assert recover(session) == []
+    session.wait(5.9)
+    assert session.states == {"Clock": "Tick"}
+    session.wait(0.1)
+    assert session.states == {"Clock": "Tock"}
+
+
+def test_rules_that_wait_for_the_lost_act_go_on(session: Session) -> None:
+    session.rule("Clock")
+    session.act("Talk")
+    assert "rule Clock entered Over from Tick on /Talk_end" in recover(session)
+
+
+def test_the_memory_is_kept(session: Session) -> None:
+    session.assign("mood = 'bad'")
+    recover(session)
+    assert session.memory == {"mood": "bad"}
+
+
+def test_the_latch_holds(session: Session) -> None:
+    session.submit("stopAll")
+    session.confirm_stop("body")
+    stops = session.robot_stops
+    assert recover(session) == []
+    assert session.kernel.stop.status == "latched"
+    assert session.robot_stops == stops
+    assert session.act("Nod").status == "REJECTED"
+    assert session.submit("releaseStop").status == "SUCCEEDED"
+    assert session.act("Nod").status == "PENDING"
+
+
+def test_a_stop_without_answer_is_asked_for_again(session: Session) -> None:
+    session.act("Talk")
+    session.submit("stopAll")
+    session.wait(1)
+    recover(session)
+    assert session.robot_stops == 2
+    assert session.kernel.stop.status == "requested"
+    assert list(session.timers.values()) == [session.t + 3]  # only the new limit
+    session.wait(3)
+    assert session.kernel.stop.status == "latched"
+    assert session.lines("stop") == ["stop latched [] ['generic']"]
+    assert_one_ending_each(session)
+
+
+def test_a_robot_that_was_away_stays_away(session: Session) -> None:
+    session.robot("lost", "unplugged")
+    recover(session)
+    session.act("Nod")
+    assert "task act Nod ABORTED" in " ".join(session.lines())
+    session.robot("connected")
+    session.act("Nod")
+    assert session.goals
+
+
+def test_twice_in_a_row(session: Session) -> None:
+    session.act("Talk")
+    recover(session)
+    assert recover(session) == []
+    assert_one_ending_each(session)
+
+
+def test_a_kernel_from_a_snapshot_is_recovered_the_same(session: Session) -> None:
+    session.rule("Clock")
+    session.act("Talk")
+    session.act("Wait", "Blocking")
+    other = Kernel.restore(session.scenario, session.kernel.snapshot())
+    assert other.handle(SessionRecovered(t=1.0)) == session.kernel.handle(SessionRecovered(t=1.0))
+    assert other.snapshot() == session.kernel.snapshot()
+
+
+@pytest.mark.parametrize("status", ["taken", "asked", "given", "released"])
+def test_control_is_recorded_and_changes_nothing(session: Session, status: str) -> None:
+    session.act("Talk")
+    before = session.kernel.snapshot()
+    holder = None if status == "released" else "wizard:anna"
+    [record] = session.do(ControlChanged(status=status, by="wizard:bert", holder=holder))  # type: ignore[arg-type]
+    assert isinstance(record, ControlRecord)
+    assert (record.status, record.by, record.holder) == (status, "wizard:bert", holder)
+    after = session.kernel.snapshot()
+    assert (after.seq, after.acts, after.timers, after.stop) == (
+        before.seq + 1,
+        before.acts,
+        before.timers,
+        before.stop,
+    )

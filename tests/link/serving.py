@@ -1,0 +1,176 @@
+"""A session served on a real Unix socket, in the loop of the test."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from rise_engine.clock import RealClock
+from rise_engine.engine import Engine
+from rise_engine.link import places
+from rise_engine.link.client import Client, EngineGone, Hello, Journaling, Update
+from rise_engine.link.places import Claim
+from rise_engine.link.room import Room
+from rise_engine.link.server import Server
+from rise_engine.link.socket_client import SocketClient
+from rise_engine.robots import make_robot
+from rise_engine.scenario import load
+from rise_engine.session.disk import Disk
+from rise_engine.session.folder import JOURNAL, create
+from rise_engine.session.journal import Journal
+from rise_engine.view import View
+
+ROOT = Path(__file__).parents[2]
+GREETING = ROOT / "scenarios" / "greeting"
+LABLINKING = ROOT / "scenarios" / "lablinking"
+FAST = 50.0
+
+
+class Served:
+    """A running session and its parts."""
+
+    def __init__(self, engine: Engine, room: Room, server: Server, claim: Claim, folder: Path) -> None:
+        self.engine, self.room, self.server, self.claim, self.folder = engine, room, server, claim, folder
+        self.name, self.path = claim.name, claim.socket
+
+    def client(self, who: str = "anna", role: Any = "wizard") -> SocketClient:
+        return SocketClient(self.path, who, role)
+
+
+@asynccontextmanager
+async def served(
+    root: Path, scenario: Path = LABLINKING, *, speed: float = FAST, disk: Disk | None = None
+) -> AsyncIterator[Served]:
+    loaded = load(scenario)
+    assert loaded.scenario is not None
+    folder = create(
+        root / "sessions", loaded.scenario, loaded.files, seed=1, speed=speed, faults=(), versions={"rise-tui": "test"}
+    )
+    claim = places.claim(places.session_name(scenario))
+    assert claim is not None
+    with claim:
+        loop = asyncio.get_running_loop()
+        clock = RealClock(loop, speed)
+        robot = make_robot(loaded.scenario.robot, loaded.scenario.mode, clock, 1, ())
+
+        def changed() -> None:
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(engine.look_at_journal)
+
+        journal = None if disk is None else Journal(folder / JOURNAL, changed=changed, disk=disk, retry=0.01)
+        engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
+        room = Room(engine, str(folder))
+        server = Server(room, claim.socket)
+        await server.start()
+        engine.start()
+        try:
+            yield Served(engine, room, server, claim, folder)
+        finally:
+            engine.end("the test is over")
+            engine.end_now("the test is over")
+            await server.close()
+            if journal is not None:
+                await asyncio.to_thread(journal.close, 1.0)
+
+
+class Follower:
+    """Folds everything that a client gets, as a console does."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.view = View()
+        self.journaling: list[Journaling] = []
+        self.error: EngineGone | None = None
+        self._changed = asyncio.Event()
+        self._task: asyncio.Task[None] | None = None
+        self.hello: Hello
+
+    async def attach(self) -> Follower:
+        self.hello = await self.client.attach()
+        self.view = self.hello.view
+        self._task = asyncio.create_task(self._follow(self.client.records()))
+        return self
+
+    async def _follow(self, updates: AsyncIterator[Sequence[Update]]) -> None:
+        try:
+            async for batch in updates:
+                for update in batch:
+                    if isinstance(update, Journaling):
+                        self.journaling.append(update)
+                    else:
+                        assert update.seq == self.view.seq + 1, "a gap"
+                        self.view.apply(update)
+                self._changed.set()
+        except EngineGone as error:
+            self.error = error
+        finally:
+            self._changed.set()
+
+    async def until(self, true: Callable[[View], object]) -> None:
+        async with asyncio.timeout(10):
+            while not true(self.view):
+                assert self._task is not None and not self._task.done(), f"the stream has ended: {self.error}"
+                self._changed.clear()
+                await self._changed.wait()
+
+    async def over(self) -> EngineGone | None:
+        """Wait until the stream has ended, and say how."""
+        assert self._task is not None
+        async with asyncio.timeout(15):
+            await asyncio.wait([self._task])
+        if self._task.exception() is not None:
+            await self._task
+        return self.error
+
+    async def close(self) -> None:
+        await self.client.close()
+        await self.over()
+
+
+class Raw:
+    """A connection that sends and reads lines as they are."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader, self.writer = reader, writer
+
+    @classmethod
+    async def open(cls, path: Path) -> Raw:
+        return cls(*await asyncio.open_unix_connection(path, limit=2**24))
+
+    def send(self, **message: Any) -> None:
+        self.writer.write(json.dumps(message).encode() + b"\n")
+
+    def attach(self, name: str = "raw", role: str = "node") -> None:
+        self.send(type="attach", version=1, name=name, role=role)
+
+    async def read(self) -> dict[str, Any]:
+        """The next line; an empty object at the end."""
+        async with asyncio.timeout(10):
+            data = await self.reader.readline()
+        value: dict[str, Any] = json.loads(data) if data else {}
+        return value
+
+    async def until(self, type: str) -> dict[str, Any]:
+        while True:
+            message = await self.read()
+            assert message, f"the connection ended before {type}"
+            if message["type"] == type:
+                return message
+
+    async def refused(self) -> str:
+        """The sentence with which the connection ends."""
+        message = await self.until("refused")
+        with suppress(ConnectionError):
+            assert await self.read() == {}
+        self.writer.close()
+        reason: str = message["reason"]
+        return reason
+
+    async def close(self) -> None:
+        self.writer.close()
+        with suppress(OSError):
+            await self.writer.wait_closed()

@@ -1,0 +1,87 @@
+"""With a journal: what a client is told is on the disk, and a disk that fails is told to everybody."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import threading
+from pathlib import Path
+
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.link.peer import MAX_OPEN
+from rise_engine.session.disk import Disk
+from rise_engine.session.folder import JOURNAL
+
+from .serving import Follower, Raw, served
+
+
+class Slow(Disk):
+    """Synchronises when it is let, and fails when it is told to."""
+
+    def __init__(self) -> None:
+        self.let = threading.Event()
+        self.let.set()
+        self.full = False
+
+    def sync(self, descriptor: int) -> None:
+        self.let.wait(10)
+        if self.full:
+            raise OSError(errno.ENOSPC, "full")
+        super().sync(descriptor)
+
+
+async def test_what_was_accepted_is_on_the_disk(place: Path) -> None:
+    async with served(place, disk=Disk()) as session:
+        follower = await Follower(session.client()).attach()
+        await follower.until(lambda view: view.control == "wizard:anna")
+        for number in range(50):
+            assert (await follower.client.send(Note(text=f"note {number}"))).accepted
+            assert f"note {number}".encode() in (session.folder / JOURNAL).read_bytes()
+
+
+async def test_nobody_is_told_what_could_still_be_lost(place: Path) -> None:
+    disk = Slow()
+    async with served(place, disk=disk) as session:
+        watching = await Follower(session.client("watch", "observer")).attach()
+        await watching.until(lambda view: view.session)
+        wizard = await Raw.open(session.path)
+        wizard.attach("anna", "wizard")
+        await wizard.until("ready")
+        await watching.until(lambda view: view.control)
+        seq = watching.view.seq
+        disk.let.clear()
+        for id in range(MAX_OPEN + 1):
+            wizard.send(type="send", id=id, message={"input": "note", "text": "x"})
+        reply = await wizard.until("reply")
+        assert (reply["id"], reply["accepted"]) == (MAX_OPEN, False) and "not answered" in reply["reason"]
+        wizard.send(type="send", id=999, message={"input": "submit", "function": "stopAll"})
+        late = await Follower(session.client("late", "observer")).attach()
+        assert watching.view.seq == late.view.seq == seq
+        disk.let.set()
+        assert [(await wizard.until("reply"))["id"] for _ in range(MAX_OPEN + 1)] == [*range(MAX_OPEN), 999]
+        await late.until(lambda view: view.stop.status == "latched")
+        await watching.until(lambda view: view.seq >= late.view.seq)
+        assert late.view == watching.view
+        await wizard.close()
+
+
+async def test_a_disk_that_fails_is_told_to_everybody(place: Path) -> None:
+    disk = Slow()
+    async with served(place, disk=disk) as session:
+        follower = await Follower(session.client()).attach()
+        await follower.until(lambda view: view.control)
+        disk.full = True
+        first = asyncio.create_task(follower.client.send(Note(text="first")))
+        await follower.until(lambda view: follower.journaling)
+        assert "full" in follower.journaling[-1].trouble
+        reply = await follower.client.send(Submit(function="raiseEventTopic", behavior="/x"))
+        assert not reply.accepted and "full" in reply.reason
+        other = await Follower(session.client("bob", "observer")).attach()
+        assert "full" in other.hello.journaling.trouble
+        assert not (await follower.client.control("release")).accepted
+        await other.close()
+        disk.full = False
+        assert (await first).accepted
+        assert (await follower.client.control("release")).accepted
+        await follower.until(lambda view: view.control is None)
+        assert not follower.journaling[-1].trouble

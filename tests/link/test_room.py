@@ -1,0 +1,220 @@
+"""Who may do what: the rules of control, one row each, on a real engine and without sockets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from rise_engine.clock import VirtualClock
+from rise_engine.engine import Engine
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import AnyRecord, ControlRecord, NoteRecord, SessionRecord, TaskRecord
+from rise_engine.link.client import Reply
+from rise_engine.link.room import Member, NotAdmitted, Room
+from rise_engine.robots import make_robot
+from rise_engine.view import View
+from tests.engine.samples import GREETING, profile, scenario
+
+
+class Played:
+    """A room with an engine in virtual time, and what came of it."""
+
+    def __init__(self, *, start: bool = True, **more: Any) -> None:
+        clock = VirtualClock()
+        self.engine = Engine(scenario(GREETING), make_robot(profile(), "debug", clock, 1, ()), clock, 1)
+        self.room = Room(self.engine, **more)
+        self.records: list[AnyRecord] = []
+        self.room.subscribe(self.records.append)  # type: ignore[arg-type]
+        self.members: dict[str, Member] = {}
+        if start:
+            self.engine.start()
+
+    def does(self, what: str) -> str:
+        """`anna attaches`, `bob takes`, `anna leaves`, `anna acts`, ...; gives the rejection, or nothing."""
+        who, verb = what.split()
+        role: Any = {"w": "wizard", "o": "observer", "n": "node"}[who[0]]
+        answers: list[Reply] = []
+        if verb == "attaches":
+            self.members[who] = self.room.attach(who[1:], role)
+            return ""
+        member = self.members[who]
+        match verb:
+            case "leaves":
+                self.room.leave(member)
+                return ""
+            case "takes" | "asks" | "gives" | "releases":
+                self.room.control(member, verb.removesuffix("s"), answers.append)  # type: ignore[arg-type]
+            case "acts":
+                task = Submit(function="startCommunicationRobotAct", behavior="Greet", source="wizard:eve")
+                self.room.send(member, task, answers.append)
+            case "stops":
+                self.room.send(member, Submit(function="stopAll"), answers.append)
+            case "frees":
+                self.room.send(member, Submit(function="releaseStop"), answers.append)
+            case "notes":
+                self.room.send(member, Note(text="x", source="wizard:eve"), answers.append)
+            case "ends":
+                self.room.end(member, "", answers.append)
+        (reply,) = answers
+        assert reply.accepted or reply.reason, "a rejection says why"
+        return "" if reply.accepted else reply.reason
+
+    @property
+    def control(self) -> list[tuple[str, str, str | None]]:
+        return [(r.status, r.by, r.holder) for r in self.records if isinstance(r, ControlRecord)]
+
+
+A, B, C = "wizard:a", "wizard:b", "wizard:c"
+TAKEN = ("taken", A, A)
+
+RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
+    # what they do, one after the other; why the last is rejected; the records
+    ("who comes first has control", "wa attaches", "", [TAKEN]),
+    ("the second does not", "wa attaches, wb attaches", "", [TAKEN]),
+    ("an observer never has", "oa attaches, oa takes", "an observer never has control", []),
+    ("nor asks", "wa attaches, oa attaches, oa asks", "an observer never has control", [TAKEN]),
+    ("a program needs none", "na attaches, na takes", "a program needs no control", []),
+    ("the holder acts", "wa attaches, wa acts", "", [TAKEN]),
+    ("another does not", "wa attaches, wb attaches, wb acts", "wizard:a does; ask for it, or take it", [TAKEN]),
+    ("an observer does not", "oa attaches, oa acts", "an observer only watches", []),
+    ("a program does", "wa attaches, na attaches, na acts", "", [TAKEN]),
+    ("everybody notes", "wa attaches, wb attaches, ob attaches, wb notes, ob notes", "", [TAKEN]),
+    ("an observer stops everything", "wa attaches, oa attaches, oa stops", "", [TAKEN]),
+    ("a wizard without control too", "wa attaches, wb attaches, wb stops", "", [TAKEN]),
+    ("but does not free", "wa attaches, wb attaches, wb stops, wb frees", "you do not hold control", [TAKEN]),
+    ("anybody takes", "wa attaches, wb attaches, wb takes, wb acts", "", [TAKEN, ("taken", B, B)]),
+    ("then the other cannot act", "wa attaches, wb attaches, wb takes, wa acts", "wizard:b does",
+     [TAKEN, ("taken", B, B)]),
+    ("taking what one has", "wa attaches, wa takes", "", [TAKEN]),
+    ("asking is shown", "wa attaches, wb attaches, wb asks", "", [TAKEN, ("asked", B, A)]),
+    ("and gives nothing yet", "wa attaches, wb attaches, wb asks, wb acts", "wizard:a does", [TAKEN, ("asked", B, A)]),
+    ("asking twice is asking once", "wa attaches, wb attaches, wb asks, wb asks", "", [TAKEN, ("asked", B, A)]),
+    ("asking oneself", "wa attaches, wa asks", "", [TAKEN]),
+    ("asking nobody is taking", "wa attaches, wa releases, wa asks", "", [TAKEN, ("released", A, None), TAKEN]),
+    ("giving", "wa attaches, wb attaches, wb asks, wa gives, wb acts", "", [TAKEN, ("asked", B, A), ("given", A, B)]),
+    ("giving to the latest", "wa attaches, wb attaches, wc attaches, wc asks, wb asks, wa gives", "",
+     [TAKEN, ("asked", C, A), ("asked", B, A), ("given", A, B)]),
+    ("giving unasked", "wa attaches, wb attaches, wa gives", "nobody has asked", [TAKEN]),
+    ("giving what one has not", "wa attaches, wb attaches, wb gives", "control: wizard:a does", [TAKEN]),
+    ("releasing", "wa attaches, wa releases, wa acts", "nobody does; take it", [TAKEN, ("released", A, None)]),
+    ("releasing what one has not", "wa attaches, wb attaches, wb releases", "you do not hold control", [TAKEN]),
+    ("no longer asking", "wa attaches, wb attaches, wb asks, wb releases, wa gives", "nobody has asked",
+     [TAKEN, ("asked", B, A), ("released", B, A)]),
+    ("free for who comes", "wa attaches, wa releases, wb attaches, wb acts", "",
+     [TAKEN, ("released", A, None), ("taken", B, B)]),
+    ("the holder leaves", "wa attaches, wb attaches, wa leaves, wb acts", "nobody does; take it",
+     [TAKEN, ("released", A, None)]),
+    ("the holder leaves one who asked", "wa attaches, wb attaches, wb asks, wa leaves, wb acts", "",
+     [TAKEN, ("asked", B, A), ("given", A, B)]),
+    ("the asker leaves", "wa attaches, wb attaches, wb asks, wb leaves, wa gives", "nobody has asked",
+     [TAKEN, ("asked", B, A), ("released", B, A)]),
+    ("others leave", "wa attaches, wb attaches, oc attaches, wb leaves, oc leaves, wa acts", "", [TAKEN]),
+    ("the holder comes back", "wa attaches, wa leaves, wa attaches, wa acts", "",
+     [TAKEN, ("released", A, None), TAKEN]),
+    ("the holder ends", "wa attaches, wa ends", "", [TAKEN]),
+    ("another does not end", "wa attaches, wb attaches, wb ends", "only who holds control can end", [TAKEN]),
+    ("an observer does not end", "oa attaches, oa ends", "cannot end", []),
+    ("a program ends", "wa attaches, na attaches, na ends", "", [TAKEN]),
+    ("anybody ends what nobody holds", "wa attaches, wb attaches, wa releases, wb ends", "",
+     [TAKEN, ("released", A, None)]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("deeds", "reason", "control"), [row[1:] for row in RULES], ids=[row[0] for row in RULES])
+def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
+    played = Played(end=lambda reason: None)
+    *before, last = deeds.split(", ")
+    for deed in before:
+        assert played.does(deed) == "", deed
+    rejection = played.does(last)
+    assert (reason in rejection) if reason else rejection == ""
+    assert played.control == control
+    folded = View()
+    for record in played.records:
+        folded.apply(record)
+    assert folded == played.room.view and folded.control == (control[-1][2] if control else None)
+
+
+def test_the_record_names_the_person_and_control_the_console() -> None:
+    played = Played()
+    first, second = played.room.attach("anna", "wizard"), played.room.attach("anna", "wizard")
+    assert (first.name, second.name) == ("wizard:anna", "wizard:anna#2")
+    answers: list[Reply] = []
+    played.room.control(second, "take", answers.append)
+    played.room.send(
+        second, Submit(function="startCommunicationRobotAct", behavior="Greet", source="x"), answers.append
+    )
+    played.room.send(first, Note(text="hm", source="x"), answers.append)
+    assert all(reply.accepted for reply in answers) and answers[1].task == 1
+    assert played.room.view.control == "wizard:anna#2"
+    assert {r.source for r in played.records if isinstance(r, TaskRecord | NoteRecord)} == {"wizard:anna"}
+    assert played.room.attach("anna", "observer").name == "observer:anna"
+
+
+def test_nothing_comes_before_the_session() -> None:
+    """Consoles may attach while the engine is still to start; the session's first record is its own."""
+    played = Played(start=False)
+    played.does("wa attaches")
+    played.does("wb attaches")
+    assert "not begun" in played.does("wa acts") and "not begun" in played.does("wb takes")
+    assert played.records == []
+    played.engine.start()
+    assert isinstance(played.records[0], SessionRecord)
+    assert played.control == [TAKEN]
+    assert played.does("wa acts") == ""
+
+
+def test_who_held_control_when_the_engine_died_does_not_hold_it_for_ever() -> None:
+    for comes, control in ((False, [("released", "wizard:z", None)]), (True, [TAKEN])):
+        played = Played(start=False, view=View(control="wizard:z"))
+        if comes:
+            played.does("wa attaches")
+        played.engine.start()
+        assert played.control == control
+
+
+def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    played = Played()
+    for deed in ("wa attaches", "wb attaches"):
+        played.does(deed)
+    with monkeypatch.context() as patch:
+
+        def rejects(fact: object, answer: Any) -> None:
+            answer(Reply(False, "nothing can be recorded"))
+
+        patch.setattr(played.engine, "accept", rejects)
+        assert played.does("wb takes") == "nothing can be recorded"
+        assert played.does("wb asks") == "nothing can be recorded"
+    assert "wizard:a does" in played.does("wb acts")
+    assert played.does("wb asks") == "" and played.does("wa acts") == ""
+
+
+def test_in_a_replay_nothing_can_be_done() -> None:
+    played = Played(replay=True)
+    for who in ("wa", "na", "oa"):
+        played.does(f"{who} attaches")
+        for verb in ("acts", "stops", "notes", "takes", "ends"):
+            assert played.does(f"{who} {verb}") != ""
+    assert played.control == [] and played.room.hello(played.members["wa"]).replay
+
+
+def test_after_the_end_nobody_attaches() -> None:
+    played = Played()
+    played.engine.end("done")
+    with pytest.raises(NotAdmitted, match="has ended"):
+        played.does("wa attaches")
+    assert played.room.end_reason == "done"
+
+
+def test_a_listener_that_fails_hurts_nobody(caplog: pytest.LogCaptureFixture) -> None:
+    played = Played()
+
+    def fails(update: object) -> None:
+        raise ValueError("a mistake")
+
+    played.room.subscribe(fails)
+    played.does("wa attaches")
+    assert played.room.view.control == A and "a listener failed" in caplog.text

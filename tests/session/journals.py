@@ -1,0 +1,115 @@
+"""Sessions on disk, made without an engine: a kernel is driven by hand, and what went in and out is written down."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+
+from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, SessionEnded, TimerElapsed
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.scenario import load
+from rise_engine.session import folder as folders
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.lines import header_line, input_line, record_line
+
+from ..kernel.harness import Session, dialog, gaze, pause, speech, write
+
+ACTS = (
+    dialog("Greet", speech(1, "Hello, {name|stranger}!"), gaze(2, "1"), speech(3, "How are you?", "1"))
+    + dialog("Wait", pause(1, 500))
+    + dialog("Late", speech(1, "At last"))
+)
+RULES = """<InteractionRule name="Table" initial="Idle">
+  <State id="Idle"><transition eventTopic="/go" cond="count &lt; 5 and not nobody" target="Busy"/></State>
+  <State id="Busy"><onEntry><function assignValue="count = count + 1"/>
+      <function startCommunicationRobotAct="Wait"/></onEntry>
+    <transition after="10s" target="Idle"/></State>
+</InteractionRule>"""
+MEMORY = {"name": "Anna", "count": 0, "list": [1, {"deep": None}]}
+TOML = 'title = "Sample study"\n'
+
+
+class Recording(Session):
+    """Drives a kernel and keeps the steps."""
+
+    def __init__(self, scenario: Any, seed: int = 7) -> None:
+        self.steps: list[tuple[AnyInput, list[AnyRecord]]] = []
+        super().__init__(scenario, seed)
+
+    def do(self, input: AnyInput) -> list[AnyRecord]:
+        records = super().do(input)
+        for record in records:
+            record.wall = f"2026-11-21T14:{int(self.t) // 60:02}:{self.t % 60:06.3f}+01:00"
+        self.steps.append((replace(input, t=self.t), records))
+        return records
+
+
+def play(session: Recording) -> None:
+    """Something of everything, up to the middle of it."""
+    session.rule("Table")
+    session.act("Greet")
+    session.wait(0.25)
+    session.report("2/1", "accepted")
+    session.report("2/1")
+    session.report("2/2", "failed", "the neck is stuck")
+    session.event("/go")
+    session.assign('name = "Özge; \\"line\\", 1"')
+    session.do(Note(text='first line\nsecond, "line"\r\n=1+1', source="wizard:w"))
+    session.do(ActionReport(action="nothing/1", status="succeeded"))  # an input without a record
+    session.wait(12.5)
+    session.act("Late")
+    session.event("/go")
+
+
+class Made:
+    """A session's folder."""
+
+    def __init__(self, root: Path, *, ended: bool = False, toml: str = TOML) -> None:
+        place = write(root / "study", acts=ACTS, rules=RULES, memory=MEMORY, toml=toml)
+        self.study = place
+        loaded = load(place)
+        assert loaded.scenario is not None, loaded.findings
+        self.scenario = loaded.scenario
+        self.session = Recording(self.scenario)
+        play(self.session)
+        if ended:
+            self.session.submit("stopAll")
+            self.session.confirm_stop("body")
+            self.session.do(SessionEnded(reason="over"))
+        self.folder = folders.create(
+            root / "sessions",
+            self.scenario,
+            loaded.files,
+            seed=7,
+            speed=1.0,
+            faults=(),
+            versions={"rise-tui": "0.2.0", "python": "3.11"},
+        )
+        self.journal = self.folder / JOURNAL
+        self.lines = [header_line("rise-tui 0.2.0")]
+        self.step_lines: list[int] = []
+        """Index in `lines` of each input."""
+        for n, (fact, records) in enumerate(self.session.steps, 1):
+            self.step_lines.append(len(self.lines))
+            self.lines += [input_line(n, fact), *map(record_line, records)]
+        self.whole = b"".join(self.lines)
+        self.write(self.whole)
+
+    def write(self, data: bytes) -> None:
+        self.journal.write_bytes(data)
+
+    @property
+    def records(self) -> list[AnyRecord]:
+        return self.session.records
+
+    def replayed(self, steps: int) -> Session:
+        """The session as it was after so many steps, in memory only."""
+        session = Session(self.scenario, 7)
+        for fact, _ in self.session.steps[1:steps]:
+            session.t = fact.t
+            if isinstance(fact, TimerElapsed):
+                session.timers.pop(fact.timer, None)
+            session.do(fact)
+        return session
