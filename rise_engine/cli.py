@@ -9,14 +9,14 @@ import gc
 import os
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from rise_engine.arguments import UnusableError, first_tasks, number, places_of, require_folder, script_of, usage
+
 if TYPE_CHECKING:
     from rise_engine.kernel.inputs import Submit
-    from rise_engine.scenario.model import Scenario
-    from rise_engine.script import ScriptTask
 
 _HELP = {"help_option_names": ["-h", "--help"]}
 _LATEST = 30 * 86_400.0
@@ -115,7 +115,7 @@ def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> No
     """
     from rise_engine.reports import check_report
 
-    _require_folder(folder)
+    require_folder(folder)
     sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
 
 
@@ -135,7 +135,7 @@ def evaluate(expression: str, memory: str, as_json: bool) -> None:
     try:
         values = read_memory(memory)
     except UnusableMemoryError as error:
-        _usage(f"--memory: {error}")
+        usage(f"--memory: {error}")
     sys.exit(eval_report(expression, values, as_json=as_json))
 
 
@@ -194,17 +194,17 @@ def run(
 
     pace = None
     if speed != "max":
-        pace = _number("--speed", speed, "a number above 0, up to 1000000, or max", _FASTEST, least_excluded=True)
+        pace = number("--speed", speed, "a number above 0, up to 1000000, or max", _FASTEST, least_excluded=True)
     end = None
     if until != "idle":
-        end = _number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", _LATEST)
-    _require_folder(folder)
+        end = number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", _LATEST)
+    require_folder(folder)
     try:
         scenario = load_or_refuse(folder, robot=robot, mode=mode)
         if scenario is None:
             sys.exit(REFUSED)
-        first = _first_tasks(scenario, settings, rules, acts)
-        script, stream = _script(tasks, virtual=pace is None)
+        first = first_tasks(scenario, settings, rules, acts)
+        script, stream = script_of(tasks, virtual=pace is None)
         plan = Plan(
             scenario=scenario,
             first=first,
@@ -224,7 +224,7 @@ def run(
     except RobotOptionsError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(USAGE)
-    except _UnusableError as error:
+    except UnusableError as error:
         click.echo(str(error), err=True)
         sys.exit(USAGE)
 
@@ -272,10 +272,10 @@ def serve(
     from rise_engine.serve import Order, to_person
     from rise_engine.serve import serve as serve_session
 
-    pace = _number("--speed", speed, "a number above 0, up to 1000000", _FASTEST, least_excluded=True)
+    pace = number("--speed", speed, "a number above 0, up to 1000000", _FASTEST, least_excluded=True)
     if (recover or session is not None) and new:
-        _usage("say either --recover or --new")
-    _require_folder(folder)
+        usage("say either --recover or --new")
+    require_folder(folder)
     which = session or ("recover" if recover else "new" if new else "ask")
     first: tuple[Submit, ...] = ()
     if settings or rules or acts:
@@ -286,15 +286,15 @@ def serve(
         if scenario is None:
             sys.exit(REFUSED)
         try:
-            first = _first_tasks(scenario, settings, rules, acts)
-        except _UnusableError as error:
+            first = first_tasks(scenario, settings, rules, acts)
+        except UnusableError as error:
             click.echo(str(error), err=True)
             sys.exit(2)
     order = Order(
         folder=folder,
         robot=robot,
         mode=mode,
-        places=_places(places),
+        places=places_of(places),
         seed=seed,
         speed=pace,
         faults=faults,
@@ -303,14 +303,6 @@ def serve(
         unfinished=which,
     )
     sys.exit(serve_session(order, to_person(order)))
-
-
-def _places(places: tuple[str, ...]) -> dict[str, str]:
-    named = dict(each.partition("=")[::2] for each in places)
-    for kind in named:
-        if kind not in ("acts", "rules", "memory"):
-            _usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH")
-    return named
 
 
 @main.command()
@@ -353,11 +345,11 @@ def replay(session: str, scenario: str | None, as_json: bool, speed: str | None)
 
     if speed is not None:
         if scenario is not None or as_json:
-            _usage("--speed plays what was recorded: it goes with neither --scenario nor --json")
-        pace = _number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
+            usage("--speed plays what was recorded: it goes with neither --scenario nor --json")
+        pace = number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
         sys.exit(play_report(session, pace))
     if scenario is not None:
-        _require_folder(scenario)
+        require_folder(scenario)
     sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
 
 
@@ -389,7 +381,7 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
     from rise_engine.reports import print_document, schema_text
 
     if folder is not None:
-        _require_folder(folder)
+        require_folder(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(1)
@@ -404,130 +396,5 @@ def robots(folder: str | None, as_json: bool) -> None:
     from rise_engine.reports import robots_report
 
     if folder is not None:
-        _require_folder(folder)
+        require_folder(folder)
     sys.exit(robots_report(folder, as_json=as_json))
-
-
-class _UnusableError(Exception):
-    """Something on the command line cannot be used; the text says what, in one or more lines."""
-
-
-def _first_tasks(
-    scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
-) -> tuple[Submit, ...]:
-    from rise_engine.kernel.inputs import Submit
-    from rise_engine.script import no_such
-
-    problems = [
-        f"error: --rule: {no_such('rule', name, list(scenario.rules))}" for name in rules if name not in scenario.rules
-    ]
-    problems += [
-        f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
-    ]
-    assigned = []
-    for setting in settings:
-        try:
-            assigned.append(_setting(setting))
-        except ValueError as error:
-            problems.append(f"error: --set {setting}: {error}")
-    if problems:
-        raise _UnusableError("\n".join(problems))
-    source = "wizard:command-line"
-    return (
-        *(Submit(function="assignValue", behavior=behavior, source=source) for behavior in assigned),
-        *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
-        *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
-    )
-
-
-def _setting(text: str) -> str:
-    """`KEY=JSON` as an assignment. Raises ValueError with a sentence."""
-    import json
-
-    from rise_engine.expression import Assignment, ExpressionError
-    from rise_engine.reports import strict_json
-
-    key, equals, value = text.partition("=")
-    key = key.strip()
-    if not equals or not key:
-        raise ValueError("write KEY=JSON, as in task=2 or 'name=\"Anna\"'")
-    try:
-        parsed: Any = strict_json(value)
-    except ValueError as error:
-        bare = value.strip()
-        if not bare or not (bare[0].isalpha() or bare[0] in "_/"):
-            raise ValueError(
-                f"the value is not JSON: {error}; a text stands in double quotes: '{key}=\"...\"'"
-            ) from None
-        click.echo(f"note: --set {key}: {bare} was taken as a text", err=True)
-        parsed = bare
-    behavior = json.dumps({key: parsed}, ensure_ascii=False)
-    try:
-        Assignment.parse(behavior)
-    except ExpressionError as error:
-        raise ValueError(str(error)) from None
-    return behavior
-
-
-def _script(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...], bool]:
-    """The tasks that are known before the session starts, and whether more will come on standard input."""
-    from pathlib import Path
-
-    from rise_engine.script import ScriptError, read_script
-
-    if path is None:
-        return (), False
-    if path == "-" and not virtual:
-        return (), True
-    if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
-        return (), False
-    try:
-        text = _read_standard_input() if path == "-" else Path(path).read_bytes()
-    except OSError as error:
-        raise _UnusableError(f"error: --tasks {path}: {error.strerror or error}") from None
-    try:
-        return tuple(read_script(text, path)), False
-    except ScriptError as error:
-        raise _UnusableError(str(error)) from None
-
-
-def _read_standard_input() -> bytes:
-    """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
-    import os
-    from select import select
-
-    descriptor = sys.stdin.fileno()
-    chunks: list[bytes] = []
-    while True:
-        if not select([descriptor], [], [], 0.5)[0]:
-            continue
-        chunk = os.read(descriptor, 65_536)
-        if not chunk:
-            return b"".join(chunks)
-        chunks.append(chunk)
-
-
-def _number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0 <= value <= most or (least_excluded and value == 0):
-        _usage(f"{option} {text}: this must be {wanted}")
-    return value
-
-
-def _require_folder(folder: str) -> None:
-    from pathlib import Path
-
-    path = Path(folder)
-    if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
-        return
-    if path.exists():
-        _usage(f"{folder} is no scenario: give a folder, or the path of its scenario.toml")
-    _usage(f"there is no folder {folder}")
-
-
-def _usage(message: str) -> NoReturn:
-    click.echo(f"error: {message}", err=True)
-    sys.exit(2)

@@ -179,13 +179,7 @@ class Engine:
     def give_up(self) -> None:
         """Close what `end_now` could not bring to an end, because the disk does not take the last records."""
         if not self.ended:
-            try:
-                self._robot.stop_all()
-            except Exception:
-                _LOG.exception("the robot adapter failed to stop the robot")
-            self._over = True
-            self._let_go()
-            self._close()
+            self._drop()
 
     @property
     def busy(self) -> bool:
@@ -425,6 +419,10 @@ class Engine:
         """The kernel itself failed: leave the robot still, and say why."""
         _LOG.error("the engine failed", exc_info=error)
         self.failure = error
+        self._drop()
+
+    def _drop(self) -> None:
+        """End here and now, whatever is not recorded; the robot is asked to stop."""
         try:
             self._robot.stop_all()
         except Exception:

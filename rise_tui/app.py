@@ -57,7 +57,7 @@ class ConsoleApp(KeyWatch):
         *,
         wizard: str = "wizard",
         theme: str = themes.DEFAULT,
-        launcher: Launcher | None = None,
+        launcher: Launcher,
         client: Client | None = None,
         told: str = "",
     ) -> None:
@@ -70,7 +70,7 @@ class ConsoleApp(KeyWatch):
         for known in themes.THEMES:
             self.register_theme(known)
         self.theme = themes.full_name(theme)
-        self._launcher = launcher or Launcher()
+        self._launcher = launcher
         self._scenario, self._settings, self._wizard = scenario, settings, wizard
         self._client, self._told = client, told
         self._session: Session | None = None

@@ -223,15 +223,17 @@ def _open_on(name: str, settings: Settings | None, who: str, role: Role, theme: 
 
 def _replay(session: str, speed: float, theme: str) -> None:
     from rise_engine.link.replay_client import ReplayClient
-    from rise_engine.session.folder import sessions_folder
-    from rise_tui.launch import Launcher
+    from rise_engine.session.folder import SessionError
+    from rise_engine.session.reports import find_session
+    from rise_tui.launch_process import process_launcher
     from rise_tui.settings import expanded
 
-    path = next((each for each in (expanded(session), sessions_folder() / session) if each.is_dir()), None)
-    if path is None:
-        _nothing(f"there is no session {session}, here or in {sessions_folder()}")
+    try:
+        path = find_session(str(expanded(session)))
+    except SessionError as error:
+        _nothing(str(error))
     _need_terminal()
-    _open(ReplayClient(path, speed), None, Launcher(), "replay", theme, "")
+    _open(ReplayClient(path, speed), None, process_launcher("wizard", "wizard"), "replay", theme, "")
 
 
 def _open(client: Client, settings: Settings | None, launcher: Launcher, who: str, theme: str, told: str) -> NoReturn:

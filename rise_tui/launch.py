@@ -40,20 +40,13 @@ def prepare(settings: Settings) -> Prepared:
     return Refused(list(loaded.findings)) if loaded.scenario is None else loaded.scenario
 
 
-def start(scenario: Scenario, settings: Settings) -> Client:
-    """Start an engine in this process, for tests. Returns at once; `attach` says when it could not start."""
-    from rise_engine.link.local import start_local
-
-    return start_local(scenario, seed=settings.seed)
-
-
 @dataclass(frozen=True)
 class Launcher:
     """How sessions are started; tests give others."""
 
-    prepare: Callable[[Settings], Prepared] = prepare
-    start: Callable[[Scenario, Settings], Client] = start
+    start: Callable[[Scenario, Settings], Client]
     """May block. Raises EngineGone with the reason."""
+    prepare: Callable[[Settings], Prepared] = prepare
     outlives: bool = False
     """Whether the engine goes on when this process ends."""
 

@@ -252,4 +252,4 @@ class FakeLauncher(Launcher):
             self.started.append(settings)
             return self.clients[min(len(self.started), len(self.clients)) - 1]
 
-        super().__init__(prepare, start, outlives)
+        super().__init__(start, prepare, outlives)

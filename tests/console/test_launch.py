@@ -68,7 +68,10 @@ def test_an_unfinished_session_of_another_scenario_is_not_given_up_in_passing(mo
 def test_a_console_that_attaches_knows_what_its_session_was_started_with() -> None:
     found = settings_of(FakeClient(demo(), mode="real").hello())
     assert (found.folder, found.robot, found.mode, found.seed) == (demo().folder, "pepper", "real", 1)
-    assert process_launcher("anna", "wizard").outlives and not Launcher().outlives
+    assert (
+        process_launcher("anna", "wizard").outlives
+        and not Launcher(start=lambda scenario, settings: FakeClient(demo())).outlives
+    )
 
 
 async def test_what_there_is_to_say_about_a_recovery_is_said_first() -> None:

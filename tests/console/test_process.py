@@ -130,3 +130,23 @@ def test_without_a_terminal_it_says_what_to_use_instead() -> None:
     command = [sys.executable, "-m", "rise_tui.cli", "--config", DEMO]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, stdin=subprocess.DEVNULL)
     assert done.returncode == 2 and "rise-engine run" in done.stderr
+
+
+def test_a_recorded_session_is_played_again() -> None:
+    with terminal("--config", DEMO, "--seed", "1") as it:
+        it.until("LIVE")
+        it.press(b"g")
+        it.until("running")
+        it.press(b"\x03")
+        it.until("End the session")
+        it.press(b"e")
+        it.until("ended: the record is in ")
+        it.ended()
+        session = next(Path(it.home, "sessions").iterdir()).name
+        with terminal("--replay", session, "--speed", "5", home=it.home) as again:
+            again.until("REPLAY")
+            again.until("SESSION ENDED")
+            again.press(b"\x03")
+            assert again.ended() == 0
+        with terminal("--replay", session[:-1], home=it.home) as again:
+            again.until(f"did you mean `{session}`")

@@ -1,0 +1,149 @@
+"""What the arguments of the command line mean: what can be used, and a sentence for what cannot.
+
+As in `cli`, nothing but click is imported before it is needed.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+if TYPE_CHECKING:
+    from rise_engine.kernel.inputs import Submit
+    from rise_engine.scenario.model import Scenario
+    from rise_engine.script import ScriptTask
+
+
+def places_of(places: tuple[str, ...]) -> dict[str, str]:
+    named = dict(each.partition("=")[::2] for each in places)
+    for kind in named:
+        if kind not in ("acts", "rules", "memory"):
+            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH")
+    return named
+
+
+class UnusableError(Exception):
+    """Something on the command line cannot be used; the text says what, in one or more lines."""
+
+
+def first_tasks(
+    scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
+) -> tuple[Submit, ...]:
+    from rise_engine.kernel.inputs import Submit
+    from rise_engine.script import no_such
+
+    problems = [
+        f"error: --rule: {no_such('rule', name, list(scenario.rules))}" for name in rules if name not in scenario.rules
+    ]
+    problems += [
+        f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
+    ]
+    assigned = []
+    for setting in settings:
+        try:
+            assigned.append(_setting(setting))
+        except ValueError as error:
+            problems.append(f"error: --set {setting}: {error}")
+    if problems:
+        raise UnusableError("\n".join(problems))
+    source = "wizard:command-line"
+    return (
+        *(Submit(function="assignValue", behavior=behavior, source=source) for behavior in assigned),
+        *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
+        *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
+    )
+
+
+def _setting(text: str) -> str:
+    """`KEY=JSON` as an assignment. Raises ValueError with a sentence."""
+    import json
+
+    from rise_engine.expression import Assignment, ExpressionError
+    from rise_engine.reports import strict_json
+
+    key, equals, value = text.partition("=")
+    key = key.strip()
+    if not equals or not key:
+        raise ValueError("write KEY=JSON, as in task=2 or 'name=\"Anna\"'")
+    try:
+        parsed: Any = strict_json(value)
+    except ValueError as error:
+        bare = value.strip()
+        if not bare or not (bare[0].isalpha() or bare[0] in "_/"):
+            raise ValueError(
+                f"the value is not JSON: {error}; a text stands in double quotes: '{key}=\"...\"'"
+            ) from None
+        click.echo(f"note: --set {key}: {bare} was taken as a text", err=True)
+        parsed = bare
+    behavior = json.dumps({key: parsed}, ensure_ascii=False)
+    try:
+        Assignment.parse(behavior)
+    except ExpressionError as error:
+        raise ValueError(str(error)) from None
+    return behavior
+
+
+def script_of(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...], bool]:
+    """The tasks that are known before the session starts, and whether more will come on standard input."""
+    from pathlib import Path
+
+    from rise_engine.script import ScriptError, read_script
+
+    if path is None:
+        return (), False
+    if path == "-" and not virtual:
+        return (), True
+    if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
+        return (), False
+    try:
+        text = _read_standard_input() if path == "-" else Path(path).read_bytes()
+    except OSError as error:
+        raise UnusableError(f"error: --tasks {path}: {error.strerror or error}") from None
+    try:
+        return tuple(read_script(text, path)), False
+    except ScriptError as error:
+        raise UnusableError(str(error)) from None
+
+
+def _read_standard_input() -> bytes:
+    """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
+    import os
+    from select import select
+
+    descriptor = sys.stdin.fileno()
+    chunks: list[bytes] = []
+    while True:
+        if not select([descriptor], [], [], 0.5)[0]:
+            continue
+        chunk = os.read(descriptor, 65_536)
+        if not chunk:
+            return b"".join(chunks)
+        chunks.append(chunk)
+
+
+def number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0 <= value <= most or (least_excluded and value == 0):
+        usage(f"{option} {text}: this must be {wanted}")
+    return value
+
+
+def require_folder(folder: str) -> None:
+    from pathlib import Path
+
+    path = Path(folder)
+    if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
+        return
+    if path.exists():
+        usage(f"{folder} is no scenario: give a folder, or the path of its scenario.toml")
+    usage(f"there is no folder {folder}")
+
+
+def usage(message: str) -> NoReturn:
+    click.echo(f"error: {message}", err=True)
+    sys.exit(2)
