@@ -185,4 +185,4 @@ def test_without_a_terminal_no_session_is_started(tmp_path: Path) -> None:
 
 def test_a_replay_of_nothing(tmp_path: Path) -> None:
     done = run("--replay", "nowhere", home=tmp_path / "h")
-    assert done.returncode == 2 and "there is no session nowhere" in done.stderr
+    assert done.returncode == 2 and "there is no session `nowhere`" in done.stderr

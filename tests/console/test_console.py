@@ -288,7 +288,9 @@ async def test_a_deleted_key_can_be_brought_back() -> None:
 async def test_a_key_is_added_without_the_insert_key() -> None:
     async with console() as it:
         it.screen.panes.go_to("memory")
-        await it.press("end", "enter", *"cups", "enter", "4", "enter")
+        await it.press("end", "enter")
+        await it.until(lambda: isinstance(it.app.focused, Input))
+        await it.press(*"cups", "enter", "4", "enter")
         await it.sent("assignValue", '{"cups": 4}')
 
 

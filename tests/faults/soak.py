@@ -210,7 +210,7 @@ class Soak:
             word = child.word()
             if word.code != 0:
                 child.wait()
-                if "nothing happened in this session" in " ".join(word.lines):
+                if any(said in " ".join(word.lines) for said in ("nothing happened in this session", "is empty")):
                     self.counts["nothing to recover"] += 1
                     return
                 raise Mistake(f"an engine refused: {word}")
@@ -239,6 +239,11 @@ class Soak:
 
     def check(self, where: Path, wire: Wire | None, *, ended: bool = False) -> None:
         """The journal reads, holds what was acknowledged and seen, and replays identically."""
+        if (where / JOURNAL).stat().st_size == 0:  # killed before anything was durable: so nothing may have gone out
+            if wire is not None and (wire.acknowledged or wire.seen):
+                raise Mistake(f"{where}: something went out, and nothing was recorded")
+            self.counts["killed before the first line"] += 1
+            return
         contents = read_journal(where / JOURNAL)
         self.counts["torn"] += bool(contents.torn)
         if contents.damaged or contents.gaps:
