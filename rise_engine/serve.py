@@ -218,6 +218,7 @@ class _Serving:
                 prepared.folder / JOURNAL,
                 size=recovered.size if recovered is not None else 0,
                 changed=changed,
+                later=loop.call_soon,
                 now=clock.now,
             )
         except OSError as error:

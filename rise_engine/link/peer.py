@@ -58,7 +58,7 @@ LINGER_SECONDS = 2.0
 """For which a last line may wait to be read."""
 
 
-class Peer(asyncio.Protocol):
+class Peer(asyncio.BufferedProtocol):
     """One connection."""
 
     def __init__(self, server: Server) -> None:
@@ -156,10 +156,13 @@ class Peer(asyncio.Protocol):
 
     # --- in -----------------------------------------------------------------------------------------------------
 
-    def data_received(self, data: bytes) -> None:
+    def get_buffer(self, sizehint: int) -> memoryview:
+        return self.server.buffer  # one for all: what arrives in it is taken before anything else is read
+
+    def buffer_updated(self, nbytes: int) -> None:
         if self._closing:
             return
-        self._in += data
+        self._in += self.server.buffer[:nbytes]
         self._look_for_line(arrived=True)
 
     def eof_received(self) -> bool:

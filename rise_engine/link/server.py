@@ -43,6 +43,8 @@ TURN_LINES = 4
 """Lines that are taken at once in one turn of the loop, without waiting for a turn."""
 TURN_SECONDS = 0.005
 TURN_BYTES = 65_536
+READ = 262_144
+"""Bytes that are read from one client at once."""
 """For which, and up to which, messages are taken in one turn of the loop: what comes of them has to go out too."""
 
 
@@ -99,6 +101,8 @@ class Server:
         self._pending: list[bytes] = []
         self._answered: list[Peer] = []
         self._flushing = False
+        self.buffer = memoryview(bytearray(READ))
+        """What a client says arrives here; a new buffer for each message would cost more than taking the message."""
         room.subscribe(self._update)
         room.engine.after_inputs = self._flush_now
 

@@ -35,14 +35,17 @@ class Journal:
         *,
         size: int = 0,
         changed: Callable[[], None] = lambda: None,
+        later: Callable[[Callable[[], None]], object] | None = None,
         now: Callable[[], float] | None = None,
         disk: Disk | None = None,
         retry: float = RETRY_SECONDS,
     ) -> None:
         """`size`: 0 makes a new file, else an existing one goes on there. Raises OSError.
 
-        `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block. `now`
-        gives the session's time.
+        `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block.
+        `later` calls something when the engine's turn is over (a loop's `call_soon`): the writer is woken only then,
+        because two threads that run at once take Python's lock from each other all the time. `now` gives the session's
+        time.
         """
         self.path = path
         self.changed = changed
@@ -52,10 +55,14 @@ class Journal:
         """How many of the `append`s are on the disk."""
         self.appended = 0
         self._now = now
+        self._later = later
+        self._appended: list[bytes] = []
+        """What the writer does not know of yet."""
+        self._handing = threading.Lock()
         self._disk = disk or Disk()
         self._retry = retry
         self._size = size
-        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._queue: SimpleQueue[list[bytes] | None] = SimpleQueue()
         self._waiting_since: float | None = None
         self._looked = 0.0
         """When the file was last seen in its place."""
@@ -72,8 +79,18 @@ class Journal:
         self.appended += 1
         if self._waiting_since is None:
             self._waiting_since = time.monotonic()
-        self._queue.put(lines)
+        self._appended.append(lines)
+        if self._later is None:
+            self._hand_over()
+        elif len(self._appended) == 1:
+            self._later(self._hand_over)
         return self.appended
+
+    def _hand_over(self) -> None:
+        with self._handing:  # `close` may be called on another thread while a turn ends
+            if self._appended:
+                appended, self._appended = self._appended, []
+                self._queue.put(appended)
 
     @property
     def behind(self) -> float:
@@ -88,6 +105,7 @@ class Journal:
 
     def close(self, timeout: float = 5.0) -> bool:
         """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
+        self._hand_over()
         self._queue.put(None)
         self._thread.join(timeout)
         self._hurry.set()
@@ -104,8 +122,8 @@ class Journal:
             try:
                 lines = self._queue.get(timeout=BEAT_SECONDS)
                 while lines is not None:
-                    batch.append(lines)
-                    size += len(lines)
+                    batch += lines
+                    size += sum(map(len, lines))
                     if size > BATCH:
                         break
                     lines = self._queue.get_nowait()
