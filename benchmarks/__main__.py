@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 ALL = (
     *("kernel_events", "many_rules", "guards", "rule_file", "check_start"),
-    *("journal", "acknowledge", "attach", "start_console"),
+    *("journal", "acknowledge", "attach", "start_console", "ros"),
 )
 
 names = sys.argv[1:] or ALL

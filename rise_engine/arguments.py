@@ -6,6 +6,7 @@ As in `cli`, nothing but click is imported before it is needed.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -14,6 +15,21 @@ if TYPE_CHECKING:
     from rise_engine.kernel.inputs import Submit
     from rise_engine.scenario.model import Scenario
     from rise_engine.script import ScriptTask
+
+
+def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """The arguments of ours, and those between `--ros-args` and `--` or the end, as every ROS 2 program takes them."""
+    ours: list[str] = []
+    theirs: list[str] = []
+    inside = False
+    for each in arguments:
+        if each == "--ros-args":
+            inside = True
+        elif inside and each == "--":
+            inside = False
+        else:
+            (theirs if inside else ours).append(each)
+    return ours, tuple(theirs)
 
 
 def places_of(places: tuple[str, ...]) -> dict[str, str]:

@@ -13,9 +13,21 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from rise_engine.arguments import UnusableError, first_tasks, number, places_of, require_folder, script_of, usage
+from rise_engine.arguments import (
+    UnusableError,
+    first_tasks,
+    number,
+    places_of,
+    require_folder,
+    script_of,
+    split_ros_args,
+    usage,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rise_engine.bridge import Transport
     from rise_engine.kernel.inputs import Submit
 
 _HELP = {"help_option_names": ["-h", "--help"]}
@@ -26,6 +38,13 @@ _FASTEST = 1e6
 _FOLDER = click.argument("folder", metavar="DIR", type=click.Path())
 _SESSION = click.argument("session", type=click.Path())
 _ROBOT = click.option("--robot", metavar="NAME", help="Another robot profile than the scenario's.")
+_ROS = click.option(
+    "--ros",
+    type=click.Choice(["auto", "rclpy", "dds", "off"]),
+    default="auto",
+    show_default=True,
+    help="How ROS 2 is spoken. auto: as the robot needs it.",
+)
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 
 
@@ -48,9 +67,10 @@ class _Program(click.Group):
                 os._exit(end.code)
             raise
 
-    def main(self, *args: Any, **more: Any) -> Any:
+    def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         _write_everything()
-        return super().main(*args, **more)
+        ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
+        return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -155,6 +175,7 @@ def evaluate(expression: str, memory: str, as_json: bool) -> None:
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="For everything picked at random. Default: 0.")
 @_ROBOT
 @_MODE
+@_ROS
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
 )
@@ -171,6 +192,7 @@ def run(
     seed: int,
     robot: str | None,
     mode: str | None,
+    ros: Transport,
     faults: tuple[str, ...],
     as_json: bool,
     strict: bool,
@@ -187,6 +209,7 @@ def run(
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 with --strict, a task was rejected or aborted; 4 it would never
     have ended; 130 interrupted.
     """
+    from rise_engine.bridge import BridgeError, Wire
     from rise_engine.reports import load_or_refuse
     from rise_engine.robots import DriverError, RobotOptionsError
     from rise_engine.run import REFUSED, USAGE, Plan
@@ -195,6 +218,8 @@ def run(
     pace = None
     if speed != "max":
         pace = number("--speed", speed, "a number above 0, up to 1000000, or max", _FASTEST, least_excluded=True)
+    elif ros in ("rclpy", "dds"):
+        usage(f"--ros {ros} needs real time, and --speed max is virtual time")
     end = None
     if until != "idle":
         end = number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", _LATEST)
@@ -214,10 +239,15 @@ def run(
             until=end,
             seed=seed,
             faults=faults,
+            wire=Wire(ros, click.get_current_context().obj),
             json=as_json,
             strict=strict,
         )
         sys.exit(run_session(plan))
+    except BridgeError as error:
+        for line in error.lines:
+            click.echo(f"error: {line}", err=True)
+        sys.exit(REFUSED)
     except DriverError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(REFUSED)
@@ -242,6 +272,7 @@ def run(
 @click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
 @_ROBOT
 @_MODE
+@_ROS
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
 )
@@ -259,6 +290,7 @@ def serve(
     seed: int | None,
     robot: str | None,
     mode: str | None,
+    ros: Transport,
     faults: tuple[str, ...],
     places: tuple[str, ...],
 ) -> None:
@@ -269,6 +301,7 @@ def serve(
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
     end: say --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
     """
+    from rise_engine.bridge import Wire
     from rise_engine.serve import Order, to_person
     from rise_engine.serve import serve as serve_session
 
@@ -299,6 +332,7 @@ def serve(
         speed=pace,
         faults=faults,
         first=first,
+        wire=Wire(ros, click.get_current_context().obj),
         name=name,
         unfinished=which,
     )
@@ -398,3 +432,24 @@ def robots(folder: str | None, as_json: bool) -> None:
     if folder is not None:
         require_folder(folder)
     sys.exit(robots_report(folder, as_json=as_json))
+
+
+@main.command()
+@click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
+@_ROBOT
+@_ROS
+@click.option("--seconds", metavar="N", default="3", help="How long to look for the robot at most. Default: 3.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+def doctor(folder: str | None, robot: str | None, ros: Transport, seconds: str, as_json: bool) -> None:
+    """Say how ROS 2 stands on this machine, and whether the robot answers: of the scenario in DIR, or --robot.
+
+    Nothing is sent to the robot. Exit status: 0; 1 when something is in the way; 2 when there is no such robot.
+    """
+    from rise_engine.bridge import Wire
+    from rise_engine.reports import doctor_report
+
+    if folder is not None:
+        require_folder(folder)
+    patience = number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
+    wire = Wire(ros, click.get_current_context().obj)
+    sys.exit(doctor_report(folder, robot=robot, wire=wire, seconds=patience, as_json=as_json))

@@ -1,4 +1,4 @@
-"""What `rise-engine check`, `eval`, `schema` and `robots` print."""
+"""What `rise-engine check`, `eval`, `schema`, `robots` and `doctor` print."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from rise_engine.bridge import Wire
     from rise_engine.scenario.findings import Finding
     from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool) -> int:
     """Print every finding; the exit status is 1 when one of them is an error."""
     scenario, findings = _load(folder, robot, mode)
+    if scenario is not None:
+        findings += _of_driver(scenario)
     errors = sum(finding.severity == "error" for finding in findings)
     warnings = len(findings) - errors
     if as_json:
@@ -40,6 +43,27 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
         found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "no findings"
         _print(f"{found}{_content(scenario)}")
     return 1 if errors else 0
+
+
+def _of_driver(scenario: Scenario) -> list[Finding]:
+    """What a real session would be refused for, because the robot's driver cannot use the profile."""
+    if scenario.mode != "real":
+        return []
+    from pathlib import Path
+
+    from rise_engine.robots import profile_problems
+    from rise_engine.scenario.findings import Finding
+    from rise_engine.scenario.model import Place
+    from rise_engine.scenario.robots import find_profile
+
+    folder = Path(scenario.folder)
+    path = find_profile(scenario.robot.name, folder)
+    place = Place(scenario.robot.name if path is None else str(path))
+    if path is not None and path.is_relative_to(folder):
+        place = Place(path.relative_to(folder).as_posix())
+    return [
+        Finding("error", "robot-profile", problem, place) for problem in profile_problems(scenario.robot, scenario.mode)
+    ]
 
 
 def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scenario | None:
@@ -205,11 +229,11 @@ def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
 
 def robots_report(folder: str | None, *, as_json: bool) -> int:
     """Print every robot that a scenario (in `folder`) can name."""
-    from rise_engine.robots import drivers
+    from rise_engine.robots import driver_names
     from rise_engine.scenario.robots import find_profile, robot_names
 
     home = _home(folder)
-    installed = drivers()
+    installed = driver_names()
     rows = []
     for name in robot_names(home):
         profile, findings = _profile(name, folder)
@@ -230,6 +254,36 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
     else:
         _print("\n\n".join(_robot_text(row) for row in rows))
     return 0
+
+
+def doctor_report(folder: str | None, *, robot: str | None, wire: Wire, seconds: float, as_json: bool) -> int:
+    """Print what there is to know about ROS 2 here and about the robot; the exit status is 1 when something is in the
+    way, 2 when there is no such robot."""
+    from rise_engine.robots import DriverError, examiner
+
+    profile: RobotProfile | None = None
+    if robot is not None or folder is not None:
+        profile, findings = _profile(robot or _robot_of(folder), folder)
+        if findings:
+            for finding in findings:
+                sys.stderr.write(f"{finding}\n")
+            return 2
+    try:
+        examine = examiner()
+    except DriverError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    said, status = examine(wire, profile, seconds=seconds, as_json=as_json)
+    sys.stdout.write(said)
+    return status
+
+
+def _robot_of(folder: str | None) -> str:
+    """The robot that a scenario names, whatever else is wrong with it."""
+    from rise_engine.scenario.robots import DEFAULT
+
+    scenario, _ = _load(folder or ".", None, None)
+    return scenario.robot.name if scenario is not None else DEFAULT
 
 
 def _home(folder: str | None) -> Path:

@@ -11,10 +11,11 @@ from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
+from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
 from rise_engine.scenario.model import RobotProfile
 
-RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport
+RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | Note
+"""What a robot says. A note is for the record only: what came too late to count, or twice."""
 Report: TypeAlias = Callable[[RobotReport], None]
 
 

@@ -1,7 +1,8 @@
-"""Finding the code behind a robot: drivers by the entry-point group `rise.drivers`, never imported by name.
+"""Finding the code behind a robot: drivers by the entry-point group `rise.drivers`, and drivers that share a session's
+connection by the group `rise.bridges`. None is imported by name.
 
 A profile (data, see docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`,
-whatever the profile says: nothing leaves the machine.
+whatever the profile says: no robot moves.
 """
 
 from __future__ import annotations
@@ -9,11 +10,17 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint, entry_points
 from typing import cast
 
+from rise_engine.bridge import Bridge, BridgeError, BridgeOpener, Examiner, Wire
 from rise_engine.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import Mode, RobotProfile
 
 GROUP = "rise.drivers"
+BRIDGES = "rise.bridges"
+CHECKS = "rise.checks"
+DOCTORS = "rise.doctors"
 SIMULATED = "simulated"
+ROS = "ros2"
+"""The bridge that `--ros` is about."""
 
 
 class DriverError(LookupError):
@@ -26,7 +33,16 @@ class RobotOptionsError(ValueError):
 
 def drivers() -> dict[str, EntryPoint]:
     """The installed drivers by name."""
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+    return _entries(GROUP)
+
+
+def driver_names() -> set[str]:
+    """What a profile's `driver` can name here: the installed drivers, and those that a bridge is."""
+    return {*_entries(GROUP), *_entries(BRIDGES)}
+
+
+def _entries(group: str) -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=group)}
 
 
 def find_driver(name: str) -> Driver:
@@ -50,16 +66,68 @@ def driver_name(profile: RobotProfile, mode: Mode) -> str:
     return SIMULATED if mode == "debug" else profile.driver
 
 
-def make_robot(profile: RobotProfile, mode: Mode, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
-    """The robot for one session.
+def make_robot(
+    profile: RobotProfile,
+    mode: Mode,
+    clock: Clock,
+    seed: int,
+    faults: tuple[str, ...] = (),
+    bridge: Bridge | None = None,
+) -> Robot:
+    """The robot for one session, over `bridge` if its driver is one.
 
     Raises DriverError, and RobotOptionsError when the profile's options or a fault cannot be understood.
     """
-    driver = find_driver(driver_name(profile, mode))
+    name = driver_name(profile, mode)
+    if name == ROS and bridge is not None:
+        if faults:
+            raise RobotOptionsError(f"only a simulated robot does wrong on request, and {profile.name} is real")
+        return bridge.robot(clock)
+    if name in _entries(BRIDGES):
+        raise DriverError(
+            f"{profile.title} is reached over ROS 2, which this session does without; "
+            "it runs in real time and without `--ros off`, or is rehearsed with `--mode debug`"
+        )
+    driver = find_driver(name)
     try:
         return driver(profile, clock, seed, faults)
     except ValueError as error:
         raise RobotOptionsError(str(error)) from error
+
+
+async def open_bridge(wire: Wire, profile: RobotProfile, mode: Mode) -> Bridge | None:
+    """The connection that a session needs, or is asked to have; None: it does without. Raises BridgeError."""
+    drives = driver_name(profile, mode) == ROS
+    if wire.transport == "off" or (wire.transport == "auto" and not drives):
+        return None
+    entry = _entries(BRIDGES).get(ROS)
+    if entry is None:
+        raise BridgeError([f"no ROS 2 bridge is installed: no entry point {ROS!r} in the group {BRIDGES!r}"])
+    try:
+        opener = cast(BridgeOpener, entry.load())
+    except Exception as error:
+        raise BridgeError([f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}"]) from error
+    return await opener(wire, profile if drives else None)
+
+
+def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
+    """What the driver of a session of that mode finds wrong with the profile, as sentences."""
+    entry = _entries(CHECKS).get(driver_name(profile, mode))
+    if entry is None:
+        return []
+    problems: list[str] = entry.load()(profile)
+    return problems
+
+
+def examiner() -> Examiner:
+    """What examines ROS 2 on this machine. Raises DriverError."""
+    entry = _entries(DOCTORS).get(ROS)
+    if entry is None:
+        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS!r} in the group {DOCTORS!r}")
+    try:
+        return cast(Examiner, entry.load())
+    except Exception as error:
+        raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
 
 
 def warning_for(profile: RobotProfile, mode: Mode) -> str | None:

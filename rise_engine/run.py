@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
+from rise_engine.bridge import Bridge, Wire
 from rise_engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.engine import Engine
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, TaskRecord
 from rise_engine.output import Output, ThreadedOutput
-from rise_engine.robots import make_robot, warning_for
+from rise_engine.robots import make_robot, open_bridge, warning_for
 from rise_engine.scenario.model import Scenario
 from rise_engine.script import ScriptError, ScriptReader, ScriptTask, doubt
 
@@ -54,6 +55,8 @@ class Plan(Struct, frozen=True):
     """Seconds of session time; None: until nothing happens by itself any more."""
     seed: int = 0
     faults: tuple[str, ...] = ()
+    wire: Wire = Wire()
+    """How ROS 2 is spoken; in virtual time it is not."""
     json: bool = False
     strict: bool = False
 
@@ -61,7 +64,7 @@ class Plan(Struct, frozen=True):
 def run(plan: Plan) -> int:
     """Run a session to its end and give the exit status.
 
-    Raises rise_engine.robots.DriverError and RobotOptionsError, before anything has started.
+    Raises rise_engine.robots.DriverError and RobotOptionsError and BridgeError, before anything has started.
     """
     if plan.speed is None:
         return _run_virtual(plan)
@@ -73,10 +76,10 @@ def run(plan: Plan) -> int:
 class _Session:
     """What real and virtual time share: the script, the reasons to end, the exit status."""
 
-    def __init__(self, plan: Plan, clock: SessionClock, output: Output) -> None:
+    def __init__(self, plan: Plan, clock: SessionClock, output: Output, bridge: Bridge | None = None) -> None:
         self.plan = plan
         scenario = plan.scenario
-        robot = make_robot(scenario.robot, scenario.mode, clock, plan.seed, plan.faults)
+        robot = make_robot(scenario.robot, scenario.mode, clock, plan.seed, plan.faults, bridge)
         self.engine = Engine(scenario, robot, clock, plan.seed, sinks=(output, self._watch))
         self.output = output
         self.status = OK
@@ -247,13 +250,26 @@ class _Signals:
 
 
 async def _run_real(plan: Plan) -> int:
+    bridge = await open_bridge(plan.wire, plan.scenario.robot, plan.scenario.mode)
+    try:
+        return await _run_connected(plan, bridge)
+    finally:
+        if bridge is not None:
+            await bridge.close()
+
+
+async def _run_connected(plan: Plan, bridge: Bridge | None) -> int:
     import asyncio
 
     loop = asyncio.get_running_loop()
     assert plan.speed is not None
     output = ThreadedOutput(json=plan.json)
-    session = _Session(plan, RealClock(loop, plan.speed), output)
+    session = _Session(plan, RealClock(loop, plan.speed), output, bridge)
     engine = session.engine
+    if bridge is not None:
+        from rise_engine.link.room import Room  # others may take part
+
+        bridge.join(Room(engine))
     ended = asyncio.Event()
     engine.when_ended(ended.set)
     engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)

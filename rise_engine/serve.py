@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import msgspec
 from msgspec import Struct
 
+from rise_engine.bridge import Bridge, BridgeError, Wire
 from rise_engine.clock import RealClock
 from rise_engine.engine import Engine, Resumption, versions
 from rise_engine.kernel.inputs import Note, Submit
@@ -30,7 +31,8 @@ from rise_engine.link.places import Claim, PlaceError, claim, session_name
 from rise_engine.link.room import Room
 from rise_engine.link.server import Server
 from rise_engine.link.spawn import Word
-from rise_engine.robots import DriverError, RobotOptionsError, make_robot, warning_for
+from rise_engine.robot import Robot
+from rise_engine.robots import DriverError, RobotOptionsError, make_robot, open_bridge, warning_for
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import (
@@ -74,6 +76,8 @@ class Order(Struct, frozen=True):
     faults: tuple[str, ...] = ()
     first: tuple[Submit, ...] = ()
     """Submitted at the beginning of a new session."""
+    wire: Wire = Wire()
+    """How ROS 2 is spoken; an earlier session goes on as it was begun."""
     name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
@@ -156,16 +160,22 @@ class _Prepared:
             raise Refusal(REFUSED, *map(str, loaded.findings))
         self.scenario: Scenario = loaded.scenario
         self.seed = order.seed if order.seed is not None else SystemRandom().randrange(2**31)
-        self.speed, self.faults = order.speed, order.faults
-        self._try_robot()
+        self.speed, self.faults, self.wire = order.speed, order.faults, order.wire
+        self._files = loaded.files
+
+    def make_folder(self) -> None:
+        """Of a new session, once nothing is in its way."""
+        if self.recovered is not None:
+            return
         try:
             self.folder = create(
                 sessions_folder(),
                 self.scenario,
-                loaded.files,
+                self._files,
                 seed=self.seed,
                 speed=self.speed,
                 faults=self.faults,
+                wire=self.wire,
                 versions=versions(),
             )
         except SessionError as error:
@@ -179,14 +189,18 @@ class _Prepared:
         info = self.recovered.info
         self.scenario, self.folder = self.recovered.scenario, which
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
-        self._try_robot()
+        self.wire = Wire(info.ros, info.ros_args)
 
-    def _try_robot(self) -> None:
-        """A driver that is not installed, or an option that it does not take, is found before a session is made."""
-        from rise_engine.clock import VirtualClock
-
+    async def connect(self) -> Bridge | None:
+        """The connection to ROS, where the session has one."""
         try:
-            make_robot(self.scenario.robot, self.scenario.mode, VirtualClock(), self.seed, self.faults)
+            return await open_bridge(self.wire, self.scenario.robot, self.scenario.mode)
+        except BridgeError as error:
+            raise Refusal(REFUSED, *(f"error: {line}" for line in error.lines)) from None
+
+    def make_robot(self, clock: RealClock, bridge: Bridge | None) -> Robot:
+        try:
+            return make_robot(self.scenario.robot, self.scenario.mode, clock, self.seed, self.faults, bridge)
         except DriverError as error:
             raise Refusal(REFUSED, f"error: {error}") from None
         except RobotOptionsError as error:
@@ -203,11 +217,21 @@ class _Serving:
         self.unrecorded = False
 
     async def run(self) -> int:
+        # A driver that is not installed, or an option that it does not take, is found before a session is made.
+        bridge = await self.prepared.connect()
+        try:
+            return await self._serve(bridge)
+        finally:
+            if bridge is not None:
+                await bridge.close()
+
+    async def _serve(self, bridge: Bridge | None) -> int:
         prepared = self.prepared
         loop = asyncio.get_running_loop()
         recovered = prepared.recovered
         clock = RealClock(loop, prepared.speed, recovered.t if recovered is not None else 0.0)
-        robot = make_robot(prepared.scenario.robot, prepared.scenario.mode, clock, prepared.seed, prepared.faults)
+        robot = prepared.make_robot(clock, bridge)
+        prepared.make_folder()
 
         def changed() -> None:
             with suppress(RuntimeError):  # the loop is closed
@@ -236,6 +260,8 @@ class _Serving:
         view = recovered.view if recovered is not None else None
         room = Room(engine, str(prepared.folder), view=view, end=self.end)
         server = Server(room, prepared.claim.socket)
+        if bridge is not None:
+            bridge.join(room)
         ended = asyncio.Event()
         engine.when_ended(ended.set)
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -247,6 +273,8 @@ class _Serving:
             raise Refusal(FAILED, f"the session's socket cannot be made: {error}") from None
         looking = loop.create_task(self._look(engine))
         self._begin(engine, recovered)
+        if bridge is not None:
+            engine.post(Note(text=f"the session is on {bridge.about}"))
         self.say(Word(OK, prepared.name, str(prepared.folder), list(recovered.report) if recovered else []))
         gc.freeze()
         gc.enable()

@@ -8,11 +8,14 @@ import sys
 from contextlib import suppress
 from getpass import getuser
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rise_engine.bridge import Transport
     from rise_engine.link.client import Client, Role
     from rise_tui.launch import Launcher
     from rise_tui.settings import Settings
@@ -46,10 +49,25 @@ class _Terminal:
             return None
 
 
-@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+class _Program(click.Command):
+    """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
+
+    def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
+        from rise_engine.arguments import split_ros_args
+
+        ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
+        return super().main(ours, *rest, obj=theirs, **more)
+
+
+@click.command(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--config", "folder", metavar="DIR", help="The scenario: a folder, or its scenario.toml.")
 @click.option("--robot", metavar="NAME", help="Another robot than the scenario names.")
 @click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
+@click.option(
+    "--ros",
+    type=click.Choice(["auto", "rclpy", "dds", "off"]),
+    help="How ROS 2 is spoken; without it, as the robot needs it.",
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Of the session's chance; without it, a new one each time.")
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one.")
@@ -63,6 +81,7 @@ def main(
     folder: str | None,
     robot: str | None,
     mode: str | None,
+    ros: Transport | None,
     seed: int | None,
     new: bool,
     recover: bool,
@@ -79,10 +98,11 @@ def main(
 
     F9 or ctrl+g stops everything, on every screen. ? shows all keys. ctrl+c leaves.
     """
+    from rise_engine.bridge import Wire
     from rise_tui.settings import NothingChosenError, Settings
 
     gc.disable()  # until the console is painted: nothing of what starting makes is garbage
-    _check_usage(folder, robot, mode, seed, new, recover, replay, speed)
+    _check_usage(folder, robot, mode, ros, seed, new, recover, replay, speed)
     who: str = wizard.strip() or "wizard"
     role: Role = "observer" if observe else "wizard"
     try:
@@ -91,7 +111,7 @@ def main(
         elif folder is None:
             _attach(who, role, theme)
         else:
-            settings = Settings(folder, robot, mode)
+            settings = Settings(folder, robot, mode, wire=Wire(ros or "auto", click.get_current_context().obj or ()))
             _run(settings, seed, "new" if new else "recover" if recover else "ask", who, role, theme)
     except NothingChosenError as nothing:
         for line in nothing.lines:
@@ -103,13 +123,21 @@ def _check_usage(
     folder: str | None,
     robot: str | None,
     mode: str | None,
+    ros: str | None,
     seed: int | None,
     new: bool,
     recover: bool,
     replay: str | None,
     speed: float,
 ) -> None:
-    starting = {"--robot": robot, "--mode": mode, "--seed": seed, "--new": new or None, "--recover": recover or None}
+    starting = {
+        "--robot": robot,
+        "--mode": mode,
+        "--ros": ros,
+        "--seed": seed,
+        "--new": new or None,
+        "--recover": recover or None,
+    }
     given = [name for name, value in starting.items() if value is not None]
     if folder is None and given:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")

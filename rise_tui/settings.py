@@ -8,6 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
+from rise_engine.bridge import Wire
 from rise_engine.link.spawn import Options
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 
@@ -30,12 +31,22 @@ class Settings(Struct, frozen=True):
     seed: int = 0
     places: Mapping[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
+    wire: Wire = Wire()
+    """How ROS 2 is spoken."""
 
 
 def options(settings: Settings, seed: int | None, recover: str) -> Options:
     """What the engine's process is started with."""
     places = dict(settings.places)
-    return Options(scenario_place(settings), settings.robot, settings.mode, seed, places=places, unfinished=recover)
+    return Options(
+        scenario_place(settings),
+        settings.robot,
+        settings.mode,
+        seed,
+        places=places,
+        wire=settings.wire,
+        unfinished=recover,
+    )
 
 
 def scenario_place(settings: Settings) -> str:

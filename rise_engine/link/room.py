@@ -104,14 +104,19 @@ class Room:
 
     # --- coming and going ---------------------------------------------------------------------------------------
 
-    def attach(self, name: str, role: Role) -> Member:
-        """Raises NotAdmitted. A wizard who comes while nobody holds control gets it."""
+    def attach(self, name: str, role: Role, source: str | None = None) -> Member:
+        """Raises NotAdmitted. A wizard who comes while nobody holds control gets it.
+
+        `source`: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
+        """
         problem = _name_problem(name)
         if self.engine.ended:
             problem = "the session has ended"
         if problem:
             raise NotAdmitted(problem)
-        source = unique = f"{role}:{name}"
+        if source is None:
+            source = f"{role}:{name}"
+        unique = source
         number = 1
         while unique in self.members:
             number += 1

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import msgspec
 from msgspec import Struct
 
+from rise_engine.bridge import Wire
 from rise_engine.link.places import PlaceError, runtime_folder
 
 PATIENCE = 30.0
@@ -27,6 +28,7 @@ class Options(Struct, frozen=True):
     speed: float = 1.0
     faults: tuple[str, ...] = ()
     places: dict[str, str] = {}
+    wire: Wire = Wire()
     unfinished: str = "ask"
     """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
 

@@ -31,6 +31,11 @@ def read_robot(name: str, files: Files, place: Place, *, asked: bool = False) ->
             what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
             files.findings.error("unknown-robot", place, what + suggestion(name, robot_names(files.folder)))
         return builtin_robot()
+    return read_profile(path, name, files)
+
+
+def read_profile(path: Path, name: str, files: Files) -> RobotProfile:
+    """The profile in that file, wherever it lies. On errors, what could be understood."""
     source = files.source(path)
     file = read_toml(source, files.findings) if source is not None else None
     if file is None:

@@ -26,11 +26,13 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
+from rise_engine.bridge import Transport, Wire
 from rise_engine.scenario import load
 from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.lines import FORMAT
 
+_NO_WISH = Wire()
 INFO, JOURNAL, COPY = "session.toml", "journal.jsonl", "scenario"
 
 
@@ -55,6 +57,9 @@ class SessionInfo(Struct, frozen=True):
     speed: float = 1.0
     faults: tuple[str, ...] = ()
     """What the simulated robot was asked to do wrong."""
+    ros: Transport = "auto"
+    """By what ROS 2 was to be spoken."""
+    ros_args: tuple[str, ...] = ()
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
@@ -73,6 +78,7 @@ def create(
     seed: int,
     speed: float,
     faults: tuple[str, ...],
+    wire: Wire = _NO_WISH,
     versions: Mapping[str, str],
 ) -> Path:
     """Make the folder of a new session, without its journal. `files` as `Loaded.files`. Raises SessionError."""
@@ -87,6 +93,8 @@ def create(
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
+        ros=wire.transport,
+        ros_args=wire.arguments,
         versions=dict(versions),
         machine={"host": platform.node(), "system": platform.platform(), "user": _user()},
     )

@@ -599,7 +599,7 @@ def test_mode_real(tmp_path: Path) -> None:
     done = engine("run", place, *FAST)
     assert done.returncode == 1 and "'ros7' is not installed" in done.stderr and done.stdout == ""
     assert engine("run", place, "--mode", "debug", "--act", "Greet", *FAST).returncode == 0
-    warned = engine("run", place, "--robot", "pepper", *FAST)
+    warned = engine("run", place, "--robot", "generic", *FAST)
     assert warned.returncode == 0 and "nothing leaves this machine" in warned.stderr
     found = records(warned.stdout)
     assert found[0]["mode"] == "real"

@@ -12,7 +12,7 @@ from rise_engine.scenario import load
 from tests.scenarios.conftest import Play
 from tests.scenarios.played import SCENARIOS, Played, command, process
 
-NAMES = ("greeting", "lablinking")
+NAMES = ("greeting", "lab_opening", "lablinking")
 every_scenario = pytest.mark.parametrize("name", NAMES)
 
 

@@ -1,0 +1,1 @@
+"""ROS 2: one bridge over a narrow port, two transports."""

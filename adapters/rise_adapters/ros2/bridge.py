@@ -1,0 +1,95 @@
+"""The session's one connection to ROS 2: its robot, and its face to other nodes (`rise_engine.bridge.Bridge`)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from pathlib import Path
+
+from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
+from rise_adapters.ros2.choose import available, open_transport
+from rise_adapters.ros2.face import Face
+from rise_adapters.ros2.port import PortError, Transport
+from rise_adapters.ros2.robot import Ros2Robot
+from rise_engine.bridge import BridgeError, Wire
+from rise_engine.link.room import Room
+from rise_engine.robot import Clock, Robot
+from rise_engine.scenario.model import RobotProfile
+
+NODE = "rise"
+"""What the engine's node is called, unless `__node` says otherwise."""
+FACE_TYPES = (
+    "rise_interfaces/action/DomainTask_Goal",
+    "rise_interfaces/srv/GetMemory_Request",
+    "rise_interfaces/msg/Record",
+)
+"""Without these there is nothing that other nodes could see."""
+
+
+class Ros2Bridge:
+    """Implements `rise_engine.bridge.Bridge`."""
+
+    def __init__(self, transport: Transport, profile: RobotProfile | None, carriers: Mapping[str, Carrier]) -> None:
+        self.about = f"ROS 2 by {transport.about}"
+        self._transport = transport
+        self._profile = profile
+        self._carriers = carriers
+        self._face: Face | None = None
+
+    def robot(self, clock: Clock) -> Robot:
+        assert self._profile is not None, "the bridge was opened without a robot"
+        return Ros2Robot(self._profile, clock, self._transport, self._carriers)
+
+    def join(self, room: Room) -> None:
+        self._face = Face(self._transport, room)
+
+    async def close(self) -> None:
+        if self._face is not None:
+            await self._face.close()
+        self._transport.close()
+
+
+async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
+    """Connect (`rise_engine.bridge.BridgeOpener`)."""
+    try:
+        share = [Path(each) for each in read_options(profile).share] if profile is not None else []
+        transport = await open_transport(wire.transport, wire.arguments, node=NODE, share=share)
+    except CarrierErrors as errors:
+        raise BridgeError(errors.findings) from None
+    try:
+        for type in FACE_TYPES:
+            transport.fields(type)
+        carriers = read_carriers(profile, transport.fields) if profile is not None else {}
+    except CarrierErrors as errors:
+        transport.close()
+        raise BridgeError(errors.findings) from None
+    except PortError as error:
+        transport.close()
+        raise BridgeError([str(error)]) from None
+    except BaseException:
+        transport.close()
+        raise
+    return Ros2Bridge(transport, profile, carriers)
+
+
+def check_profile(profile: RobotProfile) -> list[str]:
+    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode)."""
+    fields = None
+    if not available()["dds"]:  # the types can be read without ROS
+        from rise_adapters.ros2.types import Types
+
+        try:
+            fields = Types(read_options(profile).share).fields
+        except CarrierErrors as errors:
+            return errors.findings
+        except PortError as error:
+            return [str(error)]
+    return profile_findings(profile, fields)
+
+
+def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:
+    """What `rise-engine doctor` prints, and its exit status."""
+    from rise_adapters.ros2.doctor import document, examine, status, text
+
+    found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
+    return (document(found) + "\n" if as_json else text(found)), status(found)

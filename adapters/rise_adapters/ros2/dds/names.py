@@ -1,0 +1,41 @@
+"""How rmw_cyclonedds names ROS things on DDS: topics, services and types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+
+def topic(name: str) -> str:
+    return f"rt{name}"
+
+
+def request(service: str) -> str:
+    return f"rq{service}Request"
+
+
+def reply(service: str) -> str:
+    return f"rr{service}Reply"
+
+
+def dds_type(type: str) -> str:
+    """`std_msgs/msg/String` -> `std_msgs::msg::dds_::String_`."""
+    package, kind, name = type.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def ros_type(name: str) -> str:
+    """The other way; empty when it is no type of ROS."""
+    parts = name.split("::")
+    if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
+        return ""
+    return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
+
+
+def user_data(entries: Mapping[str, str]) -> bytes:
+    """`typehash=RIHS01_...;` and the like, as every endpoint and participant of ROS carries it."""
+    return "".join(f"{key}={value};" for key, value in entries.items()).encode()
+
+
+def read_user_data(data: bytes) -> dict[str, str]:
+    pairs = (entry.partition("=") for entry in data.decode("ascii", "replace").split(";"))
+    return {key: value for key, equals, value in pairs if equals}

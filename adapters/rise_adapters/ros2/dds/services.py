@@ -1,0 +1,186 @@
+"""Services on DDS, as rmw_cyclonedds has them: a topic of requests and one of replies, every message beginning with
+whose request it is and which one; and ids in the user data by which one sees which writers and readers belong together.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from cyclonedds.sub import DataReader
+
+from rise_adapters.ros2.dds import graph
+from rise_adapters.ros2.dds.entities import Writer
+from rise_adapters.ros2.port import Message, PortError, Reply
+from rise_adapters.ros2.types import Codec
+
+if TYPE_CHECKING:
+    from rise_adapters.ros2.dds.transport import DdsTransport
+
+_HEADER = struct.Struct("<Qq")
+_BODY = 4 + _HEADER.size
+_UNANSWERED = 10_000
+"""Requests whose answers are waited for; with more, the oldest is forgotten."""
+_PATIENCE = 1.0
+"""Seconds that an answer is kept for a client whose reader is not seen yet."""
+_AGAIN = 0.005
+_LOG = logging.getLogger(__name__)
+
+
+class DdsClient:
+    """Implements `port.Client`."""
+
+    def __init__(
+        self,
+        transport: DdsTransport,
+        name: str,
+        writer: Writer,
+        reader: DataReader[Any],
+        request: Codec,
+        response: Codec,
+    ) -> None:
+        self._transport = transport
+        self._name = name
+        self._writer = writer
+        self._reader = reader
+        self._request = request
+        self._response = response
+        self._waiting: dict[int, Callable[[Message], None]] = {}
+        self._number = 0
+        self._ends: dict[int, graph.Endpoint] = {}
+        self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
+
+    def servers(self) -> int:
+        asked, answering = self._writer.readers(), self._reader.get_matched_publications()
+        ends = {
+            **{handle: self._ends.get(handle) or graph.matched_reader(self._writer.handle, handle) for handle in asked},
+            **{
+                handle: self._ends.get(handle) or graph.matched_writer(self._reader._ref, handle)
+                for handle in answering
+            },
+        }
+        self._ends = {handle: end for handle, end in ends.items() if end is not None and end.cyclone}
+        takers, answerers = (
+            [end.data.get("serviceid", "") for handle in handles if (end := self._ends.get(handle))]
+            for handles in (asked, answering)
+        )
+        named = {id for id in takers if id} & {id for id in answerers if id}
+        return len(named) + min(takers.count(""), answerers.count(""))
+
+    def call(self, request: Message, answer: Callable[[Message], None]) -> None:
+        if self._remove is None:
+            return
+        self._number += 1
+        data = self._request.pack(request, _HEADER.pack(self._writer.instance, self._number))
+        if len(self._waiting) >= _UNANSWERED:
+            del self._waiting[next(iter(self._waiting))]
+        self._waiting[self._number] = answer
+        self._writer.write(data)
+
+    def close(self) -> None:
+        if self._remove is not None:
+            self._remove()
+            self._remove = None
+            self._waiting.clear()
+            self._transport.forget(self, self._writer, self._reader)
+
+    def _taken(self, one: tuple[bytes, Any]) -> None:
+        data, info = one
+        if not info.valid_data or len(data) < _BODY:
+            return
+        client, number = _HEADER.unpack_from(data, 4)
+        if client != self._writer.instance:
+            return
+        answer = self._waiting.pop(number, None)
+        if answer is None:
+            return
+        try:
+            message = self._response.unpack(data, _BODY)
+        except PortError as error:
+            _LOG.warning("%s: %s", self._name, error)
+            return
+        answer(message)
+
+
+class DdsServer:
+    """Serves one service."""
+
+    def __init__(
+        self,
+        transport: DdsTransport,
+        name: str,
+        reader: DataReader[Any],
+        writer: Writer,
+        request: Codec,
+        response: Codec,
+        asked: Callable[[Message, Reply], None],
+    ) -> None:
+        self._transport = transport
+        self._name = name
+        self._reader = reader
+        self._writer = writer
+        self._request = request
+        self._response = response
+        self._asked = asked
+        self._reachable: set[int] = set()
+        """Writers of requests (by handle) whose readers of replies have been seen."""
+        self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
+
+    def close(self) -> None:
+        if self._remove is not None:
+            self._remove()
+            self._remove = None
+            self._transport.forget(self, self._writer, self._reader)
+
+    def _taken(self, one: tuple[bytes, Any]) -> None:
+        data, info = one
+        if not info.valid_data or len(data) < _BODY:
+            return
+        try:
+            message = self._request.unpack(data, _BODY)
+        except PortError as error:
+            _LOG.warning("%s: %s", self._name, error)
+            return
+        head, client = data[4:_BODY], info.publication_handle
+        answered = False
+
+        def reply(response: Message) -> None:
+            nonlocal answered
+            if not answered and self._remove is not None:
+                answer = self._response.pack(response, head)
+                answered = True
+                self._answer(client, answer, self._transport.loop.time() + _PATIENCE)
+
+        self._asked(message, reply)
+
+    def _answer(self, client: int, data: bytes, until: float) -> None:
+        """Send an answer once its client's reader is known; DDS would drop it before that."""
+        if self._remove is None:
+            return
+        if client not in self._reachable:
+            there = self._sees(client)
+            if there is None:
+                return
+            if not there and self._transport.loop.time() < until:
+                self._transport.loop.call_later(_AGAIN, self._answer, client, data, until)
+                return
+            if not there:
+                _LOG.warning("%s: an answer could not be sent: the client is not seen to listen", self._name)
+                return
+            if len(self._reachable) > 1000:
+                self._reachable.clear()
+            self._reachable.add(client)
+        self._writer.write(data)
+
+    def _sees(self, client: int) -> bool | None:
+        """Whether the reader of a client is there; None: nothing of the client is."""
+        writer = graph.matched_writer(self._reader._ref, client)
+        if writer is None:
+            return None
+        id = writer.data.get("clientid")
+        if id is None:
+            return True
+        readers = (graph.matched_reader(self._writer.handle, handle) for handle in self._writer.readers())
+        return any(end is not None and end.data.get("clientid") == id for end in readers)

@@ -1,0 +1,183 @@
+"""A robot that is not there: an action server for each action of a robot's profile, and a subscriber for each topic. It
+takes believable time, says what a person would see, and does wrong on request. A whole study runs over the wire with
+it, on one computer.
+
+    python -m rise_adapters.ros2.nodes.simulated_robot --robot pepper
+    python -m rise_adapters.ros2.nodes.simulated_robot --config scenarios/greeting --fault Speech=fail@2
+
+Faults are those of the simulated driver (rise_adapters.simulated.faults): ACTION=reject, =fail, =slow:FACTOR, =hang,
+each also with @N, and vanish@SECONDS[-SECONDS], counted from the node's start. While it has vanished it offers nothing,
+and when it comes back it knows of no earlier goal.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime
+from functools import partial
+from math import inf
+from pathlib import Path
+
+from rise_adapters.ros2.carriers import CarrierErrors, read_carriers, written_out
+from rise_adapters.ros2.nodes.cuttable import CuttableTransport
+from rise_adapters.ros2.nodes.goal_reader import GoalReader
+from rise_adapters.ros2.nodes.running import NodeError, forever, node_parser, run_node
+from rise_adapters.ros2.nodes.simulated_action import Busy, Say, SimulatedAction, described
+from rise_adapters.ros2.port import Message, Transport
+from rise_adapters.simulated.faults import ActionFault, Vanish, parse_fault
+from rise_engine.clock import RealClock
+from rise_engine.robot import Clock, Timer
+from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.model import Place, RobotProfile
+
+
+class SimulatedRobot:
+    """All methods belong to the transport's loop."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        profile: RobotProfile,
+        clock: Clock,
+        say: Say,
+        *,
+        faults: Sequence[str] = (),
+        busy: Busy = "wait",
+    ) -> None:
+        """Raises ValueError for a fault that cannot be understood, CarrierErrors for what ROS cannot carry."""
+        parsed = [parse_fault(text, profile) for text in faults]
+        self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
+        self._transport, self._profile, self._clock = transport, written_out(profile), clock
+        self._say, self._busy = say, busy
+        self._counts: Counter[str] = Counter()
+        self._carriers = read_carriers(profile, transport.fields)
+        self._link: CuttableTransport | None = None
+        self._actions: list[SimulatedAction] = []
+        self._timers: list[Timer] = []
+        self.appear()
+        for vanish in parsed:
+            if isinstance(vanish, Vanish):
+                self._timers.append(clock.call_at(vanish.at, self.vanish))
+                if vanish.back is not None:
+                    self._timers.append(clock.call_at(vanish.back, self.appear))
+
+    def appear(self) -> None:
+        """Offer everything."""
+        if self._link is not None:
+            return
+        link = self._link = CuttableTransport(self._transport)
+        shared: dict[tuple[str, str, str], list[str]] = {}
+        for name, carrier in self._carriers.items():
+            shared.setdefault((carrier.kind, carrier.name, carrier.type), []).append(name)
+        for (kind, name, type), actions in shared.items():
+            self._say(f"{kind} {link.resolve(name)} ({type}) for {', '.join(actions)}")
+            specs = [self._profile.actions[action] for action in actions]
+            if kind == "topic":
+                link.subscribe(name, type, partial(self._take, GoalReader(specs)))
+                continue
+            carrier = self._carriers[actions[0]]
+            self._actions.append(SimulatedAction(link, carrier, specs, self._clock, self._say, self._fault, self._busy))
+
+    def vanish(self) -> None:
+        """Be gone, without a word about what was running."""
+        if self._link is not None:
+            self._link.cut()
+            self._say("the robot has vanished (simulated fault)")
+            self._leave()
+
+    def close(self) -> None:
+        """Abort what runs, and offer nothing any more."""
+        for timer in self._timers:
+            timer.cancel()
+        self._leave()
+
+    def _leave(self) -> None:
+        for action in self._actions:
+            action.close()
+        self._actions.clear()
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def _fault(self, action: str) -> ActionFault | None:
+        self._counts[action] += 1
+        return next((fault for fault in self._faults if fault.hits(action, self._counts[action])), None)
+
+    def _take(self, reader: GoalReader, message: Message) -> None:
+        self._say(described(*reader.read(message)))
+
+
+def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
+    """The profile of a robot: by its name or its file, or that of a scenario with what the scenario changes about it.
+
+    Raises NodeError with everything that is wrong with it.
+    """
+    from rise_engine.scenario.loader import load
+    from rise_engine.scenario.robots import find_profile, read_profile, read_robot
+    from rise_engine.scenario.source import Files
+
+    folder = Path() if scenario is None else scenario.parent if scenario.is_file() else scenario
+    findings = Findings()
+    if robot is None or (scenario is not None and find_profile(robot, folder) is not None):
+        if scenario is None:
+            raise NodeError("which robot? say --robot NAME, or --config DIR for that of a scenario")
+        loaded = load(scenario, robot=robot)
+        if loaded.scenario is not None:
+            return loaded.scenario.robot
+        raise NodeError("\n".join(map(str, loaded.findings)))
+    files = Files(folder, findings)
+    if robot.endswith(".toml"):
+        profile = read_profile(Path(robot), Path(robot).stem, files)
+    else:
+        profile = read_robot(robot, files, Place("command line"), asked=True)
+    if findings.errors:
+        raise NodeError("\n".join(map(str, findings.sorted())))
+    return profile
+
+
+async def work(transport: Transport, options: Namespace) -> None:
+    def say(text: str) -> None:
+        print(f"{datetime.now():%H:%M:%S.%f}"[:-3], text)
+
+    profile = find_robot(options.robot, options.config)
+    print(f"{profile.title}, simulated, on {transport.about}")
+    clock = RealClock(asyncio.get_running_loop(), options.speed)
+    try:
+        robot = SimulatedRobot(transport, profile, clock, say, faults=options.fault, busy=options.busy)
+    except CarrierErrors as errors:
+        raise NodeError(str(errors)) from None
+    except ValueError as error:
+        raise NodeError(str(error)) from None
+    try:
+        await forever()
+    finally:
+        robot.close()
+
+
+def _speed(text: str) -> float:
+    speed = float(text)
+    if not 0 < speed < inf:
+        raise ValueError
+    return speed
+
+
+def main() -> None:
+    parser = node_parser("simulated_robot", "A robot that is not there, on the wire.")
+    parser.add_argument("--robot", metavar="NAME|FILE", help="which robot: a profile's name, or a profile")
+    parser.add_argument("--config", type=Path, metavar="DIR", help="a scenario: its robot, and its own actions")
+    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N", help="how many times faster than real")
+    parser.add_argument("--fault", action="append", default=[], metavar="SPEC", help="what it does wrong; repeatable")
+    parser.add_argument(
+        "--busy",
+        choices=("wait", "reject"),
+        default="wait",
+        help="what becomes of a goal that comes while another of its action runs (default: %(default)s)",
+    )
+    run_node(parser, work)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""What `ros2 run rise_ros NAME` starts. All of it is in the Python package rise-tui; this only finds it.
+
+ROS programs take `--config` where `rise-engine serve` takes the folder by itself, so that launch files read better:
+
+    ros2 run rise_ros engine --config ~/studies/lab_opening --robot rise --mode real
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+_NODES = "rise_adapters.ros2.nodes"
+
+
+def engine() -> None:
+    """A session, by `rise-engine serve`; every option of that, and `--config DIR`."""
+    arguments = sys.argv[1:]
+    if "--config" in arguments:
+        at = arguments.index("--config")
+        arguments[at : at + 2] = arguments[at + 1 : at + 2]
+    if "--ros" not in arguments:
+        arguments[:0] = ["--ros", "rclpy"]
+    _start("rise_engine.cli", ["rise-engine", "serve", *arguments])
+
+
+def console() -> None:
+    """The wizard's console, `rise-tui`. It needs a terminal, so it is not for launch files."""
+    _start("rise_tui.cli", ["rise-tui", *sys.argv[1:]])
+
+
+def doctor() -> None:
+    """What is there of ROS, and what is wrong: `rise-engine doctor`."""
+    _start("rise_engine.cli", ["rise-engine", "doctor", *sys.argv[1:]])
+
+
+def robot_sim() -> None:
+    """A simulated robot on the wire."""
+    _start(f"{_NODES}.simulated_robot")
+
+
+def keyword_spotter() -> None:
+    _start(f"{_NODES}.keyword_spotter")
+
+
+def gaze_trigger() -> None:
+    _start(f"{_NODES}.gaze_trigger")
+
+
+def answer_node() -> None:
+    _start(f"{_NODES}.answer_node")
+
+
+def _start(module: str, arguments: list[str] | None = None) -> None:
+    if arguments is not None:
+        sys.argv = arguments
+    try:
+        main = import_module(module).main
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in ("rise_engine", "rise_tui", "rise_adapters"):
+            raise
+        sys.exit(
+            f"rise-tui is not installed for this Python ({sys.executable}). Activate the environment that you have "
+            "installed it into, and source the workspace after that (docs/how-to/install-beside-ros.md)."
+        )
+    main()

@@ -1,0 +1,305 @@
+"""The reference robot wrapper: it takes RISE's behaviours from ROS and hands them to a robot's own API.
+
+Copy this file into a package of your own, and fill in the class `MyRobot`; the rest can stay as it is. What you get:
+
+- a ROS 2 action server for each behaviour that your robot has, under the names of the robot profile `rise`
+  (rise/robot/speech, rise/robot/look_at, ...), relative, so that a namespace or a remapping moves them;
+- one goal of a behaviour at a time; a newer one replaces it (or is rejected: parameter `when_busy`);
+- cancelling that reaches the robot, also for RISE's stop-all, which asks every server to cancel everything;
+- progress as feedback, and a reason in words when something went wrong;
+- a clean end on ctrl+c: the robot stops first, and whoever waits is told.
+
+    ros2 run rise_ros robot_wrapper
+    ros2 action send_goal -f rise/robot/speech rise_interfaces/action/Speech "{message: 'Hello!'}"
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rise_interfaces.action import Animation, Emotion, LookAt, PointAt, SocialExpression, Speech
+
+EMOTIONS = {
+    Emotion.Goal.NEUTRAL: "neutral",
+    Emotion.Goal.HAPPY: "happy",
+    Emotion.Goal.SAD: "sad",
+    Emotion.Goal.ANGRY: "angry",
+    Emotion.Goal.SURPRISED: "surprised",
+    Emotion.Goal.FEAR: "fear",
+}
+
+
+class RobotError(Exception):
+    """The robot cannot do it, or it went wrong; the text is what the wizard reads."""
+
+
+class MyRobot:
+    """YOUR ROBOT. Each method does one behaviour: it gets the goal (see the .action files of rise_interfaces for fields
+    and units), starts the movement, and returns when that is over.
+
+    - Wait with `run.wait(seconds)`, as often as you like; never with time.sleep. When somebody cancels the goal,
+      `run.wait` raises `Stopped`: stop the robot in a `finally` or `except Stopped`, and let the exception go on.
+    - Say how far it is with `run.progress(0.5)`, if you know.
+    - Raise RobotError("...") when the robot cannot do it.
+    - Methods of different behaviours are called at the same time, from several threads: the robot speaks while it
+      looks somewhere. If your API cannot take that, put a lock around its calls (not around the waiting).
+    - Delete the methods of what your robot cannot do: their actions are not offered then, and RISE says so before the
+      study, not in its middle.
+    """
+
+    def __init__(self, log: Callable[[str], object]) -> None:
+        self.log = log
+        # Here: connect to the robot.  self.api = RobotApi("192.168.1.20")
+
+    def speech(self, goal: Speech.Goal, run: Run) -> None:
+        self.log(f'says "{goal.message}"')
+        # Here: self.api.say(goal.message), and then
+        #     while self.api.is_speaking():
+        #         run.wait(0.05)
+        # except Stopped:
+        #     self.api.be_quiet()
+        #     raise
+        run.wait_about(0.3 + len(goal.message) / (14.0 * (goal.rate or 1.0)))  # rate 0: the robot's own
+
+    def look_at(self, goal: LookAt.Goal, run: Run) -> None:
+        point = goal.target.point  # metres in goal.target.header.frame_id: x forward, y left, z up
+        self.log(f"looks at {point.x:g} {point.y:g} {point.z:g} in {goal.target.header.frame_id or 'its own frame'}")
+        # Here: transform the point into the robot's frame (tf2), and turn the head.
+        run.wait_about(seconds(goal.duration) or 1.0)  # duration 0: the robot's choice
+
+    def emotion(self, goal: Emotion.Goal, run: Run) -> None:
+        if goal.value not in EMOTIONS:
+            raise RobotError(f"there is no emotion {goal.value}")
+        self.log(f"shows {EMOTIONS[goal.value]}")
+        run.wait_about(seconds(goal.duration) or 2.0)
+        # Here: back to the neutral face, if a duration was given.
+
+    def animation(self, goal: Animation.Goal, run: Run) -> None:
+        self.log(f"plays {goal.name}")
+        for _ in range(max(goal.repetitions, 1)):
+            # Here: self.api.play(goal.name, size=goal.scale)
+            run.wait_about(seconds(goal.duration) or 2.0)
+
+    def social_expression(self, goal: SocialExpression.Goal, run: Run) -> None:
+        self.log(f"shows {goal.name}")
+        run.wait_about(seconds(goal.duration) or 2.0)
+
+    def point_at(self, goal: PointAt.Goal, run: Run) -> None:
+        point = goal.target.point
+        self.log(f"points at {point.x:g} {point.y:g} {point.z:g} with the hand {goal.hand or 'auto'}")
+        run.wait_about(seconds(goal.duration) or 2.0)
+
+    def close(self) -> None:
+        """Here: let go of the robot. Everything has been stopped before."""
+
+
+BEHAVIOURS = {
+    "speech": Speech,
+    "look_at": LookAt,
+    "emotion": Emotion,
+    "animation": Animation,
+    "social_expression": SocialExpression,
+    "point_at": PointAt,
+}
+"""By the method of MyRobot that does it; its action is rise/robot/METHOD. A behaviour of your own is one line more,
+with an .action of your own, and a table in your robot's profile."""
+
+
+def seconds(duration: Any) -> float:
+    """Of a builtin_interfaces/Duration."""
+    return duration.sec + duration.nanosec / 1e9
+
+
+# --- from here on nothing needs to be changed -----------------------------------------------------------------------
+
+
+class Stopped(Exception):
+    """The goal is not wanted any more; the text says why."""
+
+
+class Run:
+    """One goal while the robot does it."""
+
+    def __init__(self, goal_handle: Any, feedback: Any) -> None:
+        self.goal_handle = goal_handle
+        self.over = threading.Event()
+        self._feedback = feedback
+        self._told = 0.0
+        self._reason = ""
+        self._stop = threading.Event()
+
+    def stop(self, reason: str) -> None:
+        """From any thread: `wait` raises Stopped with this reason."""
+        self._reason = self._reason or reason
+        self._stop.set()
+
+    def check(self) -> None:
+        """Raises Stopped when the goal was cancelled or replaced."""
+        if self._stop.is_set():
+            raise Stopped(self._reason)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass. Raises Stopped, at once, when the goal was cancelled or replaced."""
+        self._stop.wait(max(seconds, 0.0))
+        self.check()
+
+    def wait_about(self, seconds: float) -> None:
+        """Wait for a movement of a known length, and tell how far it is."""
+        begun = time.monotonic()
+        while (passed := time.monotonic() - begun) < seconds:
+            self.progress(passed / seconds)
+            self.wait(min(0.1, seconds - passed))
+        self.check()
+
+    def progress(self, part: float) -> None:
+        """How much is done, from 0 to 1; sent 5 times a second at most."""
+        now = time.monotonic()
+        if now - self._told >= 0.2:
+            self._told = now
+            self._feedback.progress = float(min(max(part, 0.0), 1.0))
+            self.goal_handle.publish_feedback(self._feedback)
+
+
+class Behaviour:
+    """One action server: one goal at a time."""
+
+    def __init__(self, node: Node, name: str, type: Any, do: Callable[[Any, Run], None], when_busy: str) -> None:
+        self._node, self._name, self._type, self._do, self._when_busy = node, name, type, do, when_busy
+        self._runs: dict[bytes, Run] = {}
+        """By goal id, those that have not ended; the newest comes last."""
+        self._lock = threading.Lock()
+        self._turn = threading.Lock()
+        """Held by the goal that the robot does."""
+        self._server = ActionServer(
+            node,
+            type,
+            f"rise/robot/{name}",
+            execute_callback=self._execute,
+            goal_callback=self._goal,
+            handle_accepted_callback=self._accepted,
+            cancel_callback=self._cancel,
+            callback_group=ReentrantCallbackGroup(),
+            # For how long a result can be asked for. rclpy's 15 minutes make the list of goals, which is sent whenever
+            # one changes, longer and longer.
+            result_timeout=15,
+        )
+
+    def stop(self, reason: str) -> list[Run]:
+        """Stop everything, and give what is still to come to its end."""
+        with self._lock:
+            runs = list(self._runs.values())
+        for run in runs:
+            run.stop(reason)
+        return runs
+
+    # An exception in one of these three would leave the client without an answer, so they do next to nothing.
+
+    def _goal(self, request: Any) -> GoalResponse:
+        with self._lock:
+            busy = bool(self._runs) and self._when_busy == "reject"
+        return GoalResponse.REJECT if busy else GoalResponse.ACCEPT
+
+    def _accepted(self, goal_handle: Any) -> None:
+        run = Run(goal_handle, self._type.Feedback())
+        with self._lock:
+            earlier = list(self._runs.values())
+            self._runs[bytes(goal_handle.goal_id.uuid)] = run
+        for each in earlier:
+            each.stop("a newer goal took its place")
+        goal_handle.execute()
+
+    def _cancel(self, goal_handle: Any) -> CancelResponse:
+        with self._lock:
+            run = self._runs.get(bytes(goal_handle.goal_id.uuid))
+        if run is None:
+            return CancelResponse.REJECT
+        run.stop("canceled")
+        return CancelResponse.ACCEPT
+
+    def _execute(self, goal_handle: Any) -> Any:
+        """In a thread of the executor. It must return a result of the right type, whatever happens: with any other, the
+        client would wait for ever."""
+        id = bytes(goal_handle.goal_id.uuid)
+        run = self._runs[id]
+        reason = ""
+        try:
+            with self._turn:  # until the robot has stopped what it did before
+                run.check()
+                self._do(goal_handle.request, run)
+            goal_handle.succeed()
+        except Stopped as stopped:
+            reason = str(stopped)
+            if self._being_cancelled(goal_handle, reason):
+                goal_handle.canceled()
+            else:
+                goal_handle.abort()
+        except Exception as error:
+            reason = str(error) or type(error).__name__
+            if not isinstance(error, RobotError):
+                self._node.get_logger().error(f"{self._name}: {type(error).__name__}: {error}")
+            goal_handle.abort()
+        finally:
+            with self._lock:
+                self._runs.pop(id, None)
+            run.over.set()
+        return self._type.Result(reason=reason)
+
+    def _being_cancelled(self, goal_handle: Any, reason: str) -> bool:
+        """The goal changes its state a moment after `_cancel` has returned."""
+        deadline = time.monotonic() + 1.0
+        while reason == "canceled" and not goal_handle.is_cancel_requested and time.monotonic() < deadline:
+            time.sleep(0.001)
+        return bool(goal_handle.is_cancel_requested)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Offer the robot's behaviours until ctrl+c or SIGTERM."""
+    ending = threading.Event()
+    # Signals are ours: with rclpy's own handlers the context would be gone before the robot has stopped.
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ending.set())
+    node = Node("robot_wrapper")
+    when_busy = node.declare_parameter("when_busy", "replace").value
+    if when_busy not in ("replace", "reject"):
+        raise SystemExit(f"the parameter when_busy is replace or reject, not {when_busy}")
+    log = node.get_logger().info
+    robot = MyRobot(log)
+    behaviours = [
+        Behaviour(node, name, type, getattr(robot, name), when_busy)
+        for name, type in BEHAVIOURS.items()
+        if hasattr(robot, name)
+    ]
+    # A thread for each behaviour that runs and for one that waits to take its place, and some for requests.
+    executor = MultiThreadedExecutor(num_threads=2 * len(behaviours) + 4)
+    executor.add_node(node)
+    spinning = threading.Thread(target=executor.spin, daemon=True)
+    spinning.start()
+    log(f"ready: {', '.join(name for name in BEHAVIOURS if hasattr(robot, name))}")
+
+    ending.wait()
+    stopping = [run for behaviour in behaviours for run in behaviour.stop("the robot's wrapper was ended")]
+    deadline = time.monotonic() + 5.0
+    for run in stopping:
+        run.over.wait(max(deadline - time.monotonic(), 0.0))
+    if stopping:
+        time.sleep(0.2)  # for the results to leave
+    robot.close()
+    executor.shutdown(timeout_sec=2.0)
+    spinning.join(timeout=2.0)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,269 @@
+"""A task over ROS 2: DomainTask goal in, an act of one action, the robot's result, DomainTask result out.
+
+Beside it, in the same run and over the same transport, two plain action round trips one after the other: what the wire
+alone costs. With rclpy they are made with its own action client and server (`result_timeout` fixed on both sides); with
+the DDS wheel, which has no actions, with ours. Everything stays on the loopback.
+
+And the wizard: how long a key takes until it is acknowledged, 99 of 100, while 1,000 feedback messages or 1,000 tasks a
+second come in, and while nothing does. The journal of that session is in memory where the machine has such a place:
+how long a disk takes is measured by `acknowledge`.
+
+Over rclpy: run it with a Python that has rclpy and rise_interfaces, and say `RISE_BENCH_ROS=rclpy`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from time import perf_counter
+
+from measure import Report
+
+HERE = Path(__file__).parent
+ROUNDS, GOALS, KEYS = 7, 60, 600
+LOOPBACK = (
+    "<General><AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface name='lo'/></Interfaces></General>"
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+    "<Peers><Peer address='localhost'/></Peers></Discovery>"
+)
+ACTS = """<Acts><Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog>
+<Dialog name="Talk"><Gabble><actionID>1</actionID><message>x</message></Gabble></Dialog></Acts>"""
+ROBOT = """driver = "ros2"
+[actions.Speech]
+carrier = { action = "bench/act", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
+[actions.Gabble]
+limit = 600
+parameters.message = { type = "text" }
+carrier = { action = "bench/talk", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
+"""
+
+
+def scenario(folder: Path) -> Path:
+    """One act of one action, and one that talks for ever."""
+    for name, text in {
+        "scenario.toml": 'robot = "bench"\nmode = "real"\n[act.A]\ndebounce = 0\n',
+        "acts/a.xml": ACTS.replace("Acts>", "CommunicationRobotActs>"),
+        "robots/bench.toml": ROBOT,
+    }.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder
+
+
+@contextmanager
+def process(*command: str, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """A process that says a line when it is ready, and ends when its input does."""
+    running = subprocess.Popen(
+        [sys.executable, *command],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        assert running.stdout is not None and running.stdin is not None
+        yield running
+    finally:
+        running.terminate()
+        running.wait()
+        running.stdout.close()
+
+
+def ready(running: subprocess.Popen[str], word: str) -> None:
+    assert running.stdout is not None
+    for line in running.stdout:
+        if word in line:
+            return
+    raise SystemExit(f"a process of the benchmark ended before it was ready: {running.args}")
+
+
+# --- one goal after the other ------------------------------------------------------------------------------------------
+
+
+class Ours:
+    """Action clients of ours."""
+
+    @classmethod
+    async def make(cls, choice: str) -> Ours:
+        from rise_adapters.ros2.action_client import ActionClient
+        from rise_adapters.ros2.choose import open_transport
+
+        it = cls()
+        it.transport = await open_transport(choice, node="bench_client")
+        it.tasks = ActionClient(it.transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
+        it.acts = ActionClient(it.transport, "bench/act", "rise_interfaces/action/Speech")
+        async with asyncio.timeout(20):
+            while not (it.tasks.servers() and it.acts.servers()):
+                await asyncio.sleep(0.01)
+        return it
+
+    async def goal(self, client: object, message: dict[str, str]) -> float:
+        done: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+        id = os.urandom(16)
+        began = perf_counter()
+
+        def answered(accepted: bool) -> None:
+            assert accepted
+            client.get_result(id, lambda status, result: done.set_result(status))  # type: ignore[attr-defined]
+
+        client.send(id, message, answered)  # type: ignore[attr-defined]
+        assert await done == 4
+        return perf_counter() - began
+
+    async def task(self) -> float:
+        return await self.goal(
+            self.tasks, {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "A"}
+        )
+
+    async def two_plain(self) -> float:
+        return await self.goal(self.acts, {"message": "x"}) + await self.goal(self.acts, {"message": "x"})
+
+
+def plain_rclpy() -> Callable[[], float]:
+    """Two round trips with rclpy's own action client, which spins in a thread of its own."""
+    import rclpy
+    from rclpy.action import ActionClient as PlainClient
+    from rise_interfaces.action import Speech
+
+    rclpy.init()
+    node = rclpy.create_node("bench_plain_client")
+    client = PlainClient(node, Speech, "bench/plain")
+    assert client.wait_for_server(20)
+
+    def one() -> None:
+        goal = Speech.Goal()
+        goal.message = "x"
+        sending = client.send_goal_async(goal)
+        rclpy.spin_until_future_complete(node, sending)
+        ending = sending.result().get_result_async()
+        rclpy.spin_until_future_complete(node, ending)
+        assert ending.result().status == 4
+
+    def two() -> float:
+        began = perf_counter()
+        one()
+        one()
+        return perf_counter() - began
+
+    return two
+
+
+async def trips(choice: str) -> tuple[float, float]:
+    """Seconds of a task, and of two plain round trips: medians."""
+    ours = await Ours.make(choice)
+    plain = plain_rclpy() if choice == "rclpy" else None
+    tasks: list[float] = []
+    floors: list[float] = []
+    for turn in range(ROUNDS + 1):
+        through = [await ours.task() for _ in range(GOALS)]
+        if plain is not None:
+            below = [plain() for _ in range(GOALS)]
+        else:
+            below = [await ours.two_plain() for _ in range(GOALS)]
+        if turn:  # the first round warms up
+            tasks.append(statistics.median(through))
+            floors.append(statistics.median(below))
+    ours.transport.close()
+    return statistics.median(tasks), statistics.median(floors)
+
+
+# --- the wizard's key --------------------------------------------------------------------------------------------------
+
+
+class Wizard:
+    """Presses a key 100 times a second."""
+
+    def __init__(self, socket: Path) -> None:
+        from rise_engine.link.socket_client import SocketClient
+
+        self._loop = asyncio.new_event_loop()
+        threading.Thread(target=self._loop.run_forever, daemon=True).start()
+        self._client = SocketClient(socket, "anna")
+        self._await(self._attach())
+
+    def _await(self, work: object) -> object:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(120)  # type: ignore[arg-type]
+
+    async def _attach(self) -> None:
+        await self._client.attach()
+
+        async def follow() -> None:
+            async for _ in self._client.records():
+                pass
+
+        self._following = asyncio.get_running_loop().create_task(follow())
+
+    def send(self, function: str, behavior: str) -> None:
+        from rise_engine.kernel.inputs import Submit
+
+        assert self._await(self._client.send(Submit(function=function, behavior=behavior)))
+
+    def p99(self) -> float:
+        return statistics.quantiles(self._await(self._keys()), n=100)[98]  # type: ignore[arg-type]
+
+    async def _keys(self) -> list[float]:
+        from rise_engine.kernel.inputs import Note
+
+        took = []
+        for _ in range(KEYS):
+            began = perf_counter()
+            assert (await self._client.send(Note(text="key"))).accepted
+            took.append(perf_counter() - began)
+            await asyncio.sleep(0.01)
+        return took
+
+
+def main() -> bool:
+    choice = os.environ.get("RISE_BENCH_ROS", "dds")
+    os.environ["CYCLONEDDS_URI"] = LOOPBACK
+    os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(1, 100))
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    report = Report(f"A task over ROS 2 by {choice} (wall time)")
+    with tempfile.TemporaryDirectory(prefix="rise-bench-", dir=memory) as name:
+        folder = Path(name)
+        environment = {**os.environ, "RISE_SESSIONS": str(folder / "sessions"), "RISE_RUNTIME": str(folder / "run")}
+        if choice == "rclpy":
+            environment["PYTHONPATH"] = os.pathsep.join(sys.path)
+        study = scenario(folder / "study")
+        peers = str(HERE / "ros_peers.py")
+        serve = ("-m", "rise_engine", "serve", str(study), "--name", "bench", "--ros", choice)
+        with ExitStack() as stack:
+            ready(stack.enter_context(process(peers, "robot", "--ros", choice, environment=environment)), "ready")
+            if choice == "rclpy":
+                ready(stack.enter_context(process(peers, "plain", environment=environment)), "ready")
+            ready(stack.enter_context(process(*serve, environment=environment)), "serving")
+            task, floor = asyncio.run(trips(choice))
+            report.row("task in, act, robot, result out", f"{task * 1e3:.2f} ms")
+            report.row("two plain action round trips", f"{floor * 1e3:.2f} ms")
+            report.target("times two plain round trips", task / floor, 1.5, at_least=False)
+            wizard = Wizard(folder / "run" / "bench.sock")
+            quiet = wizard.p99()
+            report.row("a key while nothing comes in, p99", f"{quiet * 1e3:.2f} ms")
+            with process(peers, "flood", "1000", "--ros", choice, environment=environment) as flood:
+                ready(flood, "ready")
+                tasks = wizard.p99()
+                assert flood.stdin is not None and flood.stdout is not None
+                flood.stdin.close()
+                said = flood.stdout.readline().split()
+            report.row("the same at 1,000 tasks a second", f"{tasks * 1e3:.2f} ms", f"{said[0]}/s, {said[1]} accepted")
+            wizard.send("startCommunicationRobotAct", "Talk")
+            feedback = wizard.p99()
+            wizard.send("stopAll", "")
+            report.row("the same at 1,000 feedbacks a second", f"{feedback * 1e3:.2f} ms")
+            report.target("ms that tasks delay a key", (tasks - quiet) * 1e3, 10, at_least=False)
+            report.target("ms that feedback delays a key", (feedback - quiet) * 1e3, 10, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    sys.exit(not main())

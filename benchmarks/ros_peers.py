@@ -1,0 +1,120 @@
+"""The other processes of the benchmark `ros`: python ros_peers.py robot | flood RATE | plain, with --ros TRANSPORT.
+
+robot: a robot whose actions end at once (`bench/act`), and one that sends feedback 1,000 times a second (`bench/talk`).
+flood: DomainTask goals at a steady rate until its input is closed. plain: rclpy's own action server (`bench/plain`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from argparse import ArgumentParser
+
+from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.action_server import ActionServer, ServerGoal
+from rise_adapters.ros2.choose import open_transport
+
+from rise_engine.clock import RealClock
+
+SPEECH = "rise_interfaces/action/Speech"
+RESULT_TIMEOUT = 0.2
+
+
+async def robot(choice: str) -> None:
+    loop = asyncio.get_running_loop()
+    transport = await open_transport(choice, node="bench_robot")
+
+    def act(goal: ServerGoal) -> None:
+        goal.accept()
+        goal.succeed({})
+
+    def talk(goal: ServerGoal) -> None:
+        goal.accept()
+
+        async def go_on() -> None:
+            began, sent = loop.time(), 0
+            while not goal.ended:
+                while sent < (loop.time() - began) * 1000:
+                    goal.feedback({"progress": 0.5})
+                    sent += 1
+                await asyncio.sleep(0.001)
+
+        tasks.append(loop.create_task(go_on()))
+
+    def stop(goal: ServerGoal, decide: object) -> None:
+        assert callable(decide)
+        decide(True)
+        goal.cancel({})
+
+    tasks: list[object] = []
+    clock = RealClock(loop, 1.0, 0.0)
+    servers = [
+        ActionServer(transport, "bench/act", SPEECH, act, clock=clock, result_timeout=RESULT_TIMEOUT),
+        ActionServer(transport, "bench/talk", SPEECH, talk, stop, clock=clock, result_timeout=RESULT_TIMEOUT),
+    ]
+    print("ready", flush=True)
+    await _input_closed()
+    for server in servers:
+        server.close()
+    transport.close()
+
+
+async def flood(choice: str, rate: float) -> None:
+    loop = asyncio.get_running_loop()
+    transport = await open_transport(choice, node="bench_flood")
+    client = ActionClient(transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
+    goal = {"function_type": "raiseEventTopic", "domain_task_behavior": "/noise"}
+    while not client.servers():  # noqa: ASYNC110  # discovery says nothing
+        await asyncio.sleep(0.01)
+    print("ready", flush=True)
+    closed = loop.create_task(_input_closed())
+    began, sent = loop.time(), 0
+    answers: list[bool] = []
+    while not closed.done():
+        while sent < (loop.time() - began) * rate:
+            client.send(os.urandom(16), goal, answers.append)
+            sent += 1
+        await asyncio.sleep(0.001)
+    print(f"{sent / (loop.time() - began):.0f} {sum(answers)} {sent}", flush=True)
+    transport.close()
+
+
+def plain() -> None:
+    """rclpy's own action server, spinning in one thread."""
+    import rclpy
+    from rclpy.action import ActionServer as PlainServer
+    from rclpy.executors import ExternalShutdownException
+    from rise_interfaces.action import Speech
+
+    rclpy.init()
+    node = rclpy.create_node("bench_plain")
+
+    def execute(goal: object) -> object:
+        goal.succeed()  # type: ignore[attr-defined]
+        return Speech.Result()
+
+    PlainServer(node, Speech, "bench/plain", execute, result_timeout=RESULT_TIMEOUT)
+    print("ready", flush=True)
+    try:
+        rclpy.spin(node)
+    except (ExternalShutdownException, KeyboardInterrupt):
+        return
+
+
+async def _input_closed() -> None:
+    await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)
+
+
+if __name__ == "__main__":
+    parser = ArgumentParser()
+    parser.add_argument("what", choices=("robot", "flood", "plain"))
+    parser.add_argument("rate", nargs="?", type=float, default=1000)
+    parser.add_argument("--ros", default="dds")
+    options = parser.parse_args()
+    if options.what == "plain":
+        plain()
+    elif options.what == "robot":
+        asyncio.run(robot(options.ros))
+    else:
+        asyncio.run(flood(options.ros, options.rate))

@@ -1,0 +1,191 @@
+"""Peers as a test sees them, and the world they run in: the loopback interface, and a domain of their own."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from .lines import decode, encode
+
+ROOT = Path(__file__).parents[3]
+PATIENCE = 15.0
+"""Seconds until what must happen is missed. Long, because a machine can be busy."""
+LEASE = 2.0
+"""Seconds after which a participant that says nothing is taken as gone (with Cyclone DDS, here)."""
+_CYCLONE = (
+    "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast><Interfaces>"
+    '<NetworkInterface address="127.0.0.1"/></Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex>'
+    '<MaxAutoParticipantIndex>64</MaxAutoParticipantIndex><Peers><Peer address="localhost"/></Peers>'
+    f"<LeaseDuration>{LEASE:g} s</LeaseDuration></Discovery></Domain></CycloneDDS>"
+)
+_DOMAIN = str(random.SystemRandom().randrange(1, 101))
+
+
+@cache
+def missing(kind: str) -> str:
+    """Why a transport cannot be tried here; empty when it can."""
+    if kind == "dds":
+        absent = [name for name in ("cyclonedds", "rosbags") if find_spec(name) is None]
+        return f"{' and '.join(absent)} not installed" if absent else ""
+    from rise_adapters.ros2.rclpy_transport import rclpy_missing
+
+    return rclpy_missing()
+
+
+@cache
+def cyclone_rmw() -> bool:
+    """Whether rclpy can run on Cyclone DDS."""
+    try:
+        import_module("ament_index_python.packages").get_package_prefix("rmw_cyclonedds_cpp")
+    except (ImportError, LookupError):
+        return False
+    return True
+
+
+def environment() -> dict[str, str]:
+    """Nothing leaves the machine, and nothing of another test run comes in."""
+    values = dict(os.environ)
+    for name in ("ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_NAMESPACE"):
+        values.pop(name, None)
+    values |= {"ROS_DOMAIN_ID": _DOMAIN, "CYCLONEDDS_URI": _CYCLONE, "PYTHONUNBUFFERED": "1", "PYTHONWARNINGS": "error"}
+    if cyclone_rmw():
+        values |= {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
+    else:  # another RMW is kept on this machine by ROS's own setting
+        values["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    return values
+
+
+def until(holds: Callable[[], Any], patience: float = PATIENCE) -> Any:
+    """Wait for a condition, and give what it gave."""
+    limit = time.monotonic() + patience
+    while not (found := holds()):
+        assert time.monotonic() < limit, "it did not come to that"
+        time.sleep(0.005)
+    return found
+
+
+class Refused(Exception):
+    """The transport raised a PortError; this is its sentence."""
+
+
+class Peer:
+    """One process with one transport. `peer.publish(key=..., ...)` does what `tests.ros.contract.peer.Peer` can do."""
+
+    def __init__(self, kind: str, *arguments: str, node: str = "") -> None:
+        self.kind = kind
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.ros.contract.peer", kind, node or f"peer_{uuid.uuid4().hex[:8]}", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+            cwd=ROOT,
+            env=environment(),
+        )
+        self._count = 0
+        self._answers: dict[int, dict[str, Any]] = {}
+        self._events: list[dict[str, Any]] = []
+        self._changed = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> Peer:
+        try:
+            self.event("ready", patience=4 * PATIENCE)
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.wait()
+
+    def __getattr__(self, do: str) -> Callable[..., Any]:
+        if do.startswith("_"):
+            raise AttributeError(do)
+
+        def request(**fields: Any) -> Any:
+            self._count += 1
+            number = self._count
+            assert self.process.stdin is not None
+            self.process.stdin.write(encode({"id": number, "do": do, **fields}) + "\n")
+            self.process.stdin.flush()
+            answer = self._await(lambda: self._answers.pop(number, None))
+            if "error" in answer:
+                raise Refused(answer["error"])
+            return answer["is"]
+
+        return request
+
+    def event(self, kind: str, patience: float = PATIENCE, **fields: Any) -> dict[str, Any]:
+        """The oldest event of that kind with these fields that was not given out yet."""
+        return self._await(lambda: self._pick(kind, fields), patience)
+
+    def none(self, kind: str, **fields: Any) -> bool:
+        """Whether no such event has come."""
+        with self._changed:
+            return not any(self._is(event, kind, fields) for event in self._events)
+
+    def leave(self) -> int:
+        """End it as a program ends; gives its exit status."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        return self.wait()
+
+    def wait(self) -> int:
+        status = self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None and not pipe.closed:
+                pipe.close()
+        return status
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            said = decode(line)
+            with self._changed:
+                if "event" in said:
+                    self._events.append(said)
+                else:
+                    self._answers[said["id"]] = said
+                self._changed.notify_all()
+        with self._changed:
+            self._changed.notify_all()
+
+    def _pick(self, kind: str, fields: dict[str, Any]) -> dict[str, Any] | None:
+        for place, event in enumerate(self._events):
+            if self._is(event, kind, fields):
+                return self._events.pop(place)
+        return None
+
+    @staticmethod
+    def _is(event: dict[str, Any], kind: str, fields: dict[str, Any]) -> bool:
+        return event["event"] == kind and all(event.get(name) == value for name, value in fields.items())
+
+    def _await(self, take: Callable[[], dict[str, Any] | None], patience: float = PATIENCE) -> dict[str, Any]:
+        limit = time.monotonic() + patience
+        with self._changed:
+            while (found := take()) is None:
+                assert self._reader.is_alive(), f"the {self.kind} peer has ended"
+                assert time.monotonic() < limit, (
+                    f"the {self.kind} peer said nothing like it; it said {self._events[-3:]}"
+                )
+                self._changed.wait(0.1)
+        return found

@@ -1,0 +1,108 @@
+"""Who is there: servers and nodes that come, leave, are terminated, and die."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+
+import pytest
+
+from .conftest import Pair
+from .peers import LEASE, PATIENCE, Peer, until
+
+SET, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
+FIBONACCI = "example_interfaces/action/Fibonacci"
+
+
+def _leave(peer: Peer) -> None:
+    assert peer.leave() == 0
+
+
+def _terminate(peer: Peer) -> None:
+    peer.process.send_signal(signal.SIGTERM)
+    assert peer.wait() == 0
+
+
+def _kill(peer: Peer) -> None:
+    peer.process.send_signal(signal.SIGKILL)
+    assert peer.wait() == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("end", [_leave, _terminate, _kill])
+def test_a_server_is_seen_until_its_process_ends(pair: Pair, end: Callable[[Peer], None]) -> None:
+    name = f"{pair.name}/ask"
+    pair.near.client(key=name, name=name, type=SET)
+    pair.near.action_client(key=f"{name}/count", name=f"{name}/count", type=FIBONACCI)
+    pair.near.publisher(key=f"{name}/said", topic=f"{name}/said", type="std_msgs/msg/String")
+    assert pair.near.servers(key=name) == 0
+    for _ in range(2):
+        with Peer(pair.far.kind) as far:
+            far.serve(key="ask", name=name, type=SET)
+            far.action_server(key="count", name=f"{name}/count", type=FIBONACCI)
+            far.subscribe(key="said", topic=f"{name}/said", type="std_msgs/msg/String")
+            until(lambda: pair.near.servers(key=name) == 1)
+            until(lambda: pair.near.servers(key=f"{name}/count") == 1)
+            until(lambda: pair.near.subscribers(key=f"{name}/said") == 1)
+            pair.near.call(key=name, number=1, message={"data": True})
+            assert far.event("asked")
+            end(far)
+            limit = LEASE + PATIENCE if end is _kill else PATIENCE
+            until(lambda: pair.near.servers(key=name) == 0, limit)
+            until(lambda: pair.near.servers(key=f"{name}/count") == 0, limit)
+            until(lambda: pair.near.subscribers(key=f"{name}/said") == 0, limit)
+    assert pair.near.none("answer")
+
+
+def test_two_servers_of_one_name_are_two(pair: Pair) -> None:
+    name = f"{pair.name}/ask"
+    pair.near.client(key=name, name=name, type=SET)
+    pair.far.serve(key=name, name=name, type=SET)
+    with Peer(pair.far.kind) as second:
+        second.serve(key="ask", name=name, type=SET)
+        until(lambda: pair.near.servers(key=name) == 2)
+        assert second.leave() == 0
+    until(lambda: pair.near.servers(key=name) == 1)
+
+
+def test_nodes_are_seen_with_their_names(pair: Pair) -> None:
+    own, other = pair.near.about()["node"], pair.far.about()["node"]
+    assert own.startswith("/peer_")
+    until(lambda: {own, other} <= set(pair.near.nodes()))
+    with Peer(pair.far.kind, "--ros-args", "-r", f"__ns:=/{pair.name}", "-r", "__node:=lab") as far:
+        assert far.about()["node"] == f"/{pair.name}/lab"
+        until(lambda: f"/{pair.name}/lab" in pair.near.nodes())
+        assert far.leave() == 0
+    until(lambda: f"/{pair.name}/lab" not in pair.near.nodes())
+
+
+def test_what_others_offer_is_seen_with_its_type(pair: Pair) -> None:
+    name = f"{pair.name}/thing"
+    assert pair.near.remote_types(name=name) == []
+    pair.near.publisher(key="own", topic=name, type="std_msgs/msg/Int32")
+    pair.far.publisher(key=name, topic=name, type="std_msgs/msg/String")
+    kind, hash = until(lambda: pair.near.remote_types(name=name))[0]
+    assert kind == "std_msgs/msg/String"
+    assert hash in ("", pair.far.type_hash(type="std_msgs/msg/String"))
+    assert len(pair.near.remote_types(name=name)) == 1, "its own are not meant"
+    pair.near.close(key="own")
+
+
+def test_what_others_serve_is_seen_with_its_type(pair: Pair) -> None:
+    name = f"{pair.name}/ask"
+    pair.near.client(key=name, name=name, type=SET)
+    pair.near.serve(key="own", name=name, type=SET)
+    pair.far.serve(key=name, name=name, type=TRIGGER)
+    kind, hash = until(lambda: pair.near.remote_types(name=name))[0]
+    assert kind == f"{TRIGGER}_Request"
+    assert hash in ("", pair.far.type_hash(type=f"{TRIGGER}_Request"))
+    assert len(pair.near.remote_types(name=name)) == 1, "its own are not meant"
+    pair.near.close(key="own")
+
+
+def test_a_server_of_another_type_does_not_count(pair: Pair) -> None:
+    """A call to it would vanish."""
+    name = f"{pair.name}/ask"
+    pair.near.client(key=name, name=name, type=SET)
+    pair.far.serve(key=name, name=name, type=TRIGGER)
+    until(lambda: pair.near.remote_types(name=name))
+    assert pair.near.servers(key=name) == 0

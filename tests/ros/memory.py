@@ -1,0 +1,551 @@
+"""A wire in memory: services, topics with latching, several nodes, presence, and every fault on request.
+
+    wire = MemoryWire()
+    robot = MemoryTransport(wire, loop, node="/robot")
+    engine = MemoryTransport(wire, loop, node="/engine")
+
+Everything is delivered through `loop.call_soon`, never inside a call. `loop` is an asyncio loop, or a `ClockLoop`, on
+which all that happens belongs to a virtual clock and nothing ever waits in earnest.
+
+Faults are rules by name (`fnmatch` patterns of full names): `wire.drop("*/send_goal", what="reply", times=1)`,
+`delay`, `duplicate`, `hold` (until `rule.release()`). A node that is `kill`ed says no goodbye: it sends and hears
+nothing any more, but the others still see it until `wire.forget(node)`, as with a DDS lease. `wire.heal(node)` undoes
+both. A transport that is made afterwards under the same name is another one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from fnmatch import fnmatchcase
+from functools import cache, partial
+from importlib import import_module
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+
+from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, Message, PortError, QoS, Reply
+
+from rise_engine.robot import Clock
+
+What: TypeAlias = Literal["request", "reply", "message", "any"]
+
+
+class Loop(Protocol):
+    """The part of an asyncio loop that the wire needs."""
+
+    def call_soon(self, callback: Callable[..., object], *args: Any) -> object: ...
+
+    def call_later(self, delay: float, callback: Callable[..., object], *args: Any) -> object: ...
+
+
+class ClockLoop:
+    """A loop that is nothing but a clock: what it is given runs when somebody advances a `VirtualClock`."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+
+    def call_soon(self, callback: Callable[..., object], *args: Any) -> object:
+        return self.call_later(0.0, callback, *args)
+
+    def call_later(self, delay: float, callback: Callable[..., object], *args: Any) -> object:
+        def run() -> None:
+            callback(*args)
+
+        return self.clock.call_at(self.clock.now() + delay, run)
+
+
+class Sent(NamedTuple):
+    """One message as it was given to the wire, whatever became of it."""
+
+    what: str
+    name: str
+    node: str
+    message: Message
+
+
+class Rule:
+    """A fault that meets messages by name."""
+
+    def __init__(self, wire: MemoryWire, kind: str, name: str, what: What, times: int | None, **more: Any) -> None:
+        self._wire = wire
+        self.kind = kind
+        self.name = name
+        self.what = what
+        self.left = times
+        self.more = more
+        self.met = 0
+        """How many messages it has hit."""
+        self.held: list[Callable[[], object]] = []
+
+    def hits(self, what: str, name: str) -> bool:
+        if self.left == 0 or self.what not in ("any", what) or not fnmatchcase(name, self.name):
+            return False
+        self.met += 1
+        if self.left is not None:
+            self.left -= 1
+        return True
+
+    def stop(self) -> None:
+        """From now on it meets nothing. What it holds stays held."""
+        self.left = 0
+
+    def release(self) -> None:
+        """Let go, in order, of what is held, and hold nothing more."""
+        self.stop()
+        held, self.held = self.held, []
+        for deliver in held:
+            deliver()
+
+
+class MemoryWire:
+    """What all nodes share."""
+
+    def __init__(self, definitions: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """`definitions`: further message types, by full name: field -> type."""
+        self.types = Definitions(definitions or {})
+        self.transports: list[MemoryTransport] = []
+        self.rules: list[Rule] = []
+        self.sent: list[Sent] = []
+        """Everything that was ever sent, in order."""
+        self.killed: set[MemoryTransport] = set()
+        self.forgotten: set[MemoryTransport] = set()
+
+    # --- faults ---
+
+    def drop(self, name: str, *, what: What = "any", times: int | None = None) -> Rule:
+        """Lose messages."""
+        return self._rule("drop", name, what, times)
+
+    def delay(self, name: str, seconds: float, *, what: What = "any", times: int | None = None) -> Rule:
+        """Deliver them later; those behind overtake them."""
+        return self._rule("delay", name, what, times, seconds=seconds)
+
+    def duplicate(self, name: str, copies: int = 1, *, what: What = "any", times: int | None = None) -> Rule:
+        """Deliver them `copies` times more often. (Of a reply: `answer` is called again.)"""
+        return self._rule("duplicate", name, what, times, copies=copies)
+
+    def hold(self, name: str, *, what: What = "any", times: int | None = None) -> Rule:
+        """Keep them until `release()`."""
+        return self._rule("hold", name, what, times)
+
+    def _rule(self, kind: str, name: str, what: What, times: int | None, **more: Any) -> Rule:
+        rule = Rule(self, kind, name, what, times, **more)
+        self.rules.append(rule)
+        return rule
+
+    def kill(self, node: str) -> None:
+        """Cut a node off without a goodbye: SIGKILL, a cable. The others still see it, until `forget`."""
+        self.killed |= set(self._named(node))
+
+    def forget(self, node: str) -> None:
+        """The others notice that the node is gone, and it sees nobody else."""
+        self.kill(node)
+        self.forgotten |= set(self._named(node))
+
+    def heal(self, node: str) -> None:
+        """The link is back. What was latched meanwhile arrives."""
+        healed = set(self._named(node)) & self.killed
+        self.killed -= healed
+        self.forgotten -= healed
+        for one in self.transports:
+            for other in self.transports:
+                if one is not other and healed & {one, other} and self.reaches(one, other):
+                    for publisher in one.publishers:
+                        for subscription in other.subscriptions:
+                            publisher.greet(subscription)
+
+    def _named(self, node: str) -> list[MemoryTransport]:
+        return [transport for transport in self.transports if transport.node == node]
+
+    # --- what was sent ---
+
+    def messages(self, name: str, what: What = "any") -> list[Message]:
+        """What was sent under a name (pattern), in order."""
+        return [s.message for s in self.sent if fnmatchcase(s.name, name) and what in ("any", s.what)]
+
+    # --- for the transports ---
+
+    def sees(self, one: MemoryTransport, other: MemoryTransport) -> bool:
+        """Whether `one` believes that `other` is there."""
+        if other.closed or other.why_lost:
+            return False
+        return one is other or not {one, other} & self.forgotten
+
+    def reaches(self, one: MemoryTransport, other: MemoryTransport) -> bool:
+        """Whether a message would really arrive."""
+        dead = any(t.closed or t.why_lost for t in (one, other))
+        return not dead and (one is other or not {one, other} & self.killed)
+
+    def carry(self, what: str, name: str, target: MemoryTransport, deliver: Callable[[], None]) -> None:
+        """Bring one message to one receiver, or let it meet its fault."""
+        soon = partial(target.loop.call_soon, deliver)
+        for rule in self.rules:
+            if not rule.hits(what, name):
+                continue
+            if rule.kind == "drop":
+                return
+            if rule.kind == "delay":
+                target.loop.call_later(rule.more["seconds"], deliver)
+                return
+            if rule.kind == "hold":
+                rule.held.append(soon)
+                return
+            for _ in range(rule.more["copies"]):
+                soon()
+        soon()
+
+
+class _Subscription:
+    def __init__(self, home: MemoryTransport, topic: str, type: str, taken: Callable[[Message], None], qos: QoS):
+        self.home, self.topic, self.type, self.taken, self.qos = home, topic, type, taken, qos
+        self.open = True
+
+    def take(self, source: MemoryTransport, message: Message) -> None:
+        if self.open and self.home.wire.reaches(source, self.home):
+            self.taken(deepcopy(message))
+
+    def close(self) -> None:
+        self.open = False
+        if self in self.home.subscriptions:
+            self.home.subscriptions.remove(self)
+
+
+class _Publisher:
+    def __init__(self, home: MemoryTransport, topic: str, type: str, qos: QoS) -> None:
+        self.home, self.topic, self.type, self.qos = home, topic, type, qos
+        self.last: deque[Message] = deque(maxlen=max(1, qos.depth))
+        self.open = True
+
+    def publish(self, message: Message) -> None:
+        home = self.home
+        home._check()
+        if not self.open:
+            raise PortError(f"the publisher of {self.topic} is closed")
+        whole = home.wire.types.complete(self.type, message)
+        home.wire.sent.append(Sent("message", self.topic, home.node, whole))
+        if self.qos.latched:
+            self.last.append(whole)
+        for subscription in self._takers():
+            if home.wire.reaches(home, subscription.home):
+                self._send(subscription, whole)
+
+    def _send(self, subscription: _Subscription, message: Message) -> None:
+        deliver = partial(subscription.take, self.home, message)
+        self.home.wire.carry("message", self.topic, subscription.home, deliver)
+
+    def _takers(self) -> list[_Subscription]:
+        return [s for t in self.home.wire.transports for s in t.subscriptions if self.matches(s)]
+
+    def matches(self, subscription: _Subscription) -> bool:
+        """As DDS matches: same name, same type, and nothing asked for that is not offered."""
+        mine, theirs = self.qos, subscription.qos
+        return (
+            (self.topic, self.type) == (subscription.topic, subscription.type)
+            and (mine.reliable or not theirs.reliable)
+            and (mine.latched or not theirs.latched)
+        )
+
+    def greet(self, subscription: _Subscription) -> None:
+        """A late joiner gets what is latched."""
+        if subscription.qos.latched and self.matches(subscription):
+            for message in self.last:
+                self._send(subscription, message)
+
+    def subscribers(self) -> int:
+        return sum(self.home.wire.sees(self.home, s.home) for s in self._takers())
+
+    def close(self) -> None:
+        self.open = False
+        if self in self.home.publishers:
+            self.home.publishers.remove(self)
+
+
+class _Server:
+    def __init__(self, home: MemoryTransport, name: str, type: str, asked: Callable[[Message, Reply], None]) -> None:
+        self.home, self.name, self.type, self.asked = home, name, type, asked
+        self.open = True
+
+    def take(self, client: _Client, call: _Call, request: Message) -> None:
+        home = self.home
+        if not self.open or not home.wire.reaches(client.home, home):
+            return
+        answered = False
+
+        def reply(message: Message) -> None:
+            nonlocal answered
+            if answered or not self.open or home.closed:
+                return
+            answered = True
+            home._check()
+            whole = home.wire.types.complete(f"{self.type}_Response", message)
+            home.wire.sent.append(Sent("reply", self.name, home.node, whole))
+            if home.wire.reaches(home, client.home):
+                home.wire.carry("reply", self.name, client.home, partial(client.take, home, call, whole))
+
+        self.asked(deepcopy(request), reply)
+
+    def close(self) -> None:
+        self.open = False
+        if self in self.home.servers:
+            self.home.servers.remove(self)
+
+
+class _Call(NamedTuple):
+    answer: Callable[[Message], None]
+
+
+class _Client:
+    def __init__(self, home: MemoryTransport, name: str, type: str) -> None:
+        self.home, self.name, self.type = home, name, type
+        self.open = True
+
+    def _offers(self) -> list[_Server]:
+        wire = self.home.wire
+        return [s for t in wire.transports for s in t.servers if (s.name, s.type) == (self.name, self.type)]
+
+    def servers(self) -> int:
+        if self.home.closed or self.home.why_lost:
+            return 0
+        return sum(self.home.wire.sees(self.home, server.home) for server in self._offers())
+
+    def call(self, request: Message, answer: Callable[[Message], None]) -> None:
+        home = self.home
+        home._check()
+        if not self.open:
+            raise PortError(f"the client of {self.name} is closed")
+        whole = home.wire.types.complete(f"{self.type}_Request", request)
+        home.wire.sent.append(Sent("request", self.name, home.node, whole))
+        call = _Call(answer)
+        for server in self._offers():
+            if home.wire.reaches(home, server.home):
+                home.wire.carry("request", self.name, server.home, partial(server.take, self, call, whole))
+
+    def take(self, server: MemoryTransport, call: _Call, message: Message) -> None:
+        if self.open and self.home.wire.reaches(server, self.home):
+            call.answer(deepcopy(message))
+
+    def close(self) -> None:
+        self.open = False
+
+
+class MemoryTransport:
+    """One node on a `MemoryWire`; implements `rise_adapters.ros2.port.Transport`."""
+
+    kind: Literal["rclpy", "dds", "memory"] = "memory"
+
+    def __init__(
+        self, wire: MemoryWire, loop: Loop, node: str = "/rise/engine", remaps: Mapping[str, str] | None = None
+    ) -> None:
+        self.wire = wire
+        self.loop = loop
+        self.node = node if node.startswith("/") else f"/{node}"
+        self.about = f"in memory, node {self.node}"
+        self.why_lost = ""
+        self.closed = False
+        self._remaps = {self._full(a): self._full(b) for a, b in (remaps or {}).items()}
+        self.publishers: list[_Publisher] = []
+        self.subscriptions: list[_Subscription] = []
+        self.servers: list[_Server] = []
+        wire.transports.append(self)
+
+    # --- the port ---
+
+    def resolve(self, name: str) -> str:
+        full = self._full(name)
+        return self._remaps.get(full, full)
+
+    def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> _Publisher:
+        self._check()
+        made = _Publisher(self, self.resolve(topic), type, qos)
+        self.publishers.append(made)
+        return made
+
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> _Subscription:
+        self._check()
+        made = _Subscription(self, self.resolve(topic), type, taken, qos)
+        self.subscriptions.append(made)
+        for transport in self.wire.transports:
+            for publisher in transport.publishers:
+                if self.wire.reaches(transport, self):
+                    publisher.greet(made)
+        return made
+
+    def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> _Server:
+        self._check()
+        made = _Server(self, self.resolve(name), type, asked)
+        self.servers.append(made)
+        return made
+
+    def client(self, name: str, type: str) -> _Client:
+        self._check()
+        return _Client(self, self.resolve(name), type)
+
+    def fields(self, type: str) -> Mapping[str, str]:
+        return self.wire.types.fields(type)
+
+    def type_hash(self, type: str) -> str:
+        return self.wire.types.hash(type)
+
+    def remote_types(self, name: str) -> list[tuple[str, str]]:
+        full = self.resolve(name)
+        others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
+        types = [server.type for t in others for server in t.servers if server.name == full]
+        types += [publisher.type for t in others for publisher in t.publishers if publisher.topic == full]
+        return [(type, self.type_hash(type)) for type in types]
+
+    def nodes(self) -> list[str]:
+        return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
+
+    def lost(self) -> str:
+        return self.why_lost
+
+    def close(self) -> None:
+        """With a goodbye: the others notice at once."""
+        self.closed = True
+        self.publishers.clear()
+        self.subscriptions.clear()
+        self.servers.clear()
+        if self in self.wire.transports:
+            self.wire.transports.remove(self)
+
+    # --- for tests ---
+
+    def break_down(self, why: str = "the middleware was shut down") -> None:
+        """The middleware under this node is gone; the transport notices."""
+        self.why_lost = why
+
+    # --- small things ---
+
+    def _check(self) -> None:
+        if self.closed:
+            raise PortError("the transport is closed")
+        if self.why_lost:
+            raise PortError(self.why_lost)
+
+    def _full(self, name: str) -> str:
+        if name.startswith("/"):
+            return name
+        if name.startswith("~/"):
+            return f"{self.node}/{name[2:]}"
+        return f"{self.node.rpartition('/')[0]}/{name}"
+
+
+_INTEGERS = frozenset(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)) | {"byte", "char"}
+_ZEROS: dict[str, Any] = {"bool": False, "boolean": False, "string": "", "wstring": "", "float32": 0.0, "float64": 0.0}
+_BASIC: dict[str, dict[str, str]] = {
+    "builtin_interfaces/msg/Time": {"sec": "int32", "nanosec": "uint32"},
+    "builtin_interfaces/msg/Duration": {"sec": "int32", "nanosec": "uint32"},
+    "unique_identifier_msgs/msg/UUID": {"uuid": "uint8[16]"},
+    "action_msgs/msg/GoalInfo": {"goal_id": "unique_identifier_msgs/msg/UUID", "stamp": "builtin_interfaces/msg/Time"},
+    "action_msgs/msg/GoalStatus": {"goal_info": "action_msgs/msg/GoalInfo", "status": "int8"},
+    STATUS_TYPE: {"status_list": "action_msgs/msg/GoalStatus[]"},
+    f"{CANCEL_TYPE}_Request": {"goal_info": "action_msgs/msg/GoalInfo"},
+    f"{CANCEL_TYPE}_Response": {"return_code": "int8", "goals_canceling": "action_msgs/msg/GoalInfo[]"},
+}
+
+
+class Definitions:
+    """Message types by name: those given, those that travel with the adapter, and any other, which then may hold
+    anything."""
+
+    def __init__(self, given: Mapping[str, Mapping[str, str]]) -> None:
+        self._given = {**_BASIC, **{name: dict(fields) for name, fields in given.items()}}
+        self._known: Any = _shipped_types()
+
+    def fields(self, type: str) -> Mapping[str, str]:
+        found = self._find(type)
+        if found is None:
+            raise PortError(f"the message type {type} is not known here")
+        return found
+
+    def hash(self, type: str) -> str:
+        if self._known is None:
+            return ""
+        try:
+            return str(self._known.type_hash(type))
+        except PortError:
+            return ""
+
+    def complete(self, type: str, message: Message) -> Message:
+        """The message as it would arrive: every field there, nothing shared with the sender's. Raises PortError."""
+        found = self._find(type)
+        if found is None:
+            return deepcopy(message)
+        unknown = [name for name in message if name not in found]
+        if unknown:
+            raise PortError(f"{type} has no field {unknown[0]!r}; it has {', '.join(found) or 'none'}")
+        return {name: self._value(kind, message.get(name), f"{type}.{name}") for name, kind in found.items()}
+
+    def _find(self, type: str) -> Mapping[str, str] | None:
+        if type in self._given:
+            return self._given[type]
+        if self._known is not None:
+            try:
+                fields: Mapping[str, str] = self._known.fields(type)
+                return fields
+            except PortError:
+                pass
+        for ending, implied in _implied(type):
+            if type.endswith(ending):
+                return implied
+        return None
+
+    def _value(self, kind: str, value: Any, where: str) -> Any:
+        base, bracket, length = kind.partition("[")
+        base = base.partition("<=")[0]
+        if bracket:
+            return self._array(base, length.rstrip("]"), value, where)
+        if base in _INTEGERS:
+            return self._fits(value, int, 0, where)
+        if base in ("float32", "float64"):
+            return float(self._fits(value, (int, float), 0.0, where))
+        if base in _ZEROS:
+            return self._fits(value, type(_ZEROS[base]), _ZEROS[base], where)
+        if value is not None and not isinstance(value, dict):
+            raise PortError(f"{where} is a {base}, not {value!r}")
+        return self.complete(base, value or {})
+
+    def _array(self, base: str, length: str, value: Any, where: str) -> Any:
+        fixed = int(length) if length.isdigit() else None
+        if base in ("uint8", "byte"):
+            whole = bytes(fixed or 0) if value is None else bytes(value)
+            if fixed is not None and len(whole) != fixed:
+                raise PortError(f"{where} takes {fixed} bytes, not {len(whole)}")
+            return whole
+        items = [None] * (fixed or 0) if value is None else list(value)
+        if fixed is not None and len(items) != fixed:
+            raise PortError(f"{where} takes {fixed} values, not {len(items)}")
+        return [self._value(base, item, where) for item in items]
+
+    def _fits(self, value: Any, kind: type | tuple[type, ...], zero: Any, where: str) -> Any:
+        if value is None:
+            return zero
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise PortError(f"{where} cannot be {value!r}")
+        return value
+
+
+def _implied(type: str) -> list[tuple[str, dict[str, str]]]:
+    """What an action type implies, for actions whose definition is not known."""
+    stem = type
+    for ending in ("_SendGoal_Request", "_GetResult_Response", "_FeedbackMessage"):
+        stem = stem.removesuffix(ending)
+    goal_id = "unique_identifier_msgs/msg/UUID"
+    return [
+        ("_SendGoal_Request", {"goal_id": goal_id, "goal": f"{stem}_Goal"}),
+        ("_SendGoal_Response", {"accepted": "bool", "stamp": "builtin_interfaces/msg/Time"}),
+        ("_GetResult_Request", {"goal_id": goal_id}),
+        ("_GetResult_Response", {"status": "int8", "result": f"{stem}_Result"}),
+        ("_FeedbackMessage", {"goal_id": goal_id, "feedback": f"{stem}_Feedback"}),
+    ]
+
+
+@cache
+def _shipped_types() -> Any:
+    """What `rise_adapters.ros2.types` knows, where its dependency (rosbags) is installed."""
+    try:
+        types = import_module("rise_adapters.ros2.types")
+    except ImportError:
+        return None
+    make = getattr(types, "Types", None)
+    return make() if make is not None else None

@@ -1,0 +1,423 @@
+"""The transport over Cyclone DDS: what the contract of all transports (`tests/ros/contract`) does not ask for.
+Everything stays on the loopback interface, in a domain of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
+pytest.importorskip("rosbags", reason="the extra dds is not installed")
+
+from rise_adapters.ros2.dds import DdsTransport, domain, graph, names
+from rise_adapters.ros2.port import PortError, QoS
+
+from tests.ros.dds_peer import SET, TEXT
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 15.0
+LATCHED = QoS(depth=3, latched=True)
+ENVIRONMENT = {
+    "ROS_DOMAIN_ID": str(random.SystemRandom().randrange(102, 200)),
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "CYCLONEDDS_URI": '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>',
+}
+
+
+def opened(node: str = "here", **options: Any) -> DdsTransport:
+    return DdsTransport(asyncio.get_running_loop(), node=node, environment=ENVIRONMENT, **options)
+
+
+@pytest.fixture
+async def transport() -> AsyncIterator[DdsTransport]:
+    one = opened()
+    yield one
+    one.close()
+
+
+@contextmanager
+def peer(role: str) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.ros.dds_peer", role],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env={**{k: v for k, v in os.environ.items() if k != "AMENT_PREFIX_PATH"}, **ENVIRONMENT},
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+async def until(holds: Callable[[], Any], patience: float = PATIENCE) -> Any:
+    limit = time.monotonic() + patience
+    while not (found := holds()):
+        assert time.monotonic() < limit, "it did not come to that"
+        await asyncio.sleep(0.002)
+    return found
+
+
+def stand_still(seconds: float) -> None:
+    """Block the loop."""
+    time.sleep(seconds)
+
+
+# --- two processes -------------------------------------------------------------------------------------------------
+
+
+async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
+    heard: list[Any] = []
+    answers: list[Any] = []
+    transport.subscribe("said", TEXT, heard.append)
+    say, ask = transport.publisher("heard", TEXT), transport.client("set", SET)
+    with peer("echo") as process:
+        await until(lambda: ask.servers() and say.subscribers())
+        say.publish({"data": "Grüß dich"})
+        ask.call({"data": True}, answers.append)
+        await until(lambda: heard and answers)
+        assert heard == [{"data": "Grüß dich"}]
+        assert answers == [{"success": True, "message": "from the peer"}]
+        await until(lambda: transport.nodes() == ["/here", "/peer"])
+        request = transport.type_hash(f"{SET}_Request")
+        assert transport.remote_types("set") == [(f"{SET}_Request", request)]
+        assert transport.remote_types("said") == [(TEXT, transport.type_hash(TEXT))]
+        assert transport.remote_types("heard") == []
+        process.kill()
+        killed = time.monotonic()
+        await until(lambda: not ask.servers())
+        assert time.monotonic() - killed < 2.5
+        await until(lambda: transport.nodes() == ["/here"] and transport.remote_types("set") == [])
+
+
+async def test_what_was_said_just_before_closing_arrives(transport: DdsTransport) -> None:
+    heard: list[Any] = []
+    transport.subscribe("said", TEXT, heard.append, QoS(depth=10))
+    first = opened("first")
+    latched = first.publisher("said", TEXT, QoS(depth=10))
+    await until(latched.subscribers)
+    for number in range(5):
+        latched.publish({"data": str(number)})
+    first.close()
+    await until(lambda: len(heard) == 5)
+
+
+async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) -> None:
+    """The loop serves others all the while, and nothing is lost."""
+    heard: list[str] = []
+    transport.subscribe("said", TEXT, lambda message: heard.append(message["data"]), QoS(depth=2000))
+    say = transport.publisher("heard", TEXT)
+    with peer("burst"):
+        await until(say.subscribers)
+        await until(lambda: transport.remote_types("said"))
+        delays = []
+        say.publish({"data": "2"})
+        while len(heard) < 2000:
+            began = time.perf_counter()
+            await asyncio.sleep(0)
+            delays.append(time.perf_counter() - began)
+            await asyncio.sleep(0.001)
+            assert len(delays) < 20_000
+    assert heard == [str(number) for number in range(2000)]
+    delays.sort()
+    print(len(delays), delays[len(delays) // 2], delays[int(len(delays) * 0.99)], delays[-1])
+    assert delays[int(len(delays) * 0.99)] < 0.02
+
+
+async def test_a_loop_that_is_busy_gets_what_was_sent_meanwhile_in_slices(transport: DdsTransport) -> None:
+    heard: list[int] = []
+    turns: list[int] = []
+    transport.subscribe("said", TEXT, lambda message: _slow(heard), QoS(depth=500))
+    other = opened("other")
+    say = other.publisher("said", TEXT, QoS(depth=500))
+    await until(say.subscribers)
+    for number in range(300):
+        say.publish({"data": str(number)})
+    stand_still(0.2)  # everything has come before the loop goes on
+    while len(heard) < 300:
+        turns.append(len(heard))
+        await asyncio.sleep(0)
+    other.close()
+    biggest = max(after - before for before, after in pairwise(turns))
+    assert biggest < 100
+
+
+def _slow(heard: list[int]) -> None:
+    time.sleep(0.0001)
+    heard.append(1)
+
+
+async def test_a_reader_that_stands_still_holds_nobody_up(transport: DdsTransport) -> None:
+    heard: list[Any] = []
+    transport.subscribe("said", TEXT, heard.append, QoS(depth=10))
+    say = transport.publisher("heard", TEXT, QoS(depth=200))
+    with peer("echo") as process:
+        await until(say.subscribers)
+        process.send_signal(signal.SIGSTOP)
+        longest = 0.0
+        for _ in range(300):
+            began = time.perf_counter()
+            say.publish({"data": "x" * 50_000})
+            longest = max(longest, time.perf_counter() - began)
+            await asyncio.sleep(0)
+        assert longest < 0.1
+        process.send_signal(signal.SIGCONT)
+        await until(lambda: heard)
+
+
+# --- one process ---------------------------------------------------------------------------------------------------
+
+
+async def test_who_comes_late_gets_the_latest(transport: DdsTransport) -> None:
+    say = transport.publisher("state", TEXT, LATCHED)
+    for number in range(5):
+        say.publish({"data": str(number)})
+    late = opened("late")
+    heard: list[str] = []
+    late.subscribe("state", TEXT, lambda message: heard.append(message["data"]), LATCHED)
+    await until(lambda: len(heard) == 3)
+    assert heard == ["2", "3", "4"]
+    late.close()
+
+
+async def test_an_answer_counts_once_and_only_for_who_asked(transport: DdsTransport) -> None:
+    replies: list[Any] = []
+    transport.serve("set", SET, lambda asked, reply: replies.append((asked, reply)))
+    other = opened("other")
+    first, second = other.client("set", SET), other.client("set", SET)
+    answers: list[tuple[str, Any]] = []
+    await until(lambda: first.servers() == second.servers() == 1)
+    first.call({"data": True}, lambda answer: answers.append(("first", answer)))
+    second.call({"data": False}, lambda answer: answers.append(("second", answer)))
+    await until(lambda: len(replies) == 2)
+    assert answers == []
+    for asked, reply in reversed(replies):
+        reply({"success": asked["data"]})
+        reply({"success": True, "message": "again"})
+    await until(lambda: len(answers) == 2)
+    empty = {"message": ""}
+    assert sorted(answers) == [("first", {"success": True, **empty}), ("second", {"success": False, **empty})]
+    other.close()
+
+
+async def test_an_answer_that_does_not_fit_can_be_given_again(transport: DdsTransport) -> None:
+    replies: list[Any] = []
+    answers: list[Any] = []
+    transport.serve("set", SET, lambda asked, reply: replies.append(reply))
+    ask = transport.client("set", SET)
+    await until(ask.servers)
+    ask.call({}, answers.append)
+    await until(lambda: replies)
+    with pytest.raises(PortError, match="the field 'success' takes true or false"):
+        replies[0]({"success": "yes"})
+    replies[0]({"success": True})
+    await until(lambda: answers)
+
+
+async def test_callbacks_come_on_the_loop_and_never_inside_a_call(transport: DdsTransport) -> None:
+    heard: list[Any] = []
+    transport.subscribe("said", TEXT, heard.append)
+    say = transport.publisher("said", TEXT)
+    await until(say.subscribers)
+    say.publish({"data": "x"})
+    stand_still(0.05)  # long enough for the reading thread
+    assert heard == []
+    await until(lambda: heard)
+
+
+async def test_a_callback_that_fails_is_told_and_stops_nothing(transport: DdsTransport) -> None:
+    told: list[dict[str, Any]] = []
+    heard: list[Any] = []
+    asyncio.get_running_loop().set_exception_handler(lambda loop, context: told.append(context))
+
+    def taken(message: Any) -> None:
+        heard.append(message)
+        raise ValueError("not mine")
+
+    transport.subscribe("said", TEXT, taken)
+    say = transport.publisher("said", TEXT)
+    await until(say.subscribers)
+    say.publish({})
+    say.publish({})
+    await until(lambda: len(heard) == 2)
+    assert [str(context["exception"]) for context in told] == ["not mine", "not mine"]
+    assert transport.lost() == ""
+
+
+async def test_after_closing_nothing_comes_and_nothing_hangs(transport: DdsTransport) -> None:
+    heard: list[Any] = []
+    other = opened("other")
+    taking = other.subscribe("said", TEXT, heard.append)
+    say = transport.publisher("said", TEXT)
+    ask = other.client("set", SET)
+    await until(say.subscribers)
+    say.publish({})
+    stand_still(0.05)
+    taking.close()
+    taking.close()
+    await until(lambda: not say.subscribers())
+    other.close()
+    other.close()
+    ask.close()
+    assert heard == []
+    assert other.lost() == "the transport is closed"
+    with pytest.raises(PortError, match="the transport is closed"):
+        other.publisher("said", TEXT)
+    await until(lambda: transport.nodes() == ["/here"])
+
+
+async def test_two_servers_are_two_and_a_wrong_type_is_none(transport: DdsTransport) -> None:
+    other = opened("other")
+    transport.serve("set", SET, lambda asked, reply: reply({}))
+    second = other.serve("set", SET, lambda asked, reply: reply({}))
+    wrong = other.serve("wrong", "std_srvs/srv/Trigger", lambda asked, reply: reply({}))
+    ask, miss = transport.client("set", SET), transport.client("wrong", SET)
+    await until(lambda: ask.servers() == 2)
+    await until(lambda: [type for type, _ in transport.remote_types("wrong")] == ["std_srvs/srv/Trigger_Request"])
+    assert miss.servers() == 0
+    second.close()
+    await until(lambda: ask.servers() == 1)
+    wrong.close()
+    other.close()
+
+
+async def test_names_types_and_messages_that_cannot_be(transport: DdsTransport) -> None:
+    with pytest.raises(PortError, match="'a b' cannot be a name in ROS"):
+        transport.publisher("a b", TEXT)
+    with pytest.raises(PortError, match="std_msgs/msg/Sting is not known"):
+        transport.subscribe("a", "std_msgs/msg/Sting", lambda message: None)
+    with pytest.raises(PortError, match=r"there is no srv/SetBoool\.srv"):
+        transport.client("a", "std_srvs/srv/SetBoool")
+    with pytest.raises(PortError, match="has no field 'text'"):
+        transport.publisher("a", TEXT).publish({"text": "x"})
+    assert transport.type_hash("no_such/msg/Type") == ""
+
+
+async def test_the_arguments_of_ros_count() -> None:
+    one = opened("rise", arguments=["--ros-args", "-r", "__ns:=/lab", "-r", "said:=/all/said", "-r", "__node:=rise2"])
+    assert one.node == "/lab/rise2"
+    assert one.resolve("said") == "/all/said"
+    assert one.resolve("heard") == "/lab/heard"
+    one.close()
+    with pytest.raises(PortError, match="is no remapping"):
+        opened("rise", arguments=["-r", "x"])
+
+
+async def test_about_says_what_it_is(transport: DdsTransport) -> None:
+    assert transport.about.startswith("dds, Cyclone DDS ")
+    assert transport.about.endswith(f"without ROS, domain {ENVIRONMENT['ROS_DOMAIN_ID']}")
+    assert (transport.kind, transport.node, transport.lost()) == ("dds", "/here", "")
+    assert transport.foreign() == []
+
+
+# --- configuration -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("environment", "inside", "not_inside"),
+    [
+        ({}, ["<ParticipantIndex>auto<"], ["AllowMulticast", "<Peers>"]),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, ["<ParticipantIndex>auto<"], ["AllowMulticast", "<Peers>"]),
+        ({"ROS_STATIC_PEERS": "10.0.0.2; robot"}, ['<Peer address="10.0.0.2"/><Peer address="robot"/>'], ["Multicast"]),
+        (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_STATIC_PEERS": "robot"},
+            ["<AllowMulticast>false<", '<Peer address="localhost"/><Peer address="robot"/>'],
+            [],
+        ),
+        (
+            {"ROS_LOCALHOST_ONLY": "1", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", "ROS_STATIC_PEERS": "robot"},
+            ["<AllowMulticast>false<", '<Peer address="localhost"/></Peers>'],
+            ["robot", "<Tag>"],
+        ),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, ["<AllowMulticast>false<", "<Tag>ros_discovery_off_"], ["<Peers>"]),
+        (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "ROS_STATIC_PEERS": "robot"},
+            [],
+            ["robot", "Participant"],
+        ),
+        ({"CYCLONEDDS_URI": "file:///a.xml"}, ["</CycloneDDS>,file:///a.xml"], []),
+    ],
+)
+def test_the_configuration_is_that_of_ros(
+    environment: dict[str, str], inside: list[str], not_inside: list[str]
+) -> None:
+    config = domain.configuration(1.0, environment)
+    assert "<LeaseDuration>1.000s</LeaseDuration><SPDPInterval>0.250s</SPDPInterval>" in config
+    for text in inside:
+        assert text in config
+    for text in not_inside:
+        assert text not in config
+
+
+def test_settings_that_cannot_be_are_said() -> None:
+    with pytest.raises(PortError, match="must be one of SUBNET, LOCALHOST, OFF, SYSTEM_DEFAULT"):
+        domain.configuration(1.0, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"})
+    for number in ("x", "-1", "233", "1.5"):
+        with pytest.raises(PortError, match="ROS_DOMAIN_ID must be a number from 0 to 232"):
+            domain.domain_id({"ROS_DOMAIN_ID": number})
+    assert domain.domain_id({}) == domain.domain_id({"ROS_DOMAIN_ID": ""}) == 0
+
+
+async def test_a_configuration_that_cyclone_does_not_take_is_said() -> None:
+    wrong = {**ENVIRONMENT, "ROS_DOMAIN_ID": "201", "CYCLONEDDS_URI": "<General><NoSuchThing>1</NoSuchThing></General>"}
+    with pytest.raises(PortError, match=r"does not take its configuration for ROS domain 201"):
+        DdsTransport(asyncio.get_running_loop(), environment=wrong)
+
+
+# --- who is there --------------------------------------------------------------------------------------------------
+
+
+def test_user_data_of_endpoints() -> None:
+    entries = {"serviceid": "1.a", "typehash": "RIHS01_0"}
+    assert names.user_data(entries) == b"serviceid=1.a;typehash=RIHS01_0;"
+    assert names.read_user_data(b"serviceid=1.a;typehash=RIHS01_0;") == entries
+    assert names.read_user_data(b"") == names.read_user_data(b"\xff\x00") == {}
+
+
+def test_type_names_there_and_back() -> None:
+    assert names.dds_type(TEXT) == "std_msgs::msg::dds_::String_"
+    assert names.ros_type("std_msgs::msg::dds_::String_") == TEXT
+    assert names.ros_type("Sensor::Data") == names.ros_type("a::b::c::d") == ""
+
+
+def test_programs_with_other_software_are_named() -> None:
+    own, fast, other = (bytes(vendor) + bytes(14) for vendor in ([1, 16], [1, 15], [1, 99]))
+    seen = graph.Graph(own)
+    for key in (own, fast, other):
+        seen.participant(graph.Participant(key))
+    seen.named(fast, ["/camera", "/microphone"])
+    first, second = seen.foreign()
+    assert first.startswith(
+        "the node /camera, /microphone uses eProsima Fast DDS (rmw_fastrtps_cpp): topics may arrive"
+    )
+    assert "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp" in first
+    assert second.startswith("a program without named nodes (0163000000000000")
+    seen.participant(graph.Gone(fast))
+    assert len(seen.foreign()) == 1
+    assert seen.nodes() == []
+
+
+def test_endpoints_of_others_come_and_go() -> None:
+    own, key = bytes([1, 16] + [1] * 14), bytes([1, 16] + [2] * 14)
+    seen = graph.Graph(own)
+    end = graph.Endpoint(key, key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
+    seen.writer(end)
+    seen.writer(graph.Endpoint(own, own, "rt/a", TEXT, {}))
+    assert seen.writers("rt/a") == [end]
+    assert seen.readers("rt/a") == seen.writers("rt/b") == []
+    seen.writer(graph.Gone(key))
+    assert seen.writers("rt/a") == []

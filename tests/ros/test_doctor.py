@@ -1,0 +1,331 @@
+"""What `rise-engine doctor` finds, without any ROS: environments, and robots on a wire in memory."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from rise_adapters.ros2 import choose, doctor
+from rise_adapters.ros2.action_server import ActionServer
+from rise_adapters.ros2.doctor import Finding, document, examine, status, text
+from rise_adapters.ros2.port import PortError
+
+from rise_engine.bridge import BridgeError
+from rise_engine.clock import RealClock
+from rise_engine.scenario.actions import core_actions
+from rise_engine.scenario.model import RobotProfile
+from tests.ros.memory import MemoryTransport, MemoryWire
+
+SPEECH: dict[str, Any] = {
+    "action": "rise/robot/speech",
+    "type": "test_interfaces/action/Say",
+    "goal": {"text": "{message}"},
+}
+LED: dict[str, Any] = {"topic": "rise/robot/led", "type": "test_interfaces/msg/Led", "message": {"name": "{value}"}}
+TYPES = {
+    "test_interfaces/action/Say_Goal": {"text": "string"},
+    "test_interfaces/action/Say_Result": {"reason": "string"},
+    "test_interfaces/action/Say_Feedback": {},
+    "test_interfaces/msg/Led": {"name": "string"},
+}
+
+
+def profile(driver: str = "ros2", **carriers: Any) -> RobotProfile:
+    specs = core_actions()
+    actions = {name: replace(specs[name], carrier=carrier) for name, carrier in carriers.items()}
+    return RobotProfile("tin", "Tin", driver, actions)
+
+
+def said(findings: list[Finding], level: str) -> str:
+    return "\n".join(f"{finding.sentence} {finding.remedy}" for finding in findings if finding.level == level)
+
+
+@pytest.fixture
+def only(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Say which transports are here."""
+
+    def says(rclpy: str = "rclpy is not here", dds: str = "") -> None:
+        monkeypatch.setattr(choose, "available", lambda: {"rclpy": rclpy, "dds": dds})
+        monkeypatch.setattr(doctor, "rclpy_missing", lambda: rclpy)
+
+    says()
+    return says
+
+
+def workspace(place: Path, *, rmw: tuple[str, ...] = (), interfaces: dict[str, str] | None = None) -> dict[str, str]:
+    """A sourced installation, as it looks from the environment."""
+    index = place / "share/ament_index/resource_index/rmw_typesupport"
+    index.mkdir(parents=True)
+    for name in rmw:
+        (index / name).touch()
+    for name, value in (interfaces or {}).items():
+        file = place / "share" / f"{name}.json"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps({"type_hashes": [{"type_name": name, "hash_string": value}]}), "utf-8")
+    return {"ROS_DISTRO": "jazzy", "AMENT_PREFIX_PATH": str(place)}
+
+
+# --- the machine --------------------------------------------------------------------------------------------------
+
+
+def test_without_any_ros(tmp_path: Path, only: Any) -> None:
+    findings = list(doctor.ros({}, installed=tmp_path))
+    assert [finding.level for finding in findings] == ["note", "note"] and "not needed" in findings[0].sentence
+    assert status(findings) == 0
+    assert said(list(doctor.ros({}, wanted=True, installed=tmp_path)), "problem").startswith("rclpy is not here")
+
+
+def test_ros_that_is_installed_but_not_sourced(tmp_path: Path, only: Any) -> None:
+    (tmp_path / "jazzy").mkdir()
+    (tmp_path / "jazzy/setup.bash").touch()
+    finding = next(iter(doctor.ros({}, wanted=True, installed=tmp_path)))
+    assert finding.level == "warning" and finding.remedy == f"source {tmp_path}/jazzy/setup.bash"
+
+
+def test_ros_that_is_sourced(tmp_path: Path, only: Any) -> None:
+    only(rclpy="")
+    environment = workspace(tmp_path)
+    findings = list(doctor.ros(environment, wanted=True))
+    assert {finding.level for finding in findings} == {"ok"} and "Jazzy" in findings[0].sentence
+    findings = list(doctor.ros({**environment, "ROS_DISTRO": "humble"}))
+    assert "made for" in said(findings, "warning")
+    findings = list(doctor.ros({"ROS_DISTRO": "jazzy"}))
+    assert "only in part" in said(findings, "warning")
+    findings = list(doctor.ros({**environment, "AMENT_PREFIX_PATH": f"{tmp_path}{os.pathsep}/no/such"}))
+    assert "/no/such" in said(findings, "warning")
+
+
+def test_the_middleware(tmp_path: Path) -> None:
+    environment = workspace(tmp_path, rmw=("rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"))
+    assert doctor.installed_rmw(environment) == ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"]
+    assert "use rmw_fastrtps_cpp" in said(list(doctor.rmw(environment, "rclpy")), "note")
+    assert "topics at best" in said(list(doctor.rmw(environment, "dds")), "warning")
+    cyclone = {**environment, "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}
+    assert {finding.level for finding in doctor.rmw(cyclone, "dds")} == {"ok"}
+    zenoh = {**environment, "RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}
+    assert "apt install ros-jazzy-rmw-zenoh-cpp" in said(list(doctor.rmw(zenoh, "rclpy")), "problem")
+    assert list(doctor.rmw({}, "dds")) == []
+
+
+NETWORK = [
+    # the environment; the transport; the level and words of the worst finding
+    ({}, "dds", "ok", "ROS domain 0"),
+    ({"ROS_DOMAIN_ID": "42"}, "dds", "ok", "ROS domain 42"),
+    ({"ROS_DOMAIN_ID": "150"}, "dds", "note", "ports may be taken"),
+    ({"ROS_DOMAIN_ID": "300"}, "dds", "problem", "0 to 232"),
+    ({"ROS_DOMAIN_ID": "lab"}, "dds", "problem", "0 to 232"),
+    ({"ROS_LOCALHOST_ONLY": "1"}, "rclpy", "warning", "whatever the discovery range says"),
+    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "rclpy", "note", "only programs on this machine"),
+    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "rclpy", "problem", "nobody is found"),
+    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "local"}, "rclpy", "problem", "'local'"),
+    ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, "dds", "warning", "ROS_DISCOVERY_SERVER"),
+    ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, "rclpy", "ok", ""),
+    ({"ROS_SECURITY_ENABLE": "true"}, "dds", "problem", "no security"),
+    ({"FASTDDS_DEFAULT_PROFILES_FILE": "/no/such.xml"}, "rclpy", "warning", "/no/such.xml"),
+    ({"CYCLONEDDS_URI": "file:///no/such.xml"}, "dds", "problem", "/no/such.xml"),
+    ({"CYCLONEDDS_URI": "<General><AllowMulticast>"}, "dds", "problem", "well-formed"),
+    ({"CYCLONEDDS_URI": "<General><AllowMulticast>false</AllowMulticast></General>"}, "dds", "problem", "no peers"),
+    ({"CYCLONEDDS_URI": "<General><AllowMulticast>false</AllowMulticast></General>"}, "rclpy", "note", "means nothing"),
+    ({"CYCLONEDDS_URI": "<General><AllowMulticast>false</AllowMulticast></General>", "ROS_STATIC_PEERS": "10.0.0.2"},
+     "dds", "note", "another setting"),
+    ({"CYCLONEDDS_URI": "<General><AllowMulticast>false</AllowMulticast></General>,<Discovery><Peers>"
+      '<Peer address="localhost"/></Peers></Discovery>'}, "dds", "note", "another setting"),
+    ({"CYCLONEDDS_URI": '<General><Interfaces><NetworkInterface name="lo"/></Interfaces></General>'}, "dds", "note",
+     "loopback only"),
+    ({"CYCLONEDDS_URI": '<?xml version="1.0"?><CycloneDDS xmlns="https://cdds.io/config"><Domain><General><Interfaces>'
+      '<NetworkInterface name="eth0"/></Interfaces></General></Domain></CycloneDDS>'}, "dds", "note", "interface eth0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("environment", "kind", "level", "words"), NETWORK)
+def test_the_network(environment: dict[str, str], kind: Any, level: str, words: str) -> None:
+    findings = list(doctor.network(environment, kind))
+    worst = max((finding.level for finding in findings), key=["ok", "note", "warning", "problem"].index)
+    assert worst == level and words in said(findings, level)
+
+
+def test_a_file_of_settings(tmp_path: Path) -> None:
+    file = tmp_path / "cyclone.xml"
+    settings = (
+        '<CycloneDDS><Domain id="any"><General><AllowMulticast>false</AllowMulticast></General></Domain></CycloneDDS>'
+    )
+    file.write_text(f'<?xml version="1.0" encoding="UTF-8" ?>\n{settings}', "utf-8")
+    assert "no peers" in said(list(doctor.network({"CYCLONEDDS_URI": f"file://{file}"}, "dds")), "problem")
+
+
+def test_which_transport_and_why(only: Any) -> None:
+    kind, findings = doctor.transport("auto")
+    assert kind == "dds" and "rclpy is not here" in said(findings, "ok")
+    only(rclpy="")
+    assert doctor.transport("auto")[0] == "rclpy" and doctor.transport("dds")[0] == "dds"
+    only(dds="it needs cyclonedds")
+    kind, findings = doctor.transport("auto")
+    assert (
+        kind is None and "rclpy is not here" in said(findings, "problem") and "cyclonedds" in said(findings, "problem")
+    )
+
+
+def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours = {"rise_interfaces/msg/Record": "RIHS01_1", "rise_interfaces/action/DomainTask": "RIHS01_2"}
+    monkeypatch.setattr(doctor, "own_hashes", lambda: ours)
+    assert "comes with" in said(list(doctor.interfaces({}, "dds")), "ok")
+    assert "colcon build" in said(list(doctor.interfaces({}, "rclpy")), "problem")
+    good = workspace(tmp_path / "good", interfaces=ours)
+    assert "is the one of this program (2 types)" in said(list(doctor.interfaces(good, "dds")), "ok")
+    old = workspace(tmp_path / "old", interfaces={"rise_interfaces/msg/Record": "RIHS01_0"})
+    problems = said(list(doctor.interfaces(old, "dds")), "problem")
+    assert "lacks action/DomainTask" in problems and "another version of msg/Record" in problems
+    assert "does not find it" in said(list(doctor.interfaces(good, "rclpy")), "problem")
+    both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
+    assert "2 times" in said(list(doctor.interfaces(both, "dds")), "warning")
+    monkeypatch.setattr(doctor, "own_hashes", dict)
+    assert "cannot be told" in said(list(doctor.interfaces(good, "dds")), "note")
+
+
+def test_our_own_hashes() -> None:
+    pytest.importorskip("rosbags")
+    ours = doctor.own_hashes()
+    assert {"rise_interfaces/action/DomainTask", "rise_interfaces/srv/GetMemory", "rise_interfaces/msg/Record"} <= set(
+        ours
+    )
+    assert all(value.startswith("RIHS01_") for value in ours.values())
+
+
+# --- the robot ----------------------------------------------------------------------------------------------------
+
+
+class Lab:
+    """A wire on which the doctor and some robots are."""
+
+    def __init__(self) -> None:
+        self.wire = MemoryWire(TYPES)
+        self.loop = asyncio.get_running_loop()
+
+    def node(self, name: str) -> MemoryTransport:
+        return MemoryTransport(self.wire, self.loop, name)
+
+    def speaks(self, node: str, type: str = SPEECH["type"]) -> ActionServer:
+        clock = RealClock(self.loop)
+        return ActionServer(self.node(node), "/rise/robot/speech", type, lambda goal: goal.reject(), clock=clock)
+
+    async def open(self, choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
+        return self.node(f"/{node}")
+
+    async def examined(self, robot: RobotProfile | None, seconds: float = 0.2) -> list[Finding]:
+        return await examine("auto", robot, environment={}, seconds=seconds, open_wire=self.open)
+
+
+async def test_a_robot_that_is_all_there(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "SETTLE", 0.05)
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    lab.node("/tin/led").subscribe("/rise/robot/led", LED["type"], print)
+    findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED), 10)
+    assert status(findings) == 0, text(findings)
+    assert "Speech: /rise/robot/speech is offered, as test_interfaces/action/Say" in said(findings, "ok")
+    assert "Emotion: /rise/robot/led has 1 subscriber" in said(findings, "ok")
+    assert "2 other nodes are seen: /tin/led, /tin/mouth" in said(findings, "ok")
+    assert lab.node("/late").nodes() == ["/late", "/tin/led", "/tin/mouth"], "the doctor has gone"
+    assert not lab.wire.messages("*send_goal*") and not lab.wire.messages("*cancel_goal*")
+
+
+async def test_a_robot_that_is_not_there(only: Any) -> None:
+    lab = Lab()
+    findings = await lab.examined(profile(Speech=SPEECH, Animation=SPEECH | {"goal": {"text": "{value}"}}, Emotion=LED))
+    assert status(findings) == 1
+    problems = said(findings, "problem")
+    assert "Speech, Animation: nothing offers /rise/robot/speech" in problems and "wrapper running" in problems
+    assert "nobody takes the topic /rise/robot/led" in problems
+    assert "no other node is seen" in said(findings, "note")
+
+
+async def test_two_robots_on_one_name(only: Any) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    lab.speaks("/tin/mouth")
+    findings = await lab.examined(profile(Speech=SPEECH))
+    assert "2 nodes offer /rise/robot/speech" in said(findings, "problem")
+    assert "have the name /tin/mouth" in said(findings, "warning")
+
+
+async def test_a_server_of_another_type(only: Any) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth", "other_interfaces/action/Talk")
+    findings = await lab.examined(profile(Speech=SPEECH))
+    assert "is offered as other_interfaces/action/Talk, not as test_interfaces/action/Say" in said(findings, "problem")
+    assert "nothing offers" not in said(findings, "problem")
+
+
+async def test_a_server_of_another_version(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    monkeypatch.setattr(
+        MemoryTransport, "remote_types", lambda self, name: [(f"{SPEECH['type']}_SendGoal_Request", "RIHS01_a")]
+    )
+    monkeypatch.setattr(MemoryTransport, "type_hash", lambda self, type: "RIHS01_b")
+    findings = await lab.examined(profile(Speech=SPEECH))
+    assert "with another version of test_interfaces/action/Say" in said(findings, "problem")
+    monkeypatch.setattr(MemoryTransport, "type_hash", lambda self, type: "")
+    assert status(await lab.examined(profile(Speech=SPEECH))) == 0, "what is not known is no difference"
+
+
+async def test_a_profile_with_mistakes(only: Any) -> None:
+    findings = await Lab().examined(profile(Speech=SPEECH | {"goal": {"txt": "x", "text": "{mesage}"}}))
+    assert status(findings) == 1
+    assert "txt" in said(findings, "problem") and "mesage" in said(findings, "problem")
+
+
+async def test_no_robot_and_one_without_ros(only: Any) -> None:
+    assert "--robot NAME" in said(await Lab().examined(None), "note")
+    assert "driver is 'simulated'" in said(await Lab().examined(profile("simulated")), "note")
+
+
+async def test_other_peoples_nodes_and_a_lost_wire(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab()
+    monkeypatch.setattr(MemoryTransport, "foreign", lambda self: ["/cam uses Fast DDS"], raising=False)
+    assert "/cam uses Fast DDS" in said(await lab.examined(None), "warning")
+    monkeypatch.setattr(MemoryTransport, "lost", lambda self: "the context was shut down")
+    assert "the context was shut down" in said(await lab.examined(None), "problem")
+
+
+@pytest.mark.parametrize("error", [BridgeError(["one", "two"]), PortError("one\ntwo")])
+async def test_a_transport_that_does_not_open(only: Any, error: Exception) -> None:
+    async def fails(choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
+        raise error
+
+    findings = await examine("dds", profile(Speech=SPEECH), environment={}, open_wire=fails)
+    assert [f.sentence for f in findings if f.level == "problem"] == ["one", "two"]
+
+
+async def test_nothing_to_connect_by(only: Any) -> None:
+    only(dds="it needs cyclonedds")
+    findings = await examine("auto", None, environment={}, open_wire=Lab().open)
+    assert status(findings) == 1 and not [f for f in findings if f.about == "graph"]
+    assert [f.level for f in await examine("off")] == ["note"]
+
+
+# --- how it is said -----------------------------------------------------------------------------------------------
+
+
+def test_for_a_person_and_for_a_program() -> None:
+    findings = [
+        Finding("ok", "ros", "all is well"),
+        Finding("warning", "network", "w " * 60, "do this"),
+        Finding("problem", "robot", "it is not there", "start it"),
+        Finding("problem", "robot", "nor this"),
+    ]
+    lines = text(findings, 60).splitlines()
+    assert lines[0] == "ok       all is well" and lines[-1] == "2 problems, 1 warning"
+    assert "         → start it" in lines and max(map(len, lines)) <= 60
+    assert text(findings[:1]).endswith("nothing is in the way\n")
+    read = json.loads(document(findings))
+    assert (read["problems"], read["warnings"]) == (2, 1)
+    assert read["findings"][2] == {
+        "level": "problem", "about": "robot", "sentence": "it is not there", "remedy": "start it",
+    }  # fmt: skip
+    assert (status(findings), status(findings[:2])) == (1, 0)

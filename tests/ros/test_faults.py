@@ -1,0 +1,816 @@
+"""What can go wrong between the engine and a robot, one test for each row of the table A01-A29: whole sessions (engine,
+kernel, `Ros2Robot`) on a wire in memory, in virtual time. What needs real processes is in `test_faults_dds.py`.
+
+For every row: each action that was started has exactly one ending, its act ends and says so once, nothing waits without
+a limit, and the record tells why (`Bench.check`).
+"""
+
+from __future__ import annotations
+
+import pytest
+from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
+
+from rise_engine.kernel.records import EventRecord, RobotRecord
+from tests.ros.badrobot import Plan
+from tests.ros.bench import GAZE, SPEECH, Bench
+from tests.ros.memory import MemoryTransport
+
+LONG = Plan(seconds=60)
+TASK = "2/1"
+"""The speech of the first act: task 1 is the rule that counts the acts' ends."""
+
+
+def heard(bench: Bench, topic: str) -> int:
+    return sum(record.topic.strip("/") == topic for record in bench.of(EventRecord))
+
+
+# --- no server ------------------------------------------------------------------------------------------------------
+
+
+def test_a01_no_server_at_all() -> None:
+    bench = Bench(robot=False)
+    bench.act()
+    bench.run(4.9)
+    assert bench.ending(TASK) == "" and bench.robot_statuses() == []
+    bench.run(5.5)
+    assert bench.ending(TASK).startswith("failed: server-missing: nothing offers /pepper/rise/speech")
+    assert bench.task() == "ABORTED" and heard(bench, "Greet_end") == heard(bench, "Greet_failed") == 1
+    lost = bench.of(RobotRecord)
+    assert [record.status for record in lost] == ["lost"]
+    assert lost[0].detail.startswith("server-missing") and SPEECH in lost[0].detail and GAZE in lost[0].detail
+    bench.act()  # from now on nobody waits for it
+    assert bench.task() == "ABORTED" and "server-missing" in bench.ending("5/1")
+    bench.check()
+
+
+def test_a01_one_server_of_two() -> None:
+    bench = Bench(robot=False)
+    bench.robot_appears(SPEECH)
+    bench.run(6)
+    assert bench.robot_statuses() == ["degraded"]
+    assert bench.of(RobotRecord)[0].detail == f"nothing offers {GAZE}"
+    bench.act("Both")
+    bench.run(20)
+    assert bench.ending("2/2") == (f"failed: server-missing: nothing offers {GAZE}; is the robot's wrapper running?")
+    assert bench.ended_at("2/2") == pytest.approx(11, abs=0.1)
+    assert bench.ending("2/1") == "succeeded"
+    bench.robot_appears(GAZE, node="/head")
+    bench.run(22)
+    assert bench.robot_statuses() == ["degraded", "connected"]
+    bench.check()
+
+
+def test_a02_the_server_appears_after_the_goal_was_due() -> None:
+    bench = Bench(robot=False)
+    bench.act()
+    bench.run(2)
+    bench.robot_appears()
+    bench.run(5)
+    assert len(bench.speech.received) == len(bench.speech.executed) == 1
+    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
+    assert bench.ended_at(TASK) == pytest.approx(3, abs=0.1)
+    assert bench.robot_statuses() == ["connected"]
+    bench.check()
+
+
+# --- acceptance -----------------------------------------------------------------------------------------------------
+
+
+def test_a03_rejected() -> None:
+    bench = Bench([Plan(accept=False)])
+    bench.act("Chain")
+    bench.run(1)
+    assert bench.ending(TASK) == f"failed: rejected: {SPEECH} refused it"
+    assert bench.history("2/2") == ["skipped"]
+    assert bench.task("Chain") == "ABORTED" and heard(bench, "Chain_end") == 1
+    bench.act("Anyway")  # what depends on it can be made to follow all the same
+    bench.run(5)
+    assert bench.ending("5/1").startswith("failed: rejected") and bench.ending("5/2") == "succeeded"
+    assert bench.task("Anyway") == "SUCCEEDED"
+    assert bench.speech.cancels == []
+    bench.check()
+
+
+def test_a04_no_acceptance_and_one_that_comes_too_late() -> None:
+    bench = Bench([Plan(accept_after=3, seconds=60, status=False), Plan()])
+    bench.act()
+    bench.run(2.5)
+    assert bench.ending(TASK) == f"timed-out: no-accept: {SPEECH} did not say within 2 s whether it takes it"
+    assert bench.ended_at(TASK) == pytest.approx(2, abs=0.01)
+    bench.run(3.2)
+    assert bench.speech.goals[bench.speech.received[0]].status == CANCELED
+    bench.run(30)
+    assert bench.speech.running() == []
+    bench.act()
+    bench.run(40)
+    assert bench.ending("5/1") == "succeeded"
+    bench.check()
+
+
+def test_a04_a_late_acceptance_is_cancelled_at_once() -> None:
+    """Where the early cancel has not reached the robot."""
+    bench = Bench([Plan(accept_after=3.5, seconds=60, status=False)])
+    lost = bench.wire.drop("*/cancel_goal", what="request")
+    bench.act()
+    bench.run(3.4)
+    lost.stop()
+    bench.run(3.5)
+    assert bench.speech.cancels == bench.speech.received
+    assert any(
+        note.startswith(f"late: {SPEECH} took 2/1 1.5 s after its end (timed-out); it is cancelled at once")
+        for note in bench.notes()
+    )
+    bench.run(10)
+    assert bench.speech.running() == []
+    bench.check()
+
+
+def test_a04_the_goal_callback_raised() -> None:
+    """The server lives and answers nothing about this goal, ever."""
+    bench = Bench([Plan(accept=None, runs=False, status=False, cancel="silent")])
+    bench.act()
+    bench.run(60)
+    assert bench.ending(TASK).startswith("timed-out: no-accept")
+    assert bench.robot_statuses() == ["connected", "degraded"]
+    assert bench.of(RobotRecord)[1].detail == f"{SPEECH} does not answer"
+    assert len(bench.speech.cancels) == 5, "it is not asked for ever"
+    assert [note.split(":")[0] for note in bench.notes()] == ["still-running"]
+    bench.check()
+
+
+def test_a05_the_acceptance_is_lost_and_the_robot_does_it() -> None:
+    bench = Bench([Plan(seconds=60, status=False), Plan()])
+    bench.wire.drop("*/send_goal", what="reply", times=1)
+    bench.act()
+    bench.run(1)
+    assert bench.speech.running()
+    bench.wire.kill("/robot")
+    bench.run(3)
+    assert bench.ending(TASK).startswith("timed-out: no-accept")
+    bench.wire.forget("/robot")
+    bench.run(6)
+    assert bench.speech.running() and bench.speech.cancels == []
+    bench.wire.heal("/robot")
+    bench.run(8)
+    assert bench.speech.cancels[0] == bench.speech.received[0]
+    assert bench.speech.running() == []
+    assert bench.robot_statuses() == ["connected", "degraded", "lost", "connected"]
+    bench.act()
+    bench.run(20)
+    assert bench.ending("5/1") == "succeeded"
+    bench.check()
+
+
+def test_a05_the_status_topic_says_that_it_was_accepted() -> None:
+    bench = Bench()
+    bench.wire.drop("*/send_goal", what="reply")
+    bench.act()
+    bench.run(5)
+    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
+    bench.check()
+
+
+# --- the server dies ------------------------------------------------------------------------------------------------
+
+
+def test_a06_killed_in_the_middle() -> None:
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    bench.wire.kill("/robot")
+    bench.run(11)
+    assert bench.ending(TASK) == ""
+    bench.wire.forget("/robot")  # the lease is over
+    bench.run(11.3)
+    assert bench.ending(TASK).startswith("lost: server-gone")
+    assert bench.robot_statuses() == ["connected", "lost"] and bench.task() == "ABORTED"
+    bench.check()
+
+
+def test_a06_killed_and_the_transport_never_tells() -> None:
+    bench = Bench([LONG], result=3)
+    bench.act()
+    bench.run(1)
+    bench.wire.kill("/robot")
+    bench.run(10)
+    assert bench.ending(TASK).startswith("timed-out: no-result")
+    assert bench.ended_at(TASK) == pytest.approx(2.8 + 3, abs=0.1)
+    bench.check()
+
+
+def test_a06_killed_and_only_the_kernels_limit_is_left() -> None:
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    bench.wire.kill("/robot")
+    bench.run(40)
+    assert bench.ending(TASK) == "timed-out: the robot reported no ending in time"
+    bench.check()
+
+
+def test_a07_terminated_in_the_middle() -> None:
+    bench = Bench([LONG])
+    bench.act("Both")
+    bench.run(0.5)
+    bench.robot_leaves()
+    assert bench.run_until(lambda: bench.ending(TASK)) <= 0.25
+    assert bench.ending(TASK).startswith("lost: server-gone")
+    assert bench.robot_statuses() == ["connected", "lost"]
+    bench.run(3)
+    bench.check()
+
+
+def test_a07_one_of_two_servers() -> None:
+    bench = Bench(robot=False)
+    bench.plans[SPEECH] = [LONG]
+    mouth, _ = bench.robot_appears(SPEECH, node="/mouth"), bench.robot_appears(GAZE, node="/head")
+    bench.act("Anyway")
+    bench.run(1)
+    mouth.close()
+    bench.run(5)
+    assert bench.ending(TASK) == f"lost: server-gone: what offered {SPEECH} has gone away in the middle of it"
+    assert bench.ending("2/2") == "succeeded"
+    assert bench.robot_statuses() == ["connected", "degraded"]
+    bench.check()
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.1, 1.0])
+def test_a08_restarted_and_it_knows_nothing(gap: float) -> None:
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    bench.robot_leaves()
+    bench.run(1 + gap)
+    bench.plans[SPEECH] = [Plan()]
+    bench.robot_appears()
+    bench.run(7)
+    assert bench.ending(TASK).startswith("lost: server-")
+    assert bench.ended_at(TASK) < 6.1 and bench.task() == "ABORTED"
+    assert bench.speech.executed == []
+    bench.act()
+    bench.run(12)
+    assert bench.task() == "SUCCEEDED"
+    bench.check()
+
+
+def test_a08_killed_and_restarted_while_the_old_one_still_shows() -> None:
+    """As with SIGKILL and DDS: for ten seconds there seem to be two."""
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    bench.wire.kill("/robot")
+    bench.run(2)
+    old = bench.node
+    bench.plans[SPEECH] = [Plan()]
+    bench.robot_appears(node="/robot_again")
+    bench.run(2.5)
+    assert bench.ending(TASK).startswith("lost: server-restarted")
+    bench.act()
+    bench.run(4)
+    assert bench.history("5/1") == ["started"], "it waits until it is clear which one it goes to"
+    assert old is not None
+    old.close()
+    bench.run(8)
+    assert bench.ending("5/1") == "succeeded" and len(bench.speech.executed) == 1
+    bench.check()
+
+
+def test_a08_unknown_is_never_a_success() -> None:
+    bench = Bench([Plan(end=0)])
+    bench.act()
+    bench.run(20)
+    assert bench.ending(TASK).startswith("lost: server-restarted")
+    bench.check()
+
+
+# --- results --------------------------------------------------------------------------------------------------------
+
+
+def test_a09_the_result_is_never_sent() -> None:
+    """rclpy does this when `execute` returns something of a wrong type."""
+    bench = Bench([Plan(answers=False)])
+    bench.act()
+    bench.run(10)
+    assert bench.ending(TASK).startswith(f"timed-out: no-result: {SPEECH} says that it has ended")
+    assert bench.ended_at(TASK) == pytest.approx(3, abs=0.1)
+    assert bench.speech.cancels == bench.speech.received
+    assert bench.memory("ends") == 1 and bench.memory("failed") == 1
+    bench.check()
+
+
+def test_a09_it_hangs() -> None:
+    bench = Bench([Plan(end=None)], result=2)
+    bench.act()
+    bench.run(10)
+    assert bench.ending(TASK) == (
+        f"timed-out: no-result: it was to take 2.8 s, and {SPEECH} had not ended it 2 s later"
+    )
+    assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
+    bench.check()
+
+
+def test_a09_it_hangs_and_the_kernels_limit_decides() -> None:
+    bench = Bench([Plan(end=None)])
+    bench.act()
+    bench.run(40)
+    assert bench.ending(TASK) == "timed-out: the robot reported no ending in time"
+    assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
+    bench.check()
+
+
+@pytest.mark.parametrize("result", [2, 0])
+def test_a10_a_result_after_our_time_out(result: int) -> None:
+    bench = Bench([Plan(seconds=20, cancel="ignore")], result=result)
+    bench.act()
+    bench.run(30)
+    assert bench.ending(TASK).startswith("timed-out") and len(bench.history(TASK)) == 3
+    late = [note for note in bench.notes() if note.startswith("late: ")]
+    assert len(late) == 1 and "2/1" in late[0] and "succeeded" in late[0]
+    bench.check()
+
+
+def test_a11_the_result_comes_twice() -> None:
+    bench = Bench()
+    bench.wire.duplicate("*/get_result", 3, what="reply")
+    bench.act()
+    bench.run(5)
+    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
+    assert bench.notes() == ["duplicate: the result of 2/1 came twice; the second one counts for nothing"]
+    bench.check()
+
+
+def test_a11_the_acceptance_comes_twice() -> None:
+    bench = Bench()
+    bench.wire.duplicate("*/send_goal", what="reply")
+    bench.act()
+    bench.run(5)
+    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
+    assert bench.notes() == [f"duplicate: {SPEECH} answered twice whether it takes 2/1"]
+    bench.check()
+
+
+def test_a12_the_result_of_an_older_goal() -> None:
+    """A client with one slot for each name takes it for the result of the goal that runs now."""
+    bench = Bench([Plan(seconds=0.5, status=False), LONG], result=1)
+    held = bench.wire.hold("*/get_result", what="reply", times=1)
+    bench.act()
+    bench.run(5)
+    assert bench.ending(TASK).startswith("timed-out")
+    bench.act()
+    bench.run(6)
+    held.release()
+    bench.run(6.5)
+    assert bench.history("5/1") == ["started", "accepted"]
+    assert [note for note in bench.notes() if note.startswith("late: the result of 2/1 (succeeded)")]
+    bench.stop_act()
+    bench.run(10)
+    bench.check()
+
+
+@pytest.mark.parametrize(
+    ("result", "reason"),
+    [
+        ({}, "failed: aborted: the robot gave it up and did not say why"),
+        ({"reason": "the motor is hot"}, "failed: aborted: the motor is hot"),
+    ],
+)
+def test_a13_aborted(result: dict[str, str], reason: str) -> None:
+    bench = Bench([Plan(end=ABORTED, result=result)])
+    bench.act()
+    bench.run(5)
+    assert bench.ending(TASK) == reason and bench.task() == "ABORTED"
+    bench.check()
+
+
+def test_a13_a_success_that_the_result_denies() -> None:
+    bench = Bench([Plan(result={"reason": "no voice is installed"})])
+    bench.act()
+    bench.run(5)
+    assert bench.ending(TASK) == "failed: robot-error: no voice is installed"
+    bench.check()
+
+
+# --- feedback -------------------------------------------------------------------------------------------------------
+
+
+def test_a14_feedback_after_the_result() -> None:
+    bench = Bench([Plan(feedback_after=5)])
+    bench.act()
+    bench.run(5)
+    before = len(bench.records)
+    bench.run(6)
+    assert len(bench.records) == before and bench.notes() == []
+    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
+    bench.check()
+
+
+def test_a15_a_flood_of_feedback() -> None:
+    quiet, flooded = Bench([Plan(seconds=3)]), Bench([Plan(seconds=3, feedback_every=0.001)])
+    for bench in (quiet, flooded):
+        bench.act()
+        bench.run(5)
+        bench.check()
+    assert len(flooded.wire.messages("*/feedback")) > 2900
+    assert len(flooded.records) == len(quiet.records), "feedback changes nothing and is kept nowhere"
+
+
+def test_a16_no_feedback() -> None:
+    bench = Bench([Plan(seconds=10)])
+    bench.act()
+    bench.run(15)
+    assert bench.ending(TASK) == "succeeded"
+    bench.check()
+
+
+@pytest.mark.parametrize("every", [0.0, 0.5])
+def test_a16_no_feedback_where_it_is_expected(every: float) -> None:
+    bench = Bench([Plan(seconds=5, feedback_every=every, status=False)], feedback=1)
+    bench.act()
+    bench.run(10)
+    if every:
+        assert bench.ending(TASK) == "succeeded"
+    else:
+        assert bench.ending(TASK) == f"lost: silent: {SPEECH} has sent no feedback for 1 s"
+        assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
+    bench.check()
+
+
+# --- cancelling -----------------------------------------------------------------------------------------------------
+
+
+def test_a17_cancelled_while_it_waits_for_acceptance() -> None:
+    bench = Bench([Plan(accept_after=1, seconds=60, status=False)])
+    bench.act()
+    bench.run(0.5)
+    bench.stop_act()
+    bench.run(0.9)
+    assert bench.ending(TASK) == ""
+    bench.run(1.2)
+    assert bench.ending(TASK) == "canceled" and bench.task() == "CANCELED"
+    assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
+    bench.check()
+
+
+def test_a17_cancelled_while_it_waits_and_never_accepted() -> None:
+    bench = Bench([Plan(accept=None, seconds=60, status=False)])
+    bench.act()
+    bench.run(0.5)
+    bench.stop_act()
+    bench.run(5)
+    assert bench.ending(TASK).startswith("timed-out: no-accept") and bench.task() == "CANCELED"
+    assert bench.speech.running() == []
+    bench.check()
+
+
+def test_a17_cancelled_while_it_waits_for_a_server() -> None:
+    bench = Bench(robot=False)
+    bench.act()
+    bench.run(1)
+    bench.stop_act()
+    assert bench.ending(TASK) == "canceled: it had not been sent yet"
+    bench.robot_appears()
+    bench.run(10)
+    assert bench.speech.received == []
+    bench.check()
+
+
+@pytest.mark.parametrize("how", ["refuse", "reject"])
+def test_a18_the_cancel_is_refused(how: str) -> None:
+    bench = Bench([Plan(seconds=8, cancel=how)])  # type: ignore[arg-type]
+    bench.act()
+    bench.run(1)
+    bench.stop_act()
+    bench.run(4.9)
+    assert bench.ending(TASK) == ""
+    assert bench.notes() == [f"cancel-refused: {SPEECH} does not stop 2/1; it goes on"]
+    bench.run(5.1)
+    assert bench.ending(TASK) == (
+        f"failed: cancel-refused: {SPEECH} did not let it be stopped; it may still be going on"
+    )
+    assert bench.task() == "CANCELED" and heard(bench, "Greet_stopped") == 1
+    bench.run(20)
+    assert any("late: the result of 2/1 (succeeded)" in note for note in bench.notes())
+    bench.check()
+
+
+def test_a19_the_cancel_is_accepted_and_it_succeeds() -> None:
+    bench = Bench([Plan(seconds=2, cancel="ignore")])
+    bench.act()
+    bench.run(1)
+    bench.stop_act()
+    bench.run(5)
+    assert bench.ending(TASK).startswith("succeeded: succeeded-during-cancel")
+    assert bench.task() == "CANCELED" and heard(bench, "Greet_stopped") == 1
+    bench.check()
+
+
+def test_a20_the_cancel_is_never_answered() -> None:
+    bench = Bench([Plan(end=None, cancel="silent")])
+    bench.act()
+    bench.run(1)
+    bench.stop_act()
+    bench.run(10)
+    assert bench.ending(TASK) == f"lost: cancel-unanswered: {SPEECH} did not answer within 4 s"
+    assert bench.ended_at(TASK) == pytest.approx(5, abs=0.01)
+    bench.run(60)
+    assert 5 <= len(bench.speech.cancels) <= 10
+    assert [note.split(":")[0] for note in bench.notes()] == ["still-running"]
+    bench.check()
+
+
+def test_a20_the_cancel_is_accepted_and_nothing_follows() -> None:
+    bench = Bench([Plan(end=None, cancel="ignore")])
+    bench.act()
+    bench.run(1)
+    bench.stop_act()
+    bench.run(10)
+    assert bench.ending(TASK).startswith("lost: cancel-unconfirmed")
+    bench.check()
+
+
+def test_a21_a_cancel_that_comes_after_the_end() -> None:
+    bench = Bench([Plan(seconds=1, status=False)])
+    bench.wire.delay("*/get_result", 0.5, what="reply", times=1)
+    bench.act()
+    bench.run(1.2)
+    bench.stop_act()
+    bench.run(5)
+    assert bench.ending(TASK).startswith("succeeded: succeeded-during-cancel")
+    assert bench.notes() == [] and bench.task() == "CANCELED"
+    bench.check()
+
+
+def test_a21_the_result_was_lost_and_the_cancel_finds_out() -> None:
+    bench = Bench([Plan(seconds=1, status=False)])
+    bench.wire.drop("*/get_result", what="reply", times=1)
+    bench.act()
+    bench.run(2)
+    bench.stop_act()
+    bench.run(2.1)
+    assert bench.ending(TASK).startswith("succeeded")
+    bench.check()
+
+
+def test_a22_a_cancel_of_a_goal_that_the_server_does_not_know() -> None:
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    bench.robot_leaves()
+    bench.robot_appears()
+    bench.stop_act()
+    bench.run(1.1)
+    assert bench.ending(TASK).startswith("lost: server-restarted")
+    assert bench.notes() == [] and bench.task() == "CANCELED"
+    bench.check()
+
+
+def test_somebody_else_cancels_it() -> None:
+    bench = Bench([Plan(seconds=1, end=CANCELED)])
+    bench.act()
+    bench.run(5)
+    assert bench.ending(TASK) == f"canceled: canceled: somebody else stopped it at {SPEECH}"
+    assert bench.task() == "ABORTED"
+    bench.check()
+
+
+# --- two servers, many goals, flapping ------------------------------------------------------------------------------
+
+
+def test_a23_two_servers_on_one_name() -> None:
+    bench = Bench(robot=False)
+    bench.robot_appears()
+    first = bench.speech
+    bench.robot_appears(SPEECH, node="/twin")
+    bench.run(6)
+    assert bench.robot_statuses() == ["degraded"]
+    assert bench.of(RobotRecord)[0].detail == f"more than one server offers {SPEECH}"
+    bench.act()
+    assert bench.ending(TASK).startswith(f"failed: two-servers: 2 servers offer {SPEECH}")
+    bench.run(10)
+    assert first.received == bench.speech.received == [], "the participant sees it neither once nor twice"
+    assert bench.node is not None
+    bench.node.close()
+    bench.run(12)
+    bench.act()
+    bench.run(20)
+    assert bench.task() == "SUCCEEDED" and len(first.executed) == 1
+    assert bench.robot_statuses() == ["degraded", "connected"]
+    bench.check()
+
+
+def test_a23_a_second_server_joins() -> None:
+    bench = Bench()
+    bench.run(1)
+    first = bench.speech
+    bench.robot_appears(SPEECH, node="/twin")
+    bench.act()
+    bench.run(10)
+    assert bench.ending(TASK).startswith("failed: two-servers")
+    assert first.received == bench.speech.received == []
+    bench.check()
+
+
+def test_a25_ten_speech_acts_at_once() -> None:
+    bench = Bench()
+    for _ in range(10):
+        bench.act()
+    bench.run(30)
+    tasks = [record.task for record in bench.records if getattr(record, "status", "") == "succeeded"]
+    assert len(bench.speech.executed) == 10 and bench.speech.at_once == 1
+    assert tasks == sorted(tasks)
+    bench.check()
+
+
+def test_a26_a_server_that_restarts_twenty_times_in_ten_seconds() -> None:
+    bench = Bench([LONG])
+    bench.run(1)
+    bench.act()
+    for number in range(20):
+        bench.run(1.1 + number * 0.5)
+        bench.robot_leaves()
+        bench.run(1.35 + number * 0.5)
+        bench.robot_appears()
+        if number % 4 == 0:
+            bench.act()
+    bench.run(14)
+    assert bench.robot_statuses() == ["connected", "lost"], "one message, not twenty"
+    assert len(bench.notes()) <= 1
+    bench.plans[SPEECH] = [Plan()]
+    bench.robot_leaves()
+    bench.robot_appears()
+    bench.run(40)
+    assert bench.robot_statuses() == ["connected", "lost", "connected"]
+    bench.act()
+    bench.run(50)
+    assert bench.task() == "SUCCEEDED"
+    bench.check()
+
+
+def test_a26_one_of_two_servers_flaps() -> None:
+    """The goal is sent a few times at most, under one id, and then it has failed."""
+    bench = Bench(robot=False)
+    bench.robot_appears(GAZE, node="/head")
+    bench.plans[SPEECH] = [Plan(accept=None, runs=False, status=False)]
+    mouth = bench.robot_appears(SPEECH, node="/mouth")
+    bench.run(1)
+    bench.act()
+    received = [bench.speech.received]
+    for number in range(20):
+        mouth.close()
+        bench.run(1.25 + number * 0.9)
+        mouth = bench.robot_appears(SPEECH, node="/mouth")
+        bench.run(1.9 + number * 0.9)
+        received.append(bench.speech.received)
+    bench.run(40)
+    sent = [id for each in received for id in each]
+    assert 1 <= len(sent) <= 3 and len(set(sent)) == 1
+    assert bench.ending(TASK).startswith("failed: server-missing")
+    assert bench.robot_statuses()[-1] == "connected" and bench.robot_statuses().count("degraded") <= 2
+    bench.check()
+
+
+# --- the middleware -------------------------------------------------------------------------------------------------
+
+
+def test_a27_the_middleware_is_shut_down() -> None:
+    bench = Bench([LONG, Plan()], [LONG])
+    bench.act("Both")
+    bench.run(1)
+    bench.transport.break_down("the context was shut down")
+    bench.run(1.3)
+    for action in ("2/1", "2/2"):
+        assert bench.ending(action) == "lost: the connection to ROS is gone: the context was shut down"
+    assert bench.robot_statuses() == ["connected", "lost"]
+    bench.act()
+    bench.run(2)
+    assert bench.task() == "ABORTED" and bench.memory("ends") == 2, "the engine lives"
+    running = set(bench.speech.running()) | set(bench.gaze.running())
+    assert len(running) == 2
+    bench.robot.use(MemoryTransport(bench.wire, bench.loop, "/engine_again"))
+    bench.run(3)
+    assert bench.robot_statuses() == ["connected", "lost", "connected"]
+    assert not bench.speech.running() and not bench.gaze.running(), "what went on without us is stopped"
+    bench.act()
+    bench.run(6)
+    assert bench.task() == "SUCCEEDED"
+    bench.check()
+
+
+def test_a27_the_middleware_comes_back_by_itself() -> None:
+    bench = Bench([LONG, Plan()])
+    bench.act()
+    bench.run(1)
+    bench.transport.break_down()
+    bench.run(3)
+    bench.transport.break_down("")
+    bench.run(5)
+    assert bench.robot_statuses() == ["connected", "lost", "connected"]
+    bench.act()
+    bench.run(8)
+    assert bench.task() == "SUCCEEDED"
+    bench.check()
+
+
+def test_a28_the_link_is_gone_for_five_seconds() -> None:
+    bench = Bench([LONG, Plan()], [LONG])
+    bench.act("Both")
+    bench.run(1)
+    bench.wire.forget("/robot")
+    bench.run(2)
+    assert bench.ending("2/1").startswith("lost") and bench.ending("2/2").startswith("lost")
+    assert bench.task("Both") == "ABORTED"
+    bench.run(6)
+    bench.wire.heal("/robot")
+    bench.run(8)
+    assert bench.robot_statuses() == ["connected", "lost", "connected"]
+    assert not bench.speech.running() and not bench.gaze.running(), "what went on without us is stopped"
+    bench.act()
+    bench.run(12)
+    assert bench.task() == "SUCCEEDED"
+    bench.check()
+
+
+# --- stop -----------------------------------------------------------------------------------------------------------
+
+BAD = {
+    "a03": Plan(accept=False),
+    "a04": Plan(accept_after=3, seconds=60, status=False),
+    "a04-never": Plan(accept=None, runs=False, status=False),
+    "a05": Plan(accept=None, seconds=60, status=False),
+    "a09": Plan(answers=False, seconds=0.3),
+    "a09-hang": Plan(end=None),
+    "a13": Plan(end=ABORTED),
+    "a15": Plan(seconds=60, feedback_every=0.01),
+    "a17": Plan(accept_after=1, seconds=60, status=False),
+    "a18": Plan(seconds=60, cancel="refuse"),
+    "a18-code": Plan(seconds=60, cancel="reject"),
+    "a19": Plan(seconds=1.5, cancel="ignore"),
+    "a20": Plan(seconds=60, cancel="silent"),
+    "good": Plan(seconds=60),
+}
+CANNOT_STOP = {"a18", "a18-code", "a20"}
+
+
+@pytest.mark.parametrize("at", [0.0, 0.2, 0.7])
+@pytest.mark.parametrize("fault", BAD)
+def test_a29_stop_in_the_middle_of_it(fault: str, at: float) -> None:
+    bench = Bench([BAD[fault]], [LONG])
+    bench.act("Both")
+    bench.act("Both")
+    bench.run(at)
+    bench.stop_all()
+    bench.run(at + 2.6)
+    assert len(bench.stops()) == 1, "the stop is answered within its limit"
+    stop = bench.stops()[0]
+    assert "pepper/look_at" in stop.confirmed
+    assert len(stop.confirmed) + len(stop.unconfirmed) == 2
+    if fault in CANNOT_STOP and bench.speech.received:
+        assert stop.unconfirmed[0].startswith("pepper/speech (")
+    elif "pepper/speech" in stop.confirmed:
+        assert not bench.speech.running(), "what is called stopped is"
+    bench.run(at + 8)
+    assert bench.ending("2/1") and bench.ending("2/2")
+    if fault not in CANNOT_STOP:
+        assert not bench.speech.running()
+    assert not bench.gaze.running()
+    assert bench.task("Both") in ("CANCELED", "ABORTED")
+    bench.check()
+
+
+@pytest.mark.parametrize("fault", ["killed", "terminated", "restarted", "cut", "shut down"])
+def test_a29_stop_while_the_robot_is_away(fault: str) -> None:
+    bench = Bench([LONG], [LONG])
+    bench.act("Both")
+    bench.run(1)
+    if fault == "killed":
+        bench.wire.kill("/robot")
+    elif fault == "terminated":
+        bench.robot_leaves()
+    elif fault == "restarted":
+        bench.robot_leaves()
+        bench.robot_appears()
+    elif fault == "cut":
+        bench.wire.forget("/robot")
+    else:
+        bench.transport.break_down()
+    bench.stop_all()
+    bench.run(3.6)
+    assert len(bench.stops()) == 1
+    stop = bench.stops()[0]
+    reason = {"killed": "no answer", "restarted": ""}.get(fault, "not there")
+    if reason:
+        assert stop.unconfirmed == (f"pepper/look_at ({reason})", f"pepper/speech ({reason})")
+    else:
+        assert stop.confirmed == ("pepper/look_at", "pepper/speech")
+    bench.run(7)
+    bench.check()
+
+
+def test_success_is_the_only_success() -> None:
+    """A guard for the tests above: with a robot that does right, all is well."""
+    bench = Bench([Plan(end=SUCCEEDED)])
+    bench.act("Chain")
+    bench.run(5)
+    assert bench.history("2/1") == bench.history("2/2") == ["started", "accepted", "succeeded"]
+    assert bench.notes() == [] and bench.robot_statuses() == ["connected"] and bench.task("Chain") == "SUCCEEDED"
+    bench.check()

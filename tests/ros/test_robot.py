@@ -1,0 +1,472 @@
+"""`Ros2Robot` beyond the fault table: how stop-all is answered, topics as carriers, how the robot stands, closing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.parts import labels
+from rise_adapters.ros2.robot import Ros2Robot
+
+from rise_engine.clock import VirtualClock
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
+from rise_engine.robot import RobotReport
+from rise_engine.scenario.model import RobotProfile
+from tests.ros.badrobot import BadServer, Plan
+from tests.ros.bench import SPEECH, TYPES, profile
+from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
+
+LONG = Plan(seconds=60)
+OTHERS = bytes(range(16))
+
+
+class Alone:
+    """A robot without an engine: what it reports is what there is."""
+
+    def __init__(self, *plans: Plan, serving: bool = True, which: RobotProfile | None = None, **deadlines: float):
+        self.clock = VirtualClock()
+        self.loop = ClockLoop(self.clock)
+        self.wire = MemoryWire()
+        self.near = MemoryTransport(self.wire, self.loop, "/engine")
+        self.far = MemoryTransport(self.wire, self.loop, "/robot")
+        self.plans = plans or (Plan(),)
+        self.servers: dict[str, BadServer] = {}
+        if serving:
+            self.serve()
+        self.told: list[RobotReport] = []
+        which = which or profile(**deadlines)
+        self.robot = Ros2Robot(which, self.clock, self.near, read_carriers(which, self.near.fields))
+        self.robot.connect(self.told.append)
+
+    def serve(self) -> None:
+        for name, type in TYPES.items():
+            self.servers[name] = BadServer(self.far, name, type, self.loop.call_later, self.plans)
+
+    def start(self, name: str = "1/a", kind: str = "Speech", **parameters: Any) -> None:
+        parameters = parameters or ({"message": "Hello"} if kind == "Speech" else {"pointx": 1.0})
+        self.robot.start(StartAction(name, kind, parameters, 2.0))
+
+    def run(self, until: float) -> None:
+        while (due := self.clock.next_at) is not None and due <= until:
+            self.clock.advance()
+        self.clock.advance_to(until)
+
+    def of(self, kind: type) -> list[Any]:
+        return [report for report in self.told if isinstance(report, kind)]
+
+    def stop(self, seconds: float = 2.6) -> StopReport:
+        before = len(self.of(StopReport))
+        self.robot.stop_all()
+        self.run(self.clock.now() + seconds)
+        reports = self.of(StopReport)
+        assert len(reports) == before + 1
+        return reports[-1]  # type: ignore[no-any-return]
+
+
+# --- stop-all -------------------------------------------------------------------------------------------------------
+
+
+def test_a_stop_when_nothing_runs_is_confirmed_by_every_part() -> None:
+    robot = Alone()
+    assert robot.robot.parts == ("pepper/look_at", "pepper/speech")
+    assert robot.stop() == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
+    assert [server.cancels for server in robot.servers.values()] == [[bytes(16)], [bytes(16)]]
+
+
+def test_a_stop_waits_until_what_runs_has_ended() -> None:
+    robot = Alone(Plan(seconds=60, cancel_seconds=1.0))
+    robot.start()
+    robot.run(1)
+    robot.robot.stop_all()
+    robot.run(1.9)
+    assert robot.of(StopReport) == []
+    robot.run(2.1)
+    assert robot.of(StopReport) == [StopReport(confirmed=("pepper/look_at", "pepper/speech"))]
+    assert robot.of(ActionReport)[-1].status == "canceled"
+
+
+def test_a_stop_reaches_what_others_asked_for() -> None:
+    robot = Alone()
+    server = robot.servers[SPEECH]
+    server.foreign(OTHERS, LONG)
+    robot.run(1)
+    assert robot.stop() == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
+    assert server.running() == [] and server.goals[OTHERS].status == CANCELED
+
+
+@pytest.mark.parametrize(
+    ("cancel", "reason"), [("refuse", "it refused"), ("silent", "no answer"), ("ignore", "still running")]
+)
+def test_what_others_run_and_does_not_stop_is_not_confirmed(cancel: Any, reason: str) -> None:
+    robot = Alone()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60, cancel=cancel))
+    robot.run(1)
+    assert robot.stop() == StopReport(confirmed=("pepper/look_at",), unconfirmed=(f"pepper/speech ({reason})",))
+
+
+def test_a_lost_stop_request_is_sent_again() -> None:
+    robot = Alone()
+    robot.start()
+    robot.run(1)
+    robot.wire.drop("*/cancel_goal", what="request", times=3)
+    assert robot.stop() == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
+
+
+def test_parts_that_are_not_there_are_never_confirmed() -> None:
+    robot = Alone(serving=False)
+    assert robot.stop() == StopReport(unconfirmed=("pepper/look_at (never seen)", "pepper/speech (never seen)"))
+    robot.serve()
+    robot.run(10)
+    robot.far.close()
+    assert robot.stop() == StopReport(unconfirmed=("pepper/look_at (not there)", "pepper/speech (not there)"))
+
+
+def test_two_servers_cannot_confirm() -> None:
+    robot = Alone()
+    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
+    BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
+    robot.run(1)
+    reason = "2 servers, and only one can have answered"
+    assert robot.stop().unconfirmed == (f"pepper/speech ({reason})",)
+
+
+def test_asked_twice_it_asks_twice_and_answers_once() -> None:
+    robot = Alone(Plan(seconds=60, cancel_seconds=1.0))
+    robot.start()
+    robot.run(1)
+    robot.robot.stop_all()
+    robot.run(1.5)
+    robot.robot.stop_all()
+    robot.run(10)
+    assert len(robot.of(StopReport)) == 1
+    assert robot.servers[SPEECH].cancels.count(bytes(16)) == 2
+
+
+def test_a_goal_that_is_stopped_before_it_was_accepted() -> None:
+    robot = Alone(Plan(accept_after=0.5, seconds=60, status=False))
+    robot.start()
+    assert robot.stop() == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
+    assert robot.servers[SPEECH].running() == []
+    assert [report.status for report in robot.of(ActionReport)] == ["accepted", "canceled"]
+
+
+# --- topics ---------------------------------------------------------------------------------------------------------
+
+EYES = {"topic": "pepper/eyes", "type": "std_msgs/msg/String"}
+
+
+def with_eyes(**more: Any) -> RobotProfile:
+    base = profile()
+    carrier = {**EYES, "message": {"data": "{value}"}, **more}
+    spec = msgspec.structs.replace(base.actions["Emotion"], carrier=carrier, supported=True)
+    return msgspec.structs.replace(base, actions={**base.actions, "Emotion": spec})
+
+
+class Eyes(Alone):
+    def __init__(self, listening: bool = True, **more: Any) -> None:
+        super().__init__(which=with_eyes(**more))
+        self.seen: list[tuple[float, str]] = []
+        if listening:
+            self.listen()
+
+    def listen(self) -> None:
+        self.far.subscribe(
+            "/pepper/eyes", EYES["type"], lambda m: self.seen.append((round(self.clock.now(), 2), m["data"]))
+        )
+
+    def show(self, name: str, value: str, seconds: float = 1.0) -> None:
+        self.robot.start(StartAction(name, "Emotion", {"value": value}, seconds))
+
+    def statuses(self, name: str) -> list[str]:
+        return [report.status for report in self.of(ActionReport) if report.action == name]
+
+
+def test_a_topic_takes_its_expected_time_and_is_reset() -> None:
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.show("1/a", "happy")
+    eyes.run(5)
+    assert eyes.seen == [(0.0, "happy"), (1.0, "neutral")]
+    assert eyes.statuses("1/a") == ["accepted", "succeeded"]
+
+
+def test_a_topic_is_cancelled_and_reset() -> None:
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.show("1/a", "happy", 60)
+    eyes.run(2)
+    eyes.robot.cancel("1/a")
+    eyes.robot.cancel("1/a")
+    eyes.run(5)
+    assert eyes.seen == [(0.0, "happy"), (2.0, "neutral")]
+    assert eyes.statuses("1/a") == ["accepted", "canceled"]
+
+
+def test_a_later_one_on_the_same_topic_is_not_taken_back_by_the_earlier() -> None:
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.show("1/a", "happy", 2)
+    eyes.run(1)
+    eyes.show("2/a", "sad", 2)
+    eyes.run(10)
+    assert eyes.seen == [(0.0, "happy"), (1.0, "sad"), (3.0, "neutral")]
+    assert eyes.statuses("1/a") == eyes.statuses("2/a") == ["accepted", "succeeded"]
+
+
+def test_a_topic_waits_for_somebody_who_listens() -> None:
+    eyes = Eyes(listening=False)
+    eyes.show("1/a", "happy")
+    eyes.run(2)
+    eyes.listen()
+    eyes.run(5)
+    assert eyes.seen == [(2.0, "happy")] or eyes.seen == [(2.05, "happy")]
+    assert eyes.statuses("1/a") == ["accepted", "succeeded"]
+
+
+def test_nobody_listens() -> None:
+    eyes = Eyes(listening=False)
+    eyes.run(6)
+    assert eyes.of(RobotChanged)[-1] == RobotChanged(status="degraded", detail="nothing listens to /pepper/eyes")
+    eyes.show("1/a", "happy")
+    eyes.run(12)
+    assert eyes.statuses("1/a") == ["failed"]
+    assert eyes.of(ActionReport)[-1].reason.startswith("server-missing: nothing listens to /pepper/eyes")
+
+
+def test_whoever_listens_goes_away() -> None:
+    eyes = Eyes()
+    eyes.show("1/a", "happy", 60)
+    eyes.run(1)
+    eyes.far.close()
+    eyes.run(2)
+    assert eyes.statuses("1/a") == ["accepted", "lost"]
+
+
+def test_a_stop_resets_topics_and_says_that_they_give_no_answer() -> None:
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.run(1)
+    told = "pepper/eyes (told to stop; a topic gives no answer)"
+    assert eyes.stop().unconfirmed == (told,)
+    assert [what for _, what in eyes.seen] == ["neutral"]
+    eyes.show("1/a", "happy", 60)
+    eyes.run(5)
+    assert eyes.stop().unconfirmed == (told,)
+    assert [what for _, what in eyes.seen] == ["neutral", "happy", "neutral"]
+    assert eyes.statuses("1/a") == ["accepted", "canceled"]
+
+
+# --- how the robot stands -------------------------------------------------------------------------------------------
+
+
+def test_it_is_connected_when_all_are_there_and_says_how() -> None:
+    robot = Alone()
+    assert robot.told == [RobotChanged(status="connected", detail="Pepper on ROS 2 (in memory, node /engine)")]
+    robot.run(60)
+    assert len(robot.told) == 1
+
+
+def test_it_waits_for_discovery() -> None:
+    robot = Alone(serving=False)
+    robot.run(3)
+    assert robot.told == []
+    robot.serve()
+    robot.run(3.5)
+    assert [report.status for report in robot.of(RobotChanged)] == ["connected"]
+
+
+def test_a_silent_server_that_speaks_again() -> None:
+    robot = Alone(Plan(accept=None, runs=False, status=False, cancel="silent"), Plan())
+    robot.start()
+    robot.run(4)
+    assert [report.status for report in robot.of(RobotChanged)] == ["connected", "degraded"]
+    robot.start("2/a")
+    robot.run(6)
+    assert [report.status for report in robot.of(RobotChanged)] == ["connected", "degraded", "connected"]
+
+
+def test_nothing_carries_it() -> None:
+    robot = Alone()
+    robot.start(kind="Emotion", value="happy")
+    assert robot.of(ActionReport)[0].reason == "not-sent: nothing carries Emotion to Pepper"
+
+
+def test_a_value_that_does_not_fit() -> None:
+    robot = Alone()
+    robot.start(kind="LookAt", duration=1e300)
+    reports = robot.of(ActionReport)
+    assert [report.status for report in reports] == ["failed"] and reports[0].reason.startswith("not-sent: ")
+
+
+def test_two_actions_with_one_server_share_it() -> None:
+    base = profile()
+    carrier = {**base.actions["Speech"].carrier, "goal": {"message": "{value}"}}
+    spec = msgspec.structs.replace(base.actions["SocialExpression"], carrier=carrier, supported=True)
+    which = msgspec.structs.replace(base, actions={**base.actions, "SocialExpression": spec})
+    robot = Alone(which=which)
+    robot.start("1/a")
+    robot.start("1/b", "SocialExpression", value="grin")
+    robot.run(3)
+    assert len(robot.servers[SPEECH].executed) == 2 and robot.robot.parts == ("pepper/look_at", "pepper/speech")
+    assert [report.status for report in robot.of(ActionReport)].count("succeeded") == 2
+
+
+def test_labels_are_short_and_never_the_same() -> None:
+    assert labels("nao", ["/nao/rise/speech", "/nao/rise/look_at"]) == {
+        "/nao/rise/speech": "nao/speech",
+        "/nao/rise/look_at": "nao/look_at",
+    }
+    assert labels("nao", ["/a/say", "/b/say"]) == {"/a/say": "nao/a/say", "/b/say": "nao/b/say"}
+    assert labels("nao", ["/say", "/b/say"]) == {"/say": "nao/say", "/b/say": "nao/b/say"}
+
+
+def test_what_is_remembered_has_bounds() -> None:
+    robot = Alone(Plan(seconds=0.01, status=False))
+    for number in range(1200):
+        robot.start(f"{number}/a")
+        robot.run(robot.clock.now() + 0.05)
+    assert len(robot.robot._goals) <= 201 and len(robot.robot._by_id) <= 201
+    assert sum(report.status == "succeeded" for report in robot.of(ActionReport)) == 1200
+
+
+# --- closing --------------------------------------------------------------------------------------------------------
+
+
+def test_closing_cancels_what_runs_and_says_nothing_more() -> None:
+    robot = Alone(LONG)
+    robot.start("1/a")
+    robot.run(1)
+    robot.start("1/b")
+    before = len(robot.told)
+    robot.robot.close()
+    robot.robot.close()
+    robot.run(5)
+    assert len(robot.told) == before
+    assert len(robot.servers[SPEECH].running()) <= 1, "one that was not accepted yet cannot be waited for"
+    assert robot.clock.next_at is None or robot.clock.next_at > 50, "no timer of its own is left"
+
+
+def test_closing_after_the_transport() -> None:
+    robot = Alone(LONG)
+    robot.start("1/a")
+    robot.run(1)
+    robot.near.close()
+    robot.robot.close()
+    robot.run(5)
+
+
+def test_closing_during_a_stop() -> None:
+    robot = Alone(LONG)
+    robot.start("1/a")
+    robot.run(1)
+    robot.robot.stop_all()
+    robot.robot.close()
+    robot.run(5)
+    assert robot.servers[SPEECH].running() == [] and robot.of(StopReport) == []
+
+
+# --- any order of anything ------------------------------------------------------------------------------------------
+
+plans = st.builds(
+    Plan,
+    accept=st.sampled_from([True, True, True, False, None]),
+    accept_after=st.sampled_from([0.0, 0.0, 0.5, 2.5]),
+    runs=st.booleans(),
+    seconds=st.sampled_from([0.01, 0.5, 3.0, 30.0]),
+    end=st.sampled_from([SUCCEEDED, SUCCEEDED, ABORTED, CANCELED, 0, None]),
+    answers=st.sampled_from([True, True, False]),
+    cancel=st.sampled_from(["yes", "refuse", "reject", "silent", "ignore"]),
+    status=st.booleans(),
+    feedback_every=st.sampled_from([0.0, 0.3]),
+)
+moves = st.tuples(
+    st.sampled_from([0.0, 0.0, 0.1, 0.6, 2.1, 6.0]),
+    st.sampled_from(
+        [
+            *(
+                "start",
+                "start",
+                "start",
+                "cancel",
+                "cancel",
+                "stop",
+                "kill",
+                "forget",
+                "heal",
+                "leave",
+                "appear",
+                "twin",
+            ),
+            *("drop request", "drop reply", "double", "late", "hold", "release", "break", "mend"),
+        ]
+    ),
+)
+
+
+class Chaos(Alone):
+    def __init__(self, *which: Plan, **deadlines: float) -> None:
+        super().__init__(*which, **deadlines)
+        self.started: list[str] = []
+        self.held: list[Any] = []
+
+    def do(self, move: str) -> None:
+        wire = self.wire
+        actions: dict[str, Callable[[], object]] = {
+            "start": self.begin,
+            "cancel": lambda: self.started and self.robot.cancel(self.started[-1]),
+            "stop": self.robot.stop_all,
+            "kill": lambda: wire.kill("/robot"),
+            "forget": lambda: wire.forget("/robot"),
+            "heal": lambda: wire.heal("/robot"),
+            "leave": self.far.close,
+            "appear": self.appear,
+            "twin": lambda: BadServer(
+                MemoryTransport(wire, self.loop, "/twin"), SPEECH, TYPES[SPEECH], self.loop.call_later, self.plans
+            ),
+            "drop request": lambda: wire.drop("*", what="request", times=1),
+            "drop reply": lambda: wire.drop("*", what="reply", times=1),
+            "double": lambda: wire.duplicate("*", what="reply", times=2),
+            "late": lambda: wire.delay("*", 3.0, what="reply", times=2),
+            "hold": lambda: self.held.append(wire.hold("*", times=3)),
+            "release": lambda: self.held and self.held.pop().release(),
+            "break": self.near.break_down,
+            "mend": lambda: self.near.break_down(""),
+        }
+        actions[move]()
+
+    def begin(self) -> None:
+        name = f"{len(self.started) + 1}/a"
+        self.started.append(name)
+        self.start(name, "LookAt" if len(self.started) % 4 == 0 else "Speech")
+
+    def appear(self) -> None:
+        self.far.close()
+        self.far = MemoryTransport(self.wire, self.loop, "/robot")
+        self.serve()
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(plans, min_size=1, max_size=4), st.lists(moves, max_size=25), st.sampled_from([0.0, 1.0]))
+def test_whatever_happens_every_goal_has_exactly_one_ending(
+    which: list[Plan], happenings: list[tuple[float, str]], result: float
+) -> None:
+    robot = Chaos(*which, result=1.0, feedback=result)
+    for wait, move in happenings:
+        robot.run(robot.clock.now() + wait)
+        robot.do(move)
+    robot.run(robot.clock.now() + 15)
+    reports = robot.of(ActionReport)
+    for name in robot.started:
+        own = [report.status for report in reports if report.action == name]
+        assert own[:-1] in ([], ["accepted"]), own
+        assert own and own[-1] != "accepted", f"{name} has not ended"
+    assert len(robot.of(Note)) <= 6 * len(robot.started), "what repeats itself is said once"
+    stops = sum(move == "stop" for _, move in happenings)
+    assert len(robot.of(StopReport)) <= stops and bool(robot.of(StopReport)) == bool(stops)
+    before = len(robot.told)
+    robot.robot.close()
+    robot.run(robot.clock.now() + 10)
+    assert len(robot.told) == before

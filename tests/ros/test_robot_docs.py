@@ -1,0 +1,240 @@
+"""The pages about robots and actions work as written: their files are loaded, checked and made into messages."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rise_adapters.ros2.carriers import Carrier, Options, read_carriers, read_options
+from rise_adapters.ros2.types import Types
+
+from rise_engine.scenario import Loaded, load
+from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.parameters import call_parameters, convert
+from tests.ros.layouts import LAYOUTS, looked_up
+from tests.scenario.folders import folder
+from tests.scenarios.played import Played, process
+
+DOCS = Path(__file__).parents[2] / "docs"
+ROBOTS = (DOCS / "reference" / "robots.md").read_text(encoding="utf-8")
+FILES = re.compile(
+    r"^\*\*`my-study/(?P<path>[\w./-]+)`(?:, continued)?\*\*\n\n```\w*\n(?P<content>.*?)^```$", re.M | re.S
+)
+BLOCKS = re.compile(r"^```(?P<language>\w+)\n(?P<content>.*?)^```$", re.M | re.S)
+
+
+# --- how-to guides --------------------------------------------------------------------------------------------------
+
+
+def write_files(page: str, to: Path) -> str:
+    """What somebody who follows the page has in the end. Returns the page."""
+    text = (DOCS / "how-to" / page).read_text(encoding="utf-8")
+    for match in FILES.finditer(text):
+        file = to / "my-study" / match["path"]
+        file.parent.mkdir(parents=True, exist_ok=True)
+        before = file.read_text(encoding="utf-8") if file.exists() else ""
+        file.write_text(before + match["content"], encoding="utf-8")
+    return text
+
+
+def robot_of(loaded: Loaded) -> RobotProfile:
+    assert [finding for finding in loaded.findings if finding.severity == "error"] == []
+    assert loaded.scenario is not None
+    return loaded.scenario.robot
+
+
+def goals(loaded: Loaded, act: str, types: Types) -> dict[str, Any]:
+    """The messages that an act makes, by the name that they are sent to."""
+    robot = robot_of(loaded)
+    carriers = read_carriers(robot, types.fields)
+    assert loaded.scenario is not None
+    made = {}
+    for action in loaded.scenario.acts[act].actions:
+        call = action.calls[0]
+        spec = robot.actions[call.type]
+        parameters = call_parameters(call, spec, {})
+        if spec.substitute is not None:
+            spec = robot.actions[spec.substitute]
+            parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
+        carrier = carriers[spec.name]
+        frame = read_options(robot).frame
+        made[carrier.name] = carrier.message(parameters, node="/rise", goal="4/1", frame=frame)
+        type = f"{carrier.type}_Goal" if carrier.kind == "action" else carrier.type
+        assert types.codec(type).problem(made[carrier.name]) == ""
+    return made
+
+
+def test_add_a_robot(tmp_path: Path) -> None:
+    page = write_files("add-a-robot.md", tmp_path)
+    study = tmp_path / "my-study"
+    types = Types(environment={})
+
+    bob = load(study)
+    assert goals(bob, "R_Hello", types) == {
+        "bob/speech": {"message": "Hello!", "rate": 1.0, "volume": 1.0},
+        "bob/animation": {"name": "wave", "repetitions": 1, "scale": 1.0},
+        "bob/look_at": {
+            "target": {"header": {"frame_id": "torso"}, "point": {"x": 1.0, "y": 0.5, "z": 1.2}},
+            "roll": 0.0,
+        },
+    }
+
+    (study / "none").mkdir()
+    bella = read_carriers(robot_of(load(study, robot="bella", places={"acts": "none"})), types.fields)
+    assert sorted(bella) == ["Emotion", "LookAt", "Speech"]
+    face = bella["Emotion"]
+    assert (face.kind, face.name) == ("topic", "bella/face")
+    shown = face.message({"value": "fear", "duration": 2000}, node="/rise", goal="4/1", frame="f")
+    assert shown == {"data": "scared"} and face.reset() == {"data": "neutral"}
+    said = bella["Speech"].message({"message": "Hi"}, node="/rise", goal="4/1", frame="f")
+    assert said == {"meta": {"caller": "/rise", "priority": 150}, "input": "Hi"}
+    assert "publishes `scared` on `bella/face`, and `neutral`" in page
+
+    refused = load(study, robot="bella")
+    assert [finding.code for finding in refused.findings] == ["robot-cannot", "robot-cannot"]
+
+
+def test_the_commands_of_add_a_robot(tmp_path: Path) -> None:
+    page = write_files("add-a-robot.md", tmp_path)
+    for line in re.findall(r"^    rise-engine (.*)$", page, re.M):
+        arguments = [str(tmp_path / word) if word == "my-study" else word for word in line.split()]
+        if "real" in arguments:
+            continue  # needs Bob
+        result = process([*arguments, *(["--speed", "max", "--json", "--strict"] if arguments[0] == "run" else [])])
+        assert result.returncode == ("bella" in arguments), (line, result.stderr.decode())
+        if arguments[0] == "run":
+            assert Played(result.stdout).said() == ["Hello!"]
+
+
+def test_add_an_action(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = write_files("add-an-action.md", tmp_path)
+    study = tmp_path / "my-study"
+    loaded = load(study)
+    types = Types([study / "share"], environment={})
+    sent = goals(loaded, "R_Tour", types)
+    examples = [json.loads(block["content"]) for block in BLOCKS.finditer(page) if block["language"] == "json"]
+    assert [sent["pepper/drive"]] == examples
+    assert sent["pepper/speech"]["message"] == "Please follow me."
+
+    drive = read_carriers(robot_of(loaded), types.fields)["Drive"]
+    assert drive.deadlines.acceptance == 5
+    assert drive.error({"arrived": False, "reason": "a chair is in the way"}) == "a chair is in the way"
+    assert drive.error({"arrived": True, "reason": ""}) == ""
+
+    act = study / "acts" / "tour.xml"
+    act.write_text(act.read_text(encoding="utf-8").replace(">door<", ">window<"), encoding="utf-8")
+    (mistake,) = [finding for finding in load(study).findings if finding.severity == "error"]
+    assert mistake.code == "unknown-name" and mistake.place.line == 3 and "`door`, `table`" in mistake.message
+
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (option,) = re.findall(r"`(share = .*?)` in `\[options\]`", page)
+    robot = RobotProfile("pepper", "Pepper", "ros2", {}, tomllib.loads(option))
+    assert read_options(robot).share == (str(study / "share"),)
+
+
+def test_the_steps_of_add_an_action(tmp_path: Path) -> None:
+    """Without its carrier the action can be rehearsed; on a topic, it goes without a type of its own."""
+    page = write_files("add-an-action.md", tmp_path)
+    study = tmp_path / "my-study"
+    settings = study / "scenario.toml"
+    declared = next(FILES.finditer(page))["content"]
+    settings.write_text(declared, encoding="utf-8")
+    assert process(["check", str(study)]).returncode == 0
+    result = process(["run", str(study), "--act", "R_Tour", "--speed", "max", "--json", "--strict"])
+    assert result.returncode == 0 and Played(result.stdout).said() == ["Please follow me."]
+
+    last = [block["content"] for block in BLOCKS.finditer(page) if block["language"] == "toml"][-1]
+    settings.write_text(declared + last, encoding="utf-8")
+    shown = goals(load(study), "R_Tour", Types(environment={}))["pepper/drive"]
+    (told,) = re.findall(r"gets `(\{.*\})`", page)
+    assert json.loads(shown["data"]) == json.loads(told)
+
+
+# --- the reference --------------------------------------------------------------------------------------------------
+
+WAVE = next(block["content"] for block in BLOCKS.finditer(ROBOTS) if block["content"].startswith("[actions.Wave]"))
+DECLARED = WAVE.split("[actions.Wave.carrier]")[0]
+WAVE_TYPES = {
+    "bob_interfaces/action/Wave_Goal": {"arm": "string", "settings": "bob_interfaces/msg/Settings", "caller": "string"},
+    "bob_interfaces/action/Wave_Result": {"result": "bob_interfaces/msg/Result"},
+    "bob_interfaces/msg/Settings": {"times": "int32", "height": "float64"},
+    "bob_interfaces/msg/Result": {"code": "uint8", "message": "string"},
+}
+
+
+def read(at: Path, profile: str, layouts: Mapping[str, Mapping[str, str]]) -> tuple[RobotProfile, dict[str, Carrier]]:
+    folder(at, {"scenario.toml": 'robot = "bob"', "robots/bob.toml": f'driver = "ros2"\n{profile}'})
+    robot = robot_of(load(at))
+    return robot, read_carriers(robot, lambda type: looked_up({**LAYOUTS, **layouts}, type))
+
+
+def test_the_example_of_the_reference(tmp_path: Path) -> None:
+    robot, carriers = read(tmp_path, WAVE, WAVE_TYPES)
+    (act,) = re.findall(r"^`(<Wave>.*</Wave>)` is sent", ROBOTS, re.M)
+    folder(tmp_path, {"acts/a.xml": f'<Dialog name="A">{act}</Dialog>'})
+    loaded = load(tmp_path)
+    assert loaded.scenario is not None
+    call = loaded.scenario.acts["A"].actions[0].calls[0]
+    goal = carriers["Wave"].message(
+        call_parameters(call, robot.actions["Wave"], {}), node="/rise", goal="4/1", frame="base_link"
+    )
+    (shown,) = [json.loads(block["content"]) for block in BLOCKS.finditer(ROBOTS) if block["language"] == "json"]
+    assert goal == shown
+    assert carriers["Wave"].deadlines.acceptance == 1
+
+
+def rule_lines() -> list[str]:
+    """The rows of the table "What fills a field"."""
+    return ROBOTS[ROBOTS.index("| written | type of the field |") :].split("\n\n")[0].splitlines()[2:]
+
+
+def rules() -> list[tuple[str, ...]]:
+    row = re.compile(r"\| `(?P<written>.*?)` \| `(?P<type>\S+)` \| (?P<given>.*?) ?\| (?P<gets>.*) \|$")
+    found = [row.match(line) for line in rule_lines()]
+    return [tuple(cell.replace("\\|", "|") for cell in each.groups()) for each in found if each is not None]
+
+
+def test_every_row_is_read() -> None:
+    assert len(rules()) == len(rule_lines()) > 20
+
+
+@pytest.mark.parametrize(("written", "type", "given", "gets"), rules())
+def test_what_fills_a_field(tmp_path: Path, written: str, type: str, given: str, gets: str) -> None:
+    goal = f"goal = {{ field = {written} }}"
+    carrier = f'carrier = {{ action = "bob/wave", type = "bob_interfaces/action/Wave", {goal} }}'
+    layouts = {"bob_interfaces/action/Wave_Goal": {"field": type}}
+    robot, carriers = read(tmp_path, f"{DECLARED}\n{carrier}", layouts)
+    parameters = {}
+    for name, value in re.findall(r"`(\w+)` = `(.*?)`", given):
+        parameters[name] = convert(robot.actions["Wave"].parameters[name], value)
+    message = carriers["Wave"].message(parameters, node="/rise", goal="4/1", frame="base_link")
+    if gets == "left at zero":
+        assert message == {}
+    else:
+        value = json.loads(gets.strip("`"))
+        assert message == {"field": value}
+        assert isinstance(message["field"], value.__class__)
+
+
+def test_what_a_result_says(tmp_path: Path) -> None:
+    _, carriers = read(tmp_path, WAVE, WAVE_TYPES)
+    rows = re.findall(r"^\| `(\{\"result\".*\})` \| (.*) \|$", ROBOTS, re.M)
+    assert len(rows) == 3
+    for result, outcome in rows:
+        failure = carriers["Wave"].error(json.loads(result))
+        assert outcome == (f"failed: {failure}" if failure else "succeeded")
+
+
+def test_the_defaults_of_the_options_and_deadlines() -> None:
+    defaults = Options()
+    for name in ("server", "acceptance", "feedback", "result", "cancel"):
+        (told,) = re.findall(rf"^\| `{name}` \| (\d+) \|", ROBOTS, re.M)
+        assert float(told) == getattr(defaults.deadlines, name)
+    told = re.findall(r"^\| `(wrapper|frame|deadlines|error|share)` \| (.*?) \|", ROBOTS, re.M)
+    assert {name for name, _ in told} >= set(Options.__struct_fields__)
+    assert dict(told)["frame"] == f"`{defaults.frame}`"
