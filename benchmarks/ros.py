@@ -87,7 +87,7 @@ def ready(running: subprocess.Popen[str], word: str) -> None:
     raise SystemExit(f"a process of the benchmark ended before it was ready: {running.args}")
 
 
-# --- one goal after the other ------------------------------------------------------------------------------------------
+# --- one goal after the other ---------------------------------------------------------------------------------------
 
 
 class Ours:
@@ -103,7 +103,7 @@ class Ours:
         it.tasks = ActionClient(it.transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
         it.acts = ActionClient(it.transport, "bench/act", "rise_interfaces/action/Speech")
         async with asyncio.timeout(20):
-            while not (it.tasks.servers() and it.acts.servers()):
+            while not (it.tasks.servers() and it.acts.servers()):  # noqa: ASYNC110  # discovery says nothing
                 await asyncio.sleep(0.01)
         return it
 
@@ -166,10 +166,7 @@ async def trips(choice: str) -> tuple[float, float]:
     floors: list[float] = []
     for turn in range(ROUNDS + 1):
         through = [await ours.task() for _ in range(GOALS)]
-        if plain is not None:
-            below = [plain() for _ in range(GOALS)]
-        else:
-            below = [await ours.two_plain() for _ in range(GOALS)]
+        below = [plain() if plain is not None else await ours.two_plain() for _ in range(GOALS)]
         if turn:  # the first round warms up
             tasks.append(statistics.median(through))
             floors.append(statistics.median(below))
@@ -177,7 +174,7 @@ async def trips(choice: str) -> tuple[float, float]:
     return statistics.median(tasks), statistics.median(floors)
 
 
-# --- the wizard's key --------------------------------------------------------------------------------------------------
+# --- the wizard's key -----------------------------------------------------------------------------------------------
 
 
 class Wizard:

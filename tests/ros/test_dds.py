@@ -134,8 +134,7 @@ async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) 
             assert len(delays) < 20_000
     assert heard == [str(number) for number in range(2000)]
     delays.sort()
-    print(len(delays), delays[len(delays) // 2], delays[int(len(delays) * 0.99)], delays[-1])
-    assert delays[int(len(delays) * 0.99)] < 0.02
+    assert delays[int(len(delays) * 0.99)] < 0.05
 
 
 async def test_a_loop_that_is_busy_gets_what_was_sent_meanwhile_in_slices(transport: DdsTransport) -> None:

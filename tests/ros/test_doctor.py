@@ -172,7 +172,7 @@ def test_which_transport_and_why(only: Any) -> None:
 
 def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = {"rise_interfaces/msg/Record": "RIHS01_1", "rise_interfaces/action/DomainTask": "RIHS01_2"}
-    monkeypatch.setattr(doctor, "own_hashes", lambda: ours)
+    monkeypatch.setattr(doctor, "own_hashes", lambda environment: ours)
     assert "comes with" in said(list(doctor.interfaces({}, "dds")), "ok")
     assert "colcon build" in said(list(doctor.interfaces({}, "rclpy")), "problem")
     good = workspace(tmp_path / "good", interfaces=ours)
@@ -183,7 +183,7 @@ def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert "does not find it" in said(list(doctor.interfaces(good, "rclpy")), "problem")
     both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
     assert "2 times" in said(list(doctor.interfaces(both, "dds")), "warning")
-    monkeypatch.setattr(doctor, "own_hashes", dict)
+    monkeypatch.setattr(doctor, "own_hashes", lambda environment: {})
     assert "cannot be told" in said(list(doctor.interfaces(good, "dds")), "note")
 
 
@@ -239,9 +239,20 @@ async def test_a_robot_that_is_not_there(only: Any) -> None:
     findings = await lab.examined(profile(Speech=SPEECH, Animation=SPEECH | {"goal": {"text": "{value}"}}, Emotion=LED))
     assert status(findings) == 1
     problems = said(findings, "problem")
-    assert "Speech, Animation: nothing offers /rise/robot/speech" in problems and "wrapper running" in problems
-    assert "nobody takes the topic /rise/robot/led" in problems
+    assert problems.startswith("nothing of tin is there: /rise/robot/speech, /rise/robot/led")
+    assert "wrapper running" in problems
     assert "no other node is seen" in said(findings, "note")
+
+
+async def test_a_robot_that_is_there_in_part(only: Any) -> None:
+    lab = Lab()
+    lab.speaks("/tin/mouth")
+    findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
+    assert "nobody takes the topic /rise/robot/led" in said(findings, "problem")
+    lab = Lab()
+    lab.node("/tin/led").subscribe("/rise/robot/led", LED["type"], print)
+    findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
+    assert "Speech: nothing offers /rise/robot/speech" in said(findings, "problem")
 
 
 async def test_two_robots_on_one_name(only: Any) -> None:

@@ -7,11 +7,9 @@ import json
 import random
 import sys
 import tempfile
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from statistics import quantiles
 
 import pytest
 from rise_adapters.ros2.port import STATUS, QoS
@@ -29,24 +27,8 @@ from rise_adapters.ros2.dds import DdsTransport
 
 from tests.ros.face_process import environment
 
-KEY_SECONDS = 0.010
-"""By which a flood may delay a wizard's key (99 of 100)."""
-
-
 PLACE = "/dev/shm" if Path("/dev/shm").is_dir() else "/tmp"
-"""In memory: how long a disk takes is not what is measured."""
-
-CLOCK = """
-import sys, time, threading
-late, done = [], threading.Event()
-threading.Thread(target=lambda: (sys.stdin.read(), done.set()), daemon=True).start()
-while not done.is_set():
-    due = time.monotonic() + 0.005
-    time.sleep(0.005)
-    late.append(time.monotonic() - due)
-print(sorted(late)[len(late) * 99 // 100])
-"""
-"""By how much a process that does nothing else comes late on this machine (99 of 100)."""
+"""In memory: what a disk does is not what is tested."""
 
 
 class Session:
@@ -138,50 +120,24 @@ async def test_the_whole_face_over_dds() -> None:
         await until(lambda: not node.client.servers())
 
 
-async def test_a_thousand_goals_in_a_second_do_not_hold_up_the_wizard() -> None:
-    """One of three times on a machine that has other things to do; one that is late itself is forgiven that."""
-    figures = ""
-    for _ in range(3):
-        slower, machine, figures = await _flooded(1000, 2.0)
-        if slower < KEY_SECONDS + machine:
-            return
-    pytest.fail(figures)
-
-
-async def _flooded(rate: int, seconds: float) -> tuple[float, float, str]:
-    """By how much the wizard's keys took longer (99 of 100) while goals came in, and how late the machine was."""
+async def test_a_thousand_goals_in_a_second_keep_nobody_waiting_for_ever() -> None:
+    """Every goal is answered, and the wizard's keys are taken meanwhile; how quickly, `benchmarks/ros.py` measures."""
     async with on_the_wire() as (session, node):
         wizard = await Follower(SocketClient(session.socket, "anna")).attach()
-        quiet = await _keys(wizard, 1.0)
         flood = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "tests.ros.goal_flood", str(node.transport.domain), str(rate), str(seconds),  # type: ignore[attr-defined]
+            sys.executable, "-m", "tests.ros.goal_flood", str(node.transport.domain), "1000", "2",  # type: ignore[attr-defined]
             stdout=asyncio.subprocess.PIPE, cwd=ROOT, env=environment(),
         )  # fmt: skip
         assert flood.stdout is not None
         await flood.stdout.readline()
-        clock = await asyncio.create_subprocess_exec(
-            sys.executable, "-S", "-c", CLOCK, stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE
-        )
-        busy = await _keys(wizard, seconds)
-        machine = float((await clock.communicate(b""))[0])
-        sent = json.loads(await flood.stdout.read())
+        sent = asyncio.create_task(flood.stdout.read())
+        keys = 0
+        while not sent.done():
+            assert (await wizard.client.send(Note(text="key"))).accepted
+            keys += 1
         await flood.wait()
+        figures = json.loads(await sent)
         await wizard.close()
-        found = await session.end()
-        a, b = (quantiles(each, n=100)[98] for each in (quiet, busy))
-        figures = f"key p99 {a * 1000:.1f} -> {b * 1000:.1f} ms, machine {machine * 1000:.1f} ms, {sent}, {found}"
-        print(figures)
-        assert sent["answered"] == sent["sent"], figures
-        return b - a, machine, figures
-
-
-async def _keys(wizard: Follower, seconds: float) -> list[float]:
-    """How long each took until it was accepted."""
-    took = []
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        began = time.perf_counter()
-        assert (await wizard.client.send(Note(text="key"))).accepted
-        took.append(time.perf_counter() - began)
-        await asyncio.sleep(0.01)
-    return took
+        await session.end()
+        assert figures["answered"] == figures["sent"] > 1000 and figures["accepted"], figures
+        assert keys > 20

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
@@ -212,7 +213,7 @@ async def test_the_spotter_outlives_a_session(tmp_path: Path, capsys: pytest.Cap
 
 
 @asynccontextmanager
-async def gaze(it: Lab, dwell: float = 0.1, away: float = 0.3, *regions: str) -> AsyncIterator[GazeTrigger]:
+async def gaze(it: Lab, dwell: float = 0.1, away: float = 2.0, *regions: str) -> AsyncIterator[GazeTrigger]:
     made = GazeTrigger(SessionClient(it.transport("/gaze_trigger")), dwell, away, [Region(each) for each in regions])
     it.run(made.work())
     yield made
@@ -241,7 +242,7 @@ async def test_a_look_that_lasts_raises_one_event(tmp_path: Path) -> None:
 
 
 async def test_points_in_named_regions(tmp_path: Path) -> None:
-    async with lab(tmp_path) as it, gaze(it, 0.05, 0.2, "robot=0,0,1.2,0.3", "door=-2,3,1,0.5") as trigger:
+    async with lab(tmp_path) as it, gaze(it, 0.05, 1.5, "robot=0,0,1.2,0.3", "door=-2,3,1,0.5") as trigger:
         it.transport("/eyes").subscribe("/gaze", "geometry_msgs/msg/PointStamped", trigger.take_point)
         eyes = it.publisher("/gaze", "geometry_msgs/msg/PointStamped")
 
@@ -381,3 +382,20 @@ async def test_what_waits_outside_keeps_nobody_from_ending() -> None:
     hanging.cancel()
     with pytest.raises(asyncio.CancelledError):
         await hanging
+
+
+async def test_the_node_of_the_documentation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (LAB.parents[1] / "docs" / "how-to" / "feature-nodes.md").read_text("utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    made: dict[str, Any] = {}
+    monkeypatch.setattr(running, "run_node", lambda parser, work: made.update(options=parser.parse_args([]), work=work))
+    exec(code, {})
+    async with lab(tmp_path) as it:
+        it.run(made["work"](it.transport("/distance_node"), made["options"]))
+        await asyncio.sleep(0)
+        sensor = it.publisher("/distance", "std_msgs/msg/Float64")
+        sensor.publish({"data": 1.0})
+        await until(lambda: "person_near" in it.session.room.view.memory and it.value("person_near") is True)
+        sensor.publish({"data": 1.2})
+        sensor.publish({"data": 3.0})
+        await until(lambda: it.value("person_near") is False)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+import logging
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
@@ -12,10 +13,15 @@ from rise_adapters.ros2.face import Face
 from rise_adapters.ros2.port import PortError, Transport
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_engine.bridge import BridgeError, Wire
+from rise_engine.kernel.inputs import Note
 from rise_engine.link.room import Room
 from rise_engine.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
 
+_LOG = logging.getLogger(__name__)
+
+WATCH_SECONDS = 0.5
+"""How often it is looked whether the connection still stands."""
 NODE = "rise"
 """What the engine's node is called, unless `__node` says otherwise."""
 FACE_TYPES = (
@@ -29,33 +35,90 @@ FACE_TYPES = (
 class Ros2Bridge:
     """Implements `rise_engine.bridge.Bridge`."""
 
-    def __init__(self, transport: Transport, profile: RobotProfile | None, carriers: Mapping[str, Carrier]) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        profile: RobotProfile | None,
+        carriers: Mapping[str, Carrier],
+        again: Callable[[], Awaitable[Transport]],
+    ) -> None:
+        """`again` opens another transport like the first, after that was lost; it may raise BridgeError."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
         self._carriers = carriers
+        self._again = again
+        self._robot: Ros2Robot | None = None
+        self._room: Room | None = None
         self._face: Face | None = None
+        self._watching = asyncio.get_running_loop().create_task(self._watch())
 
     def robot(self, clock: Clock) -> Robot:
         assert self._profile is not None, "the bridge was opened without a robot"
-        return Ros2Robot(self._profile, clock, self._transport, self._carriers)
+        self._robot = Ros2Robot(self._profile, clock, self._transport, self._carriers)
+        return self._robot
 
     def join(self, room: Room) -> None:
+        self._room = room
         self._face = Face(self._transport, room)
 
     async def close(self) -> None:
+        self._watching.cancel()
         if self._face is not None:
             await self._face.close()
         self._transport.close()
+
+    async def _watch(self) -> None:
+        """A middleware that was shut down under the session is started again; the robot has noticed by itself."""
+        said = ""
+        while True:
+            await asyncio.sleep(WATCH_SECONDS)
+            why = self._transport.lost()
+            if not why:
+                continue
+            if not said:
+                self._note(f"the connection to ROS is lost: {why}")
+                said = why
+            try:
+                fresh = await self._again()
+            except BridgeError as error:
+                if str(error) != said:
+                    said = str(error)
+                    self._note(f"the connection to ROS cannot be made anew yet: {said}")
+                continue
+            said = ""
+            face, self._face = self._face, None
+            if face is not None:
+                await face.close()
+            before, self._transport = self._transport, fresh
+            try:
+                if self._robot is not None:
+                    self._robot.use(fresh)
+                if self._room is not None and not self._room.engine.ended:
+                    self._face = Face(fresh, self._room)
+                self._note("the connection to ROS was made anew")
+            except PortError as error:  # it may have gone again already
+                self._note(f"the new connection to ROS cannot be used: {error}")
+            before.close()
+
+    def _note(self, text: str) -> None:
+        _LOG.warning("%s", text)
+        if self._room is not None and not self._room.engine.ended:
+            self._room.engine.post(Note(text=text))
 
 
 async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.bridge.BridgeOpener`)."""
     try:
         share = [Path(each) for each in read_options(profile).share] if profile is not None else []
-        transport = await open_transport(wire.transport, wire.arguments, node=NODE, share=share)
-    except CarrierErrors as errors:
-        raise BridgeError(errors.findings) from None
+    except CarrierErrors:
+        assert profile is not None
+        raise BridgeError(profile_findings(profile)) from None  # also what is wrong elsewhere in it
+
+    def connect() -> Awaitable[Transport]:
+        return open_transport(wire.transport, wire.arguments, node=NODE, share=share)
+
+    transport = await connect()
     try:
         for type in FACE_TYPES:
             transport.fields(type)
@@ -69,7 +132,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     except BaseException:
         transport.close()
         raise
-    return Ros2Bridge(transport, profile, carriers)
+    return Ros2Bridge(transport, profile, carriers, connect)
 
 
 def check_profile(profile: RobotProfile) -> list[str]:
@@ -80,8 +143,8 @@ def check_profile(profile: RobotProfile) -> list[str]:
 
         try:
             fields = Types(read_options(profile).share).fields
-        except CarrierErrors as errors:
-            return errors.findings
+        except CarrierErrors:
+            return profile_findings(profile)
         except PortError as error:
             return [str(error)]
     return profile_findings(profile, fields)

@@ -130,6 +130,7 @@ class Types:
 
 def fit(value: Any, field: FieldType) -> Any:
     """One plain value as the field takes it (`field` is not a message). Raises ValueError: what the field takes."""
+    fitted: Any
     match field.kind:
         case "integer":
             fitted = _integer(value, field.name)

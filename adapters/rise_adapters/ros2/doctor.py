@@ -406,7 +406,7 @@ def interfaces(environment: Environment, kind: choose.Kind | None = None) -> Ite
     if kind == "rclpy" and not _importable(INTERFACES):
         yield Finding("problem", "interfaces", f"{INTERFACES} is built, but this Python does not find it", remedy)
         return
-    ours, theirs = own_hashes(), built_hashes(built[0])
+    ours, theirs = own_hashes(environment), built_hashes(built[0])
     if not ours:
         yield Finding(
             "note", "interfaces", f"{INTERFACES} is built; whether it is the right one cannot be told without rosbags"
@@ -427,19 +427,22 @@ def interfaces(environment: Environment, kind: choose.Kind | None = None) -> Ite
         yield Finding("ok", "interfaces", f"{INTERFACES} is built and is the one of this program ({len(ours)} types)")
 
 
-def own_hashes() -> dict[str, str]:
+def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     """Of the types that this program speaks, by name; empty when that cannot be told here."""
     try:
         from rise_adapters.ros2.types import SHARE, Types
     except ImportError:
         return {}
-    types = Types(environment={})
+    types = Types([SHARE], environment)  # ours first; ROS has the standard ones that they are made of
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
         for kind in ("msg", "srv", "action")
         for file in sorted((SHARE / INTERFACES / kind).glob(f"*.{kind}"))
     ]
-    return {name: types.type_hash(name) for name in names}
+    try:
+        return {name: types.type_hash(name) for name in names}
+    except PortError:  # neither ROS nor rosbags has those
+        return {}
 
 
 def built_hashes(folder: Path) -> dict[str, str]:
@@ -476,6 +479,9 @@ async def robot(wire: Transport, profile: RobotProfile | None, seconds: float = 
         for name, carrier in _by_carrier(carriers).items():
             looked_for.append(_LookedFor(wire, name, carrier))
         await _look(looked_for, seconds)
+        if len(looked_for) > 1 and not any(each.seen() for each in looked_for):
+            names = ", ".join(each.full for each in looked_for)
+            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", _start_it("these"))]
         return [finding for each in looked_for for finding in each.findings()]
     except PortError as error:
         return [Finding("problem", "robot", str(error))]
@@ -509,7 +515,7 @@ class _LookedFor:
         self._wire = wire
         self._name = name
         self._carrier = carrier
-        self._full = wire.resolve(carrier.name)
+        self.full = wire.resolve(carrier.name)
         self._end: Any
         if carrier.kind == "action":
             self._end = ActionClient(wire, carrier.name, carrier.type)
@@ -523,8 +529,14 @@ class _LookedFor:
         """How many offer it, or take it."""
         return int(self._end.servers() if self._carrier.kind == "action" else self._end.subscribers())
 
+    def seen(self) -> bool:
+        """Whether there is anything of that name, be it the right thing or not."""
+        if self._carrier.kind == "topic":
+            return self.count() > 0
+        return self.count() > 0 or bool(self._wire.remote_types(action_topic(self.full, SEND_GOAL)))
+
     def findings(self) -> Iterator[Finding]:
-        number, name, full = self.count(), self._name, self._full
+        number, name, full = self.count(), self._name, self.full
         if self._carrier.kind == "topic":
             if number:
                 yield Finding("ok", "robot", f"{name}: {full} has {number} subscriber{'s' if number > 1 else ''}")
@@ -548,13 +560,13 @@ class _LookedFor:
 
     def _other_types(self) -> Iterator[Finding]:
         wanted = action_types(self._carrier.type)[SEND_GOAL]
-        for type, hash in sorted(set(self._wire.remote_types(action_topic(self._full, SEND_GOAL)))):
+        for type, hash in sorted(set(self._wire.remote_types(action_topic(self.full, SEND_GOAL)))):
             if type.removesuffix("_Request") != wanted:
                 there = type.removesuffix("_Request").removesuffix("_SendGoal")
                 yield Finding(
                     "problem",
                     "robot",
-                    f"{self._name}: {self._full} is offered as {there or '?'}, not as {self._carrier.type}",
+                    f"{self._name}: {self.full} is offered as {there or '?'}, not as {self._carrier.type}",
                     "correct `carrier.type` in the robot's profile, or start the wrapper that fits it",
                 )
                 continue
@@ -563,14 +575,15 @@ class _LookedFor:
                 yield Finding(
                     "problem",
                     "robot",
-                    f"{self._name}: {self._full} is offered with another version of {self._carrier.type}",
+                    f"{self._name}: {self.full} is offered with another version of {self._carrier.type}",
                     "build its interface package from the same release on both sides",
                 )
 
 
 def _start_it(name: str) -> str:
+    names = f"is {name} the name" if name.startswith("/") else f"are {name} the names"
     return (
-        f"is the robot's wrapper running, in the same ROS domain, and is {name} the name it uses "
+        f"is the robot's wrapper running, in the same ROS domain, and {names} that it uses "
         "(else: --ros-args -r FROM:=TO)?"
     )
 

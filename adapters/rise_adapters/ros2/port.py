@@ -86,7 +86,9 @@ class Client(Protocol):
 class Transport(Protocol):
     """One node on the wire."""
 
-    kind: Literal["rclpy", "dds", "memory"]
+    @property
+    def kind(self) -> Literal["rclpy", "dds", "memory"]: ...
+
     about: str
     """For a person: `rclpy, rmw_cyclonedds_cpp, domain 0`."""
     node: str

@@ -310,9 +310,10 @@ class Ros2Robot:
         trouble = "; ".join(part.trouble for part in self._parts if part.fault)
         if status == "degraded":
             return trouble
+        # What to do comes first: on a small screen the rest is cut.
         if any(part.presence.ever for part in self._parts):
-            return f"server-gone: {trouble}"
-        return f"server-missing: {trouble}; is the robot's wrapper running?"
+            return f"server-gone: the program of {self._profile.title} has gone; start it again ({trouble})"
+        return f"server-missing: {self._profile.title} is not there; is its wrapper running? ({trouble})"
 
     def _lose(self, detail: str) -> None:
         """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""

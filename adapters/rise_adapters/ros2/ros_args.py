@@ -37,7 +37,7 @@ class RosArgs(Struct, frozen=True):
     """Arguments that are right for ROS but mean nothing here: parameters, logging."""
 
     def names(self, node: str) -> dict[str, str]:
-        """The remappings that hold for the node of that name, by what they replace, in the order in which they count."""
+        """The remappings that hold for the node of that name, by what they replace, in the order that counts."""
         found: dict[str, str] = {}
         for remap in self.remaps:
             if remap.node in ("", node):

@@ -6,6 +6,7 @@ import os
 import random
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import uuid
@@ -85,10 +86,12 @@ class Peer:
 
     def __init__(self, kind: str, *arguments: str, node: str = "") -> None:
         self.kind = kind
+        self._errors = tempfile.TemporaryFile()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "tests.ros.contract.peer", kind, node or f"peer_{uuid.uuid4().hex[:8]}", *arguments],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            stderr=self._errors,
             text=True,
             bufsize=1,
             cwd=ROOT,
@@ -115,6 +118,7 @@ class Peer:
         if self.process.poll() is None:
             self.process.kill()
         self.wait()
+        self._errors.close()
 
     def __getattr__(self, do: str) -> Callable[..., Any]:
         if do.startswith("_"):
@@ -156,6 +160,11 @@ class Peer:
                 pipe.close()
         return status
 
+    def errors(self) -> str:
+        """The end of what it wrote to its standard error."""
+        self._errors.seek(0)
+        return self._errors.read().decode(errors="replace")[-4000:]
+
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
@@ -183,7 +192,9 @@ class Peer:
         limit = time.monotonic() + patience
         with self._changed:
             while (found := take()) is None:
-                assert self._reader.is_alive(), f"the {self.kind} peer has ended"
+                assert self._reader.is_alive(), (
+                    f"the {self.kind} peer has ended, {self.process.poll()}: {self.errors()}"
+                )
                 assert time.monotonic() < limit, (
                     f"the {self.kind} peer said nothing like it; it said {self._events[-3:]}"
                 )

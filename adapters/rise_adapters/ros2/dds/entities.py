@@ -24,7 +24,7 @@ _AGAIN = 0.005
 """Seconds until a message is tried again that DDS would not take because a reader is slow."""
 _OUTBOX = 10_000
 """Messages that wait for that; the oldest is given up for the next."""
-_HISTORY = 100
+_HISTORY = 1000
 """Messages that a reader keeps at least: those that come while the reading thread waits for its turn."""
 _LOG = logging.getLogger(__name__)
 

@@ -28,7 +28,7 @@ LIMIT = 2000
 """Messages that may wait for the loop."""
 SLICE = 0.002
 """Seconds that one turn of the loop may be taken for them."""
-_AT_ONCE = 100
+_AT_ONCE = 500
 """Messages that are taken from DDS in one call."""
 _FRESH = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _ANY = ViewState.Any | InstanceState.Any | SampleState.Any

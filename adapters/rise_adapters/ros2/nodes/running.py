@@ -1,12 +1,14 @@
 """Starting and ending a node: its options, its connection, ctrl+c.
 
-def main() -> None:
-    parser = node_parser("my_node", "What it does, in one sentence.")
-    parser.add_argument("--key", default="gaze", help="...")
-    run_node(parser, work)
+    def main() -> None:
+        parser = node_parser("my_node", "What it does, in one sentence.")
+        parser.add_argument("--key", default="gaze", help="...")
+        run_node(parser, work)
 
-async def work(transport: Transport, options: Namespace) -> None:
-    ...                                              # until it is cancelled
+    async def work(transport: Transport, options: Namespace) -> None:
+        ...
+
+`work` goes on until it is cancelled.
 """
 
 from __future__ import annotations

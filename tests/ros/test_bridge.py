@@ -1,0 +1,161 @@
+"""A session's connection: opened, refused, lost and made anew (`rise_adapters.ros2.bridge`)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+
+import pytest
+from rise_adapters.ros2 import bridge as bridges
+from rise_adapters.ros2.action_server import ActionServer, ServerGoal
+from rise_adapters.ros2.bridge import Ros2Bridge
+from rise_adapters.ros2.port import Transport
+
+from rise_engine.bridge import BridgeError, Wire
+from rise_engine.clock import RealClock
+from rise_engine.engine import Engine
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import NoteRecord
+from rise_engine.link.room import Room
+from rise_engine.robots import DriverError, make_robot, open_bridge
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_engine.view import View
+from tests.ros.facing import until
+from tests.ros.memory import MemoryTransport, MemoryWire
+
+ACTS = '<Dialogs><Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog></Dialogs>'
+
+
+def study(folder: Path, *, robot: str = "rise", mode: str = "real") -> Scenario:
+    (folder / "acts").mkdir(exist_ok=True)
+    (folder / "acts" / "a.xml").write_text(ACTS)
+    loaded = load(folder, robot=robot, mode=mode)
+    assert loaded.scenario is not None, loaded.findings
+    return loaded.scenario
+
+
+class Wired:
+    """What `open_bridge` opens instead of a real transport."""
+
+    def __init__(self) -> None:
+        self.wire = MemoryWire()
+        self.made: list[MemoryTransport] = []
+        self.fails = 0
+        """How many of the next attempts find no middleware."""
+
+    async def open(
+        self, choice: str = "auto", arguments: Sequence[str] = (), *, node: str, share: Sequence[Path] = ()
+    ) -> Transport:
+        if self.fails:
+            self.fails -= 1
+            raise BridgeError(["no middleware"])
+        self.made.append(MemoryTransport(self.wire, asyncio.get_running_loop(), node))
+        return self.made[-1]
+
+    def robot(self) -> None:
+        """The `rise` robot: each of its actions is done at once."""
+        loop = asyncio.get_running_loop()
+        node = MemoryTransport(self.wire, loop, "robot")
+
+        def act(goal: ServerGoal) -> None:
+            goal.accept()
+            goal.succeed({})
+
+        for name, type in {
+            "speech": "Speech", "look_at": "LookAt", "emotion": "Emotion", "animation": "Animation",
+            "social_expression": "SocialExpression", "point_at": "PointAt",
+        }.items():  # fmt: skip
+            full = f"rise_interfaces/action/{type}"
+            ActionServer(node, f"rise/robot/{name}", full, act, clock=RealClock(loop, 1.0, 0.0))
+
+
+@pytest.fixture
+async def wired(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Wired]:
+    it = Wired()
+    monkeypatch.setattr(bridges, "open_transport", it.open)
+    monkeypatch.setattr(bridges, "WATCH_SECONDS", 0.01)
+    yield it
+
+
+class Session:
+    def __init__(self, scenario: Scenario, bridge: Ros2Bridge) -> None:
+        clock = RealClock(asyncio.get_running_loop(), 1.0, 0.0)
+        robot = make_robot(scenario.robot, scenario.mode, clock, 1, (), bridge)
+        self.engine = Engine(scenario, robot, clock, 1)
+        self.room = Room(self.engine)
+        self.notes: list[str] = []
+        self.room.subscribe(lambda update: self.notes.append(update.text) if isinstance(update, NoteRecord) else None)
+        bridge.join(self.room)
+        self.engine.start()
+
+    @property
+    def view(self) -> View:
+        return self.room.view
+
+    async def act(self) -> str:
+        """Run the act, and say what became of it."""
+        self.engine.accept(Submit(function="startCommunicationRobotAct", behavior="A"))
+        task = max(self.view.tasks)
+        await until(lambda: self.view.tasks[task].ended is not None)
+        return self.view.tasks[task].status
+
+
+async def test_a_connection_that_is_lost_is_made_anew(tmp_path: Path, wired: Wired) -> None:
+    """A27: the robot is lost and comes back, others find the session again, and the study goes on."""
+    wired.robot()
+    scenario = study(tmp_path)
+    bridge = await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    assert isinstance(bridge, Ros2Bridge)
+    session = Session(scenario, bridge)
+    await until(lambda: session.view.robot is not None and session.view.robot.status == "connected")
+    assert await session.act() == "SUCCEEDED"
+
+    wired.fails = 1_000_000
+    wired.made[0].break_down()
+    await until(lambda: session.view.robot is not None and session.view.robot.status == "lost")
+    assert "shut down" in session.view.robot.detail  # type: ignore[union-attr]
+    wired.fails = 0
+    await until(lambda: len(wired.made) == 2 and wired.made[0].closed)
+    await until(lambda: session.view.robot is not None and session.view.robot.status == "connected")
+    assert await session.act() == "SUCCEEDED"
+    assert any(server.name.endswith("rise/domain_task/_action/send_goal") for server in wired.made[1].servers)
+    assert len(session.room.members) == 1, "the face that was before has left"
+    assert [text.partition(":")[0] for text in session.notes if "ROS" in text] == [
+        "the connection to ROS is lost",
+        "the connection to ROS cannot be made anew yet",
+        "the connection to ROS was made anew",
+    ]
+    await bridge.close()
+
+
+async def test_what_is_wrong_with_a_profile_is_said_before_anything_runs(tmp_path: Path, wired: Wired) -> None:
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "mine.toml").write_text(
+        'driver = "ros2"\n[options]\nfrme = "x"\n[actions.Speech]\ncarrier = { action = "say" }\n'
+    )
+    scenario = study(tmp_path, robot="mine")
+    with pytest.raises(BridgeError) as refused:
+        await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    said = "\n".join(refused.value.lines)
+    assert "frme" in said and "type" in said and len(refused.value.lines) >= 2
+    assert all(transport.closed for transport in wired.made)
+
+
+async def test_without_ros_a_real_robot_is_not_reached(tmp_path: Path) -> None:
+    scenario = study(tmp_path)
+    assert await open_bridge(Wire("off"), scenario.robot, scenario.mode) is None
+    with pytest.raises(DriverError, match="ROS 2"):
+        make_robot(scenario.robot, scenario.mode, RealClock(asyncio.get_running_loop(), 1.0, 0.0), 1)
+
+
+async def test_a_rehearsal_is_on_ros_only_if_that_is_said(tmp_path: Path, wired: Wired) -> None:
+    scenario = study(tmp_path, mode="debug")
+    assert await open_bridge(Wire("auto"), scenario.robot, scenario.mode) is None
+    bridge = await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    assert isinstance(bridge, Ros2Bridge)
+    session = Session(scenario, bridge)
+    assert await session.act() == "SUCCEEDED", "the simulated robot did it"
+    assert not wired.wire.messages("*/robot/*") and wired.wire.messages("*rise/record")
+    await bridge.close()
