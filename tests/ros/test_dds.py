@@ -21,7 +21,9 @@ import pytest
 pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 pytest.importorskip("rosbags", reason="the extra dds is not installed")
 
+from cyclonedds.qos import Policy
 from rise_adapters.ros2.dds import DdsTransport, domain, graph, names
+from rise_adapters.ros2.dds.entities import policies
 from rise_adapters.ros2.port import PortError, QoS
 
 from tests.ros.dds_peer import SET, TEXT
@@ -292,6 +294,26 @@ async def test_two_servers_are_two_and_a_wrong_type_is_none(transport: DdsTransp
     await until(lambda: ask.servers() == 1)
     wrong.close()
     other.close()
+
+
+async def test_a_type_of_the_same_structure_is_another_type(tmp_path: Path) -> None:
+    for name in ("A", "B"):
+        path = tmp_path / "lab" / "srv" / f"{name}.srv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("string text\n---\nstring text\n", encoding="utf-8")
+    one = opened(share=[tmp_path])
+    right, wrong = one.client("right", "lab/srv/A"), one.client("wrong", "lab/srv/A")
+    one.serve("right", "lab/srv/A", lambda asked, reply: reply(asked))
+    one.serve("wrong", "lab/srv/B", lambda asked, reply: reply(asked))
+    await until(lambda: right.servers() == 1)
+    assert wrong.servers() == 0
+    one.close()
+
+
+def test_nobody_is_asked_about_the_structure_of_types() -> None:
+    """Nodes of ROS 2 Jazzy with Cyclone DDS 0.10.5 do not survive that."""
+    assert Policy.TypeConsistency.DisallowTypeCoercion() in policies(QoS(), {}, reader=True)
+    assert Policy.TypeConsistency.DisallowTypeCoercion() in policies(LATCHED, {}, reader=True)
 
 
 async def test_names_types_and_messages_that_cannot_be(transport: DdsTransport) -> None:

@@ -12,8 +12,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from rise_adapters.ros2 import diagnostics, record_topics
-from rise_adapters.ros2 import face as face_module
 from rise_adapters.ros2.action_client import (
     ABORTED,
     CANCEL_NONE,
@@ -23,9 +21,11 @@ from rise_adapters.ros2.action_client import (
     EXECUTING,
     SUCCEEDED,
 )
-from rise_adapters.ros2.diagnostics import ERROR, OK, STALE, WARN
+from rise_adapters.ros2.face import diagnostics, record_topics
+from rise_adapters.ros2.face import face as face_module
+from rise_adapters.ros2.face.diagnostics import ERROR, OK, STALE, WARN
+from rise_adapters.ros2.face.record_topics import REPEATED, RULES_LATCHED
 from rise_adapters.ros2.port import Message
-from rise_adapters.ros2.record_topics import REPEATED, RULES_LATCHED
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import TaskRecord

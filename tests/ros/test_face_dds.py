@@ -12,8 +12,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from rise_adapters.ros2.face.record_topics import RECORDS_LATCHED
 from rise_adapters.ros2.port import STATUS, QoS
-from rise_adapters.ros2.record_topics import RECORDS_LATCHED
 
 from rise_engine.kernel.inputs import Note
 from rise_engine.link.socket_client import SocketClient
@@ -69,7 +69,7 @@ async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
 
 async def test_the_whole_face_over_dds() -> None:
     async with on_the_wire() as (session, node):
-        assert {"/node", "/rise"} <= set(node.transport.nodes())
+        await until(lambda: {"/node", "/rise"} <= set(node.transport.nodes()))
         hello = node.ask("startCommunicationRobotAct", "Hello")
         assert await hello.decided()
         assert await hello.ended() == ("SUCCEEDED", "")

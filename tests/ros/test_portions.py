@@ -7,7 +7,7 @@ import time
 from collections import deque
 
 import pytest
-from rise_adapters.ros2.portions import HASTY, TURN_SECONDS, Portions
+from rise_adapters.ros2.face.portions import HASTY, TURN_SECONDS, Portions
 
 
 class Work:

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
 from rise_adapters.ros2.carriers import read_carriers
-from rise_adapters.ros2.parts import labels
 from rise_adapters.ros2.robot import Ros2Robot
+from rise_adapters.ros2.robot.parts import labels
 
 from rise_engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction

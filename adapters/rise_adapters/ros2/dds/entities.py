@@ -44,7 +44,11 @@ def policies(qos: QoS, data: Mapping[str, str], *, reader: bool) -> Qos:
     ]
     if qos.latched and not reader:
         chosen.append(Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1))
-    if not reader:
+    if reader:
+        # Only the very same type. Otherwise Cyclone compares the structures of types that differ, and for that it asks
+        # everybody for their descriptions. The Cyclone of ROS 2 Jazzy (0.10.5) crashes on the answers, in every node.
+        chosen.append(Policy.TypeConsistency.DisallowTypeCoercion())
+    else:
         chosen.append(Policy.WriterDataLifecycle(autodispose=False))
     return Qos(*chosen)
 

@@ -61,13 +61,15 @@ class DdsClient:
                 for handle in answering
             },
         }
-        self._ends = {handle: end for handle, end in ends.items() if end is not None and end.cyclone}
+        # Types of one structure match each other whatever their names are; those are not meant.
+        named = (self._request.type, self._response.type)
+        self._ends = {handle: end for handle, end in ends.items() if end and end.cyclone and end.type in named}
         takers, answerers = (
             [end.data.get("serviceid", "") for handle in handles if (end := self._ends.get(handle))]
             for handles in (asked, answering)
         )
-        named = {id for id in takers if id} & {id for id in answerers if id}
-        return len(named) + min(takers.count(""), answerers.count(""))
+        paired = {id for id in takers if id} & {id for id in answerers if id}
+        return len(paired) + min(takers.count(""), answerers.count(""))
 
     def call(self, request: Message, answer: Callable[[Message], None]) -> None:
         if self._remove is None:

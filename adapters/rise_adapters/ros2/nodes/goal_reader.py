@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rise_adapters.ros2.carrier_texts import Slot, conversion, parse_text, seconds
+from rise_adapters.ros2.carriers.texts import Slot, conversion, parse_text, seconds
 from rise_adapters.ros2.port import Message
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, known_names

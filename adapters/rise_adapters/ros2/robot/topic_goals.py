@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rise_adapters.ros2.goals import EARLY, Ending, Home, Phase
-from rise_adapters.ros2.parts import TopicPart
 from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.robot.goals import EARLY, Ending, Home, Phase
+from rise_adapters.ros2.robot.parts import TopicPart
 
 if TYPE_CHECKING:
     from rise_adapters.ros2.carriers import Carrier

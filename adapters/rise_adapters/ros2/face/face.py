@@ -26,11 +26,11 @@ from typing import Any, cast
 
 from msgspec import Struct, field
 
-from rise_adapters.ros2 import diagnostics
 from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
+from rise_adapters.ros2.face import diagnostics
+from rise_adapters.ros2.face.portions import Portions
+from rise_adapters.ros2.face.record_topics import RecordTopics, as_json
 from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport
-from rise_adapters.ros2.portions import Portions
-from rise_adapters.ros2.record_topics import RecordTopics, as_json
 from rise_engine.clock import RealClock
 from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Note, Submit

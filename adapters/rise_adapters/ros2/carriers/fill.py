@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 from msgspec import Struct
 
-from rise_adapters.ros2.carrier_fields import DURATION, FieldType, duration, fit, shown, what_it_takes
-from rise_adapters.ros2.carrier_texts import seconds
+from rise_adapters.ros2.carriers.fields import DURATION, FieldType, duration, fit, shown, what_it_takes
+from rise_adapters.ros2.carriers.texts import seconds
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.template import as_text
 

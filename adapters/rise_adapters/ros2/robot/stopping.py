@@ -13,8 +13,8 @@ from functools import partial
 from typing import TypeAlias
 
 from rise_adapters.ros2.action_client import CANCEL_NONE, CANCEL_REJECTED, TERMINAL, CancelAnswer
-from rise_adapters.ros2.parts import ActionPart, Part
 from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.robot.parts import ActionPart, Part
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.robot import Clock, Timer
 

@@ -1,9 +1,4 @@
-"""Carriers: how a robot profile says which ROS action or topic carries an action, and what goes into its fields
-(docs/reference/robots.md, "Carriers").
-
-`read_carriers` checks all of a profile at once and prepares it; a `Carrier` then makes the message of a goal, and reads
-from a result whether the robot did what it was asked for. Nothing here sends anything.
-"""
+"""Reading and checking the carriers of a profile."""
 
 from __future__ import annotations
 
@@ -19,25 +14,14 @@ from typing import Any, Literal
 from msgspec.structs import fields as struct_fields
 from msgspec.structs import replace
 
-from rise_adapters.ros2.carrier import Carrier, CarrierErrors, Deadlines, Options, Verdict
-from rise_adapters.ros2.carrier_compile import Compiler, Notes
-from rise_adapters.ros2.carrier_fields import Fields, FieldType, Types
-from rise_adapters.ros2.carrier_fill import Group
+from rise_adapters.ros2.carriers.carrier import Carrier, CarrierErrors, Deadlines, Options, Verdict
+from rise_adapters.ros2.carriers.compile import Compiler, Notes
+from rise_adapters.ros2.carriers.fields import Fields, FieldType, Types
+from rise_adapters.ros2.carriers.fill import Group
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.findings import suggestion
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 from rise_engine.scenario.parameters import accepts_any_name, known_names
-
-__all__ = [
-    "Carrier",
-    "CarrierErrors",
-    "Deadlines",
-    "Options",
-    "profile_findings",
-    "read_carriers",
-    "read_options",
-    "written_out",
-]
 
 DRIVER = "ros2"
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from msgspec import Struct
 
-from rise_adapters.ros2.carrier_fill import Filling, Group
+from rise_adapters.ros2.carriers.fill import Filling, Group
 from rise_adapters.ros2.port import Message
 
 

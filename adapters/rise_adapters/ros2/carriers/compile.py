@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rise_adapters.ros2.carrier_fields import DURATION, FieldType, Types, shown, what_it_takes
-from rise_adapters.ros2.carrier_fill import (
+from rise_adapters.ros2.carriers.fields import DURATION, FieldType, Types, shown, what_it_takes
+from rise_adapters.ros2.carriers.fill import (
     NOTHING,
     Constant,
     Conversion,
@@ -22,7 +22,7 @@ from rise_adapters.ros2.carrier_fill import (
     Row,
     literal,
 )
-from rise_adapters.ros2.carrier_texts import Slot, conversion, parse_text, seconds, special_fallback
+from rise_adapters.ros2.carriers.texts import Slot, conversion, parse_text, seconds, special_fallback
 from rise_engine.scenario.findings import listed, suggestion
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, convert, known_names

@@ -30,14 +30,14 @@ from rise_adapters.ros2.action_client import (
     TERMINAL,
     CancelAnswer,
 )
-from rise_adapters.ros2.parts import ActionPart, Part
 from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.robot.parts import ActionPart, Part
 from rise_engine.kernel.acts import CANCEL_LIMIT
 from rise_engine.robot import Clock
 
 if TYPE_CHECKING:
     from rise_adapters.ros2.carriers import Carrier
-    from rise_adapters.ros2.topic_goals import TopicGoal
+    from rise_adapters.ros2.robot.topic_goals import TopicGoal
 
 _LOG = logging.getLogger(__name__)
 

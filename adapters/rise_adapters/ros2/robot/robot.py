@@ -13,11 +13,11 @@ from math import inf
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.goals import EARLY, ActionGoal, Ending
-from rise_adapters.ros2.parts import ActionPart, Part, TopicPart, labels
 from rise_adapters.ros2.port import Message, PortError, Transport
-from rise_adapters.ros2.stopping import StopAll
-from rise_adapters.ros2.topic_goals import TopicGoal
+from rise_adapters.ros2.robot.goals import EARLY, ActionGoal, Ending
+from rise_adapters.ros2.robot.parts import ActionPart, Part, TopicPart, labels
+from rise_adapters.ros2.robot.stopping import StopAll
+from rise_adapters.ros2.robot.topic_goals import TopicGoal
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
 from rise_engine.robot import Clock, Report, RobotReport, Timer
