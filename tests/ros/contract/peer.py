@@ -23,21 +23,6 @@ from rise_engine.clock import RealClock
 from .lines import decode, encode
 
 
-async def _open(kind: str, arguments: list[str], node: str) -> Transport:  # XXX until choose and dds agree
-    if kind == "rclpy":
-        return await open_transport(kind, arguments, node=node)
-    from rise_adapters.ros2.dds import DdsTransport
-    from rise_adapters.ros2.ros_args import parse
-
-    given = parse(arguments, node)
-    return DdsTransport(
-        asyncio.get_running_loop(),
-        node=given.node or node,
-        namespace=given.namespace or "/",
-        remaps=given.names(given.node or node),
-    )
-
-
 class Peer:
     """Its methods are what can be asked for."""
 
@@ -174,7 +159,7 @@ def say(event: str, **fields: Any) -> None:
 async def main(kind: str, node: str, arguments: list[str]) -> None:
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
-    transport = await _open(kind, arguments, node=node)
+    transport = await open_transport(kind, arguments, node=node)
     peer = Peer(transport)
 
     def heard(line: str) -> None:

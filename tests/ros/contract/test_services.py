@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from .conftest import Pair
@@ -29,12 +31,12 @@ def test_a_call_is_answered(pair: Pair) -> None:
 
 def test_a_first_call_is_answered_as_soon_as_there_is_a_server(pair: Pair) -> None:
     for turn in range(5):
-        name = f"{pair.name}/first{turn}"
-        pair.near.client(key=name, name=name, type=SET)
-        pair.far.serve(key=name, name=name, type=SET, answer=YES)
-        until(lambda name=name: pair.near.servers(key=name) == 1)
-        pair.near.call(key=name, number=turn, message={"data": True})
-        assert pair.near.event("answer", key=name)["message"] == YES
+        key = f"{pair.name}/first{turn}"
+        pair.near.client(key=key, name=key, type=SET)
+        pair.far.serve(key=key, name=key, type=SET, answer=YES)
+        until(partial(pair.near.servers, key=key))
+        pair.near.call(key=key, number=turn, message={"data": True})
+        assert pair.near.event("answer", key=key)["message"] == YES
 
 
 def test_an_empty_request(pair: Pair) -> None:

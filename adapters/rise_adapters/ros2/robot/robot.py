@@ -38,7 +38,7 @@ LOOK = 0.25
 """Seconds between two looks at the servers while something runs ..."""
 LOOK_WAITING = 0.05
 """... while a goal waits for its server ..."""
-LOOK_IDLE = 1.0
+LOOK_IDLE = 0.5
 """... and while nothing does, and all are there."""
 LOOK_SOONEST = 0.001
 REMEMBERED = 200
