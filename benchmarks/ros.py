@@ -121,9 +121,7 @@ class Ours:
         return perf_counter() - began
 
     async def task(self) -> float:
-        return await self.goal(
-            self.tasks, {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "A"}
-        )
+        return await self.goal(self.tasks, {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "A"})
 
     async def two_plain(self) -> float:
         return await self.goal(self.acts, {"message": "x"}) + await self.goal(self.acts, {"message": "x"})

@@ -71,13 +71,13 @@ RESULT_TIMEOUT = 15.0
 for one that was cut off for a moment; rclpy's 15 minutes would list 900,000 goals at 1,000 in a second."""
 KEPT = 10_000
 """Ended goals that are kept at most, whatever the timeout."""
-LISTED = 50
+LISTED = 20
 """Ended goals that the status array lists at most, the latest."""
 ASKERS = 64
 """Requests for one goal's result, or to cancel it, that wait at most."""
 STATUS_SECONDS = 0.01
 """Between two status arrays, and for each goal in it ..."""
-STATUS_SECONDS_PER_GOAL = 0.0005
+STATUS_SECONDS_PER_GOAL = 0.002
 
 Decide: TypeAlias = Callable[[bool], None]
 """Says whether a goal will be cancelled. Only the first call counts."""

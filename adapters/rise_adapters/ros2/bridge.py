@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 
@@ -22,6 +23,9 @@ _LOG = logging.getLogger(__name__)
 
 WATCH_SECONDS = 0.5
 """How often it is looked whether the connection still stands."""
+SWITCH_SECONDS = 0.0001
+"""For which a thread that waits for Python's lock lets another one go on. A wizard's key changes threads three times
+(loop, journal, loop), and Python's own 5 ms would add up while the transport's thread takes a burst of messages."""
 NODE = "rise"
 """What the engine's node is called, unless `__node` says otherwise."""
 FACE_TYPES = (
@@ -119,6 +123,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
         return open_transport(wire.transport, wire.arguments, node=NODE, share=share)
 
     transport = await connect()
+    sys.setswitchinterval(SWITCH_SECONDS)
     try:
         for type in FACE_TYPES:
             transport.fields(type)

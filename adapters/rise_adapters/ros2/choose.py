@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from rise_adapters.ros2.port import PortError, Transport
+from rise_adapters.ros2.rclpy_transport import RclpyTransport, rclpy_missing
 from rise_engine.bridge import BridgeError
 
 Kind = Literal["rclpy", "dds"]
@@ -48,8 +49,6 @@ async def open_transport(
     loop = asyncio.get_running_loop()
     try:
         if kind == "rclpy":
-            from rise_adapters.ros2.rclpy_transport import RclpyTransport
-
             return RclpyTransport(loop, node=node, arguments=arguments)
         from rise_adapters.ros2.dds import DdsTransport
 
@@ -59,17 +58,13 @@ async def open_transport(
 
 
 def _without_rclpy() -> str:
-    if find_spec("rclpy") is not None:
-        return ""
-    if "AMENT_PREFIX_PATH" in os.environ:
+    why = rclpy_missing()
+    if why and find_spec("rclpy") is None and "AMENT_PREFIX_PATH" in os.environ:
         return (
             f"ROS 2 is sourced here, but this Python ({sys.version.split()[0]}) has no rclpy: it belongs to the "
             "system's own Python; make the environment of rise-tui from that one, with --system-site-packages"
         )
-    return (
-        "rclpy is not here: source ROS 2 in this terminal first (`source /opt/ros/jazzy/setup.bash`), "
-        "where it is installed"
-    )
+    return why
 
 
 def _without_dds() -> str:

@@ -16,6 +16,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from time import perf_counter
 from typing import Any, Literal
 
 from rise_adapters.ros2.port import RELIABLE, Handle, Message, PortError, QoS, Reply
@@ -25,8 +26,8 @@ _log = logging.getLogger(__name__)
 
 _MOST_WAITING = 4096
 """Messages that may wait for the loop before the thread stops taking more."""
-_BATCH = 64
-"""Messages that are delivered in one turn of the loop, so that what else it has to do is never kept waiting long."""
+SLICE = 0.0005
+"""Seconds that one turn of the loop may be taken for them: a wizard's key waits for some turns."""
 _SERVICE_DEPTH = 1000
 """Requests and replies that may wait in the middleware. ROS's own 10 are overrun by a burst, and then they are lost."""
 _JOIN_SECONDS = 2.0
@@ -288,6 +289,11 @@ class RclpyTransport:
     def _ended(self) -> bool:
         return self._closed or bool(self.lost())
 
+    @property
+    def _over(self) -> bool:
+        """The same as far as it is known already: asking ROS costs as much as a third of a small message."""
+        return self._closed or bool(self._lost)
+
     def _own(self, info: Any) -> bool:
         return f"{info.node_namespace.rstrip('/')}/{info.node_name}" == self.node
 
@@ -314,7 +320,7 @@ class _Publisher:
 
     def publish(self, message: Message) -> None:
         written = self._form.write(message)
-        if self._closed or self._transport._ended():
+        if self._closed or self._transport._over:
             return
         try:
             self._made.publish(written)
@@ -384,7 +390,7 @@ class _Server:
 
         def reply(message: Message) -> None:
             nonlocal answered
-            if answered or self._closed or self._transport._ended():
+            if answered or self._closed or self._transport._over:
                 return
             written = self._response.write(message)
             answered = True
@@ -474,21 +480,24 @@ class _Inbox:
             self._room.notify_all()
 
     def _deliver(self) -> None:
-        with self._room:
-            batch = [self._waiting.popleft() for _ in range(min(_BATCH, len(self._waiting)))]
-            self._scheduled = bool(self._waiting)
-            if self._scheduled:
-                self._loop.call_soon(self._deliver)
-            self._room.notify_all()
-        for callback, arguments in batch:
-            if self._closed:
-                return
+        """Some of it, and the rest after the loop's other work."""
+        until = perf_counter() + SLICE
+        while True:
+            with self._room:
+                if not self._waiting or self._closed:
+                    self._scheduled = False
+                    return
+                callback, arguments = self._waiting.popleft()
+                self._room.notify_all()
             try:
                 callback(*arguments)
             except Exception as error:
                 self._loop.call_exception_handler(
                     {"message": f"what was received from ROS was not dealt with: {error}", "exception": error}
                 )
+            if perf_counter() > until:
+                self._loop.call_soon(self._deliver)
+                return
 
 
 def _executor(context: Any, executors: Any) -> tuple[Any, bool]:

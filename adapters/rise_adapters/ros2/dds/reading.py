@@ -26,7 +26,7 @@ from rise_adapters.ros2.dds.entities import delete
 
 LIMIT = 2000
 """Messages that may wait for the loop."""
-SLICE = 0.002
+SLICE = 0.0005
 """Seconds that one turn of the loop may be taken for them."""
 _AT_ONCE = 500
 """Messages that are taken from DDS in one call."""

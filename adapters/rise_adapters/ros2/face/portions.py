@@ -9,7 +9,7 @@ from time import perf_counter
 
 _LOG = logging.getLogger(__name__)
 
-TURN_SECONDS = 0.002
+TURN_SECONDS = 0.0005
 """For which work is done in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
 HASTY = 4
 """Pieces that may be done at once in one turn, without waiting for a turn."""

@@ -30,7 +30,7 @@ RULES_LATCHED = 100
 """Or twice as many as the scenario has rules."""
 BACKLOG = 20_000
 """Records that wait to be published at most; it takes 2 seconds or so to publish them."""
-AT_ONCE = 4
+AT_ONCE = 2
 """Records that make up one piece of work."""
 
 REPEATED = "repeated"
@@ -100,7 +100,8 @@ class RecordTopics:
                 return done > 0
             each = self._waiting.popleft()
             if isinstance(each, dict):
-                self._publish(self._tasks, each)
+                if self._tasks.subscribers():
+                    self._publish(self._tasks, each)
             else:
                 self._publish_record(each)
         return True
@@ -123,7 +124,7 @@ class RecordTopics:
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
-        elif isinstance(record, TaskRecord):
+        elif isinstance(record, TaskRecord) and self._tasks.subscribers():  # it is not latched: else for nobody
             self._publish(
                 self._tasks,
                 {
