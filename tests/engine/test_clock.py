@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import time
+from datetime import datetime, timedelta
 
 import pytest
 
@@ -61,8 +63,28 @@ async def test_real_time_can_be_faster() -> None:
     clock.call_at(1.0, done.set)
     await asyncio.wait_for(done.wait(), 1)
     assert 0.999 < clock.now() < 50
-    wall = clock.wall(0)
-    assert wall[4] == "-" and wall[19] == "." and wall[-6] in "+-"
+
+
+@pytest.mark.parametrize("zone", ["UTC", "Europe/Berlin", "Asia/Kathmandu", "America/St_Johns"])
+async def test_the_label_is_the_local_time_with_its_offset(zone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", zone)
+    time.tzset()
+    try:
+        clock = RealClock(asyncio.get_running_loop())
+        for nanoseconds in (
+            1_732_190_399_000_000_000,
+            1_732_190_399_999_999_999,
+            1_732_190_400_000_000_000,
+            1_729_990_799_500_000_000,  # the last second of summer time in Europe
+            1_729_990_800_001_000_000,
+        ):
+            monkeypatch.setattr("rise_engine.clock.time_ns", lambda now=nanoseconds: now)
+            whole, milliseconds = divmod(nanoseconds // 1_000_000, 1000)
+            exact = datetime.fromtimestamp(whole).astimezone() + timedelta(milliseconds=milliseconds)
+            assert clock.wall(0) == exact.isoformat(timespec="milliseconds")
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 async def test_a_speed_must_be_above_zero() -> None:

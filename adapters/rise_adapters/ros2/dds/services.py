@@ -50,10 +50,15 @@ class DdsClient:
         self._waiting: dict[int, Callable[[Message], None]] = {}
         self._number = 0
         self._ends: dict[int, graph.Endpoint] = {}
+        self._matched: tuple[list[int], list[int]] | None = None
+        """The other ends when they were looked at last, and all of them were known."""
+        self._count = 0
         self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
 
     def servers(self) -> int:
         asked, answering = self._writer.readers(), self._reader.get_matched_publications()
+        if (asked, answering) == self._matched:
+            return self._count
         ends = {
             **{handle: self._ends.get(handle) or graph.matched_reader(self._writer.handle, handle) for handle in asked},
             **{
@@ -69,7 +74,10 @@ class DdsClient:
             for handles in (asked, answering)
         )
         paired = {id for id in takers if id} & {id for id in answerers if id}
-        return len(paired) + min(takers.count(""), answerers.count(""))
+        self._count = len(paired) + min(takers.count(""), answerers.count(""))
+        # This is asked before each goal, and seldom changes; but what is not known yet is asked for again.
+        self._matched = (asked, answering) if all(ends.values()) else None
+        return self._count
 
     def call(self, request: Message, answer: Callable[[Message], None]) -> None:
         if self._remove is None:

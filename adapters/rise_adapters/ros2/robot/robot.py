@@ -7,7 +7,7 @@ timer drives everything: it looks at the servers (ROS says nothing when one dies
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -136,7 +136,7 @@ class Ros2Robot:
             made = TopicGoal(self, part, goal.action, carrier, message, reset, goal.expected)
         self._goals[goal.action] = made
         self._forget_oldest()
-        self._look_at_parts()
+        self._look_at_parts((part,))
         made.look()
         self.changed(made)
 
@@ -251,11 +251,11 @@ class Ros2Robot:
         self._tell()
         self._arm()
 
-    def _look_at_parts(self) -> None:
-        """See which servers are there, and let their goals know what has changed."""
+    def _look_at_parts(self, parts: Iterable[Part] | None = None) -> None:
+        """See which servers are there (of all parts, unless some are named), and tell their goals."""
         lost = bool(self._transport.lost())
         news: list[tuple[Part, bool]] = []
-        for part in self._parts:
+        for part in self._parts if parts is None else parts:
             before = part.presence.count
             gone = part.look(0 if lost else None)
             if part.presence.count != before:
