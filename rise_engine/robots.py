@@ -83,12 +83,15 @@ def make_robot(
         if faults:
             raise RobotOptionsError(f"only a simulated robot does wrong on request, and {profile.name} is real")
         return bridge.robot(clock)
-    if name in _entries(BRIDGES):
+    try:
+        driver = find_driver(name)
+    except DriverError:
+        if name not in _entries(BRIDGES):
+            raise
         raise DriverError(
             f"{profile.title} is reached over ROS 2, which this session does without; "
             "it runs in real time and without `--ros off`, or is rehearsed with `--mode debug`"
-        )
-    driver = find_driver(name)
+        ) from None
     try:
         return driver(profile, clock, seed, faults)
     except ValueError as error:
