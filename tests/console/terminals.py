@@ -75,7 +75,11 @@ class Terminal:
 
     def engines(self) -> list[int]:
         """The processes of the sessions that run, or have gone without putting their lock away."""
-        return [int(path.read_text()) for path in Path(self.home, "run").glob("*.lock")]
+        found = []
+        for path in Path(self.home, "run").glob("*.lock"):
+            with suppress(FileNotFoundError, ValueError):  # it is just ending, or just beginning
+                found.append(int(path.read_text()))
+        return found
 
     @property
     def socket(self) -> Path:
