@@ -10,7 +10,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 ALL = (
     *("kernel_events", "many_rules", "guards", "rule_file", "check_start"),
-    *("journal", "acknowledge", "attach", "start_console", "ros"),
+    *("journal", "acknowledge", "attach", "start_console", "ros", "log"),
+    *("console_keys", "console_day"),
 )
 
 names = sys.argv[1:] or ALL

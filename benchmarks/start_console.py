@@ -88,6 +88,8 @@ def main() -> bool:
         **{name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
         "RISE_RUNTIME": f"{folder}/run",
         "RISE_SESSIONS": f"{folder}/sessions",
+        "XDG_CONFIG_HOME": f"{folder}/config",
+        "XDG_STATE_HOME": f"{folder}/state",
         "TERM": "xterm-256color",
     }
     works: dict[str, Callable[[dict[str, str]], float]] = {"rise-tui --config, live": ours, "bare app": bare}

@@ -12,29 +12,35 @@ from pathlib import Path
 from rise_engine.link.local import start_local
 from rise_engine.scenario.model import Scenario
 from rise_tui.app import ConsoleApp
-from rise_tui.launch import Launcher, Refused, prepare
-from rise_tui.settings import Settings
+from rise_tui.start.launch import Launcher, Refused, prepare
+from rise_tui.start.settings import Settings
 
 IMAGES = Path(__file__).parent / "images"
+SPEED = 10
 STUDY = str(Path(__file__).parent.parent / "scenarios" / "lablinking")
 
 
-def app() -> ConsoleApp:
-    settings = Settings(STUDY, seed=1)
+def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
+    settings = Settings(STUDY, seed=1, participant="P07", condition="hesitation")
     scenario = prepare(settings)
     assert not isinstance(scenario, Refused)
 
     def start(scenario: Scenario, settings: Settings) -> object:
-        return start_local(scenario, seed=settings.seed, speed=10, who="anna")
+        who = {"participant": settings.participant, "condition": settings.condition}
+        return start_local(scenario, seed=settings.seed, speed=SPEED, who="anna", faults=faults, **who)
 
-    return ConsoleApp(scenario, settings, wizard="anna", launcher=Launcher(start=start))  # type: ignore[arg-type]
+    launcher = Launcher(start=start)  # type: ignore[arg-type]
+    return ConsoleApp(scenario, settings, wizard="anna", theme=theme, launcher=launcher)
 
 
-async def capture(name: str, size: tuple[int, int], *, stopped: bool = False) -> None:
-    console = app()
+async def capture(
+    name: str, size: tuple[int, int], *keys: str, theme: str = "dark", faults: tuple[str, ...] = (), wait: str = ""
+) -> None:
+    """The console in the middle of the first task, after these keys, once the alarm says `wait`."""
+    console = app(theme, faults)
     async with console.run_test(size=size) as pilot:
 
-        async def until(holds: Callable[[], bool]) -> None:
+        async def until(holds: Callable[[], object]) -> None:
             for _ in range(600):
                 if holds():
                     return
@@ -42,9 +48,8 @@ async def capture(name: str, size: tuple[int, int], *, stopped: bool = False) ->
             raise TimeoutError(name)
 
         def state() -> str | None:
-            screen = console.console_screen
-            assert screen is not None
-            rule = screen.session.store.view.rules.get("Table setting")
+            assert console.console_screen is not None
+            rule = console.console_screen.session.store.view.rules.get("Table setting")
             return rule.state if rule is not None else None
 
         await until(lambda: console.console_screen is not None)
@@ -52,11 +57,15 @@ async def capture(name: str, size: tuple[int, int], *, stopped: bool = False) ->
         await pilot.press("t")
         for waiting in ("After the welcome", "After task 1, introduction", "After task 1, step 1"):
             await until(lambda waiting=waiting: state() == waiting)  # type: ignore[misc]
+            await pilot.press("space")
+            await pilot.pause(0.12)
             await pilot.press("n")
         await until(lambda: state() == "Task 1, step 2")
         await pilot.press("p")
-        if stopped:
-            await pilot.press("f9")
+        for key in keys:
+            await pilot.press(key)
+            await pilot.pause(0.1)
+        await until(lambda: wait in console.console_screen.alarm.text if console.console_screen else False)
         await pilot.pause(0.3)
         console.save_screenshot(f"{name}.svg", path=str(IMAGES))
 
@@ -64,7 +73,12 @@ async def capture(name: str, size: tuple[int, int], *, stopped: bool = False) ->
 async def main() -> None:
     await capture("console-120x40", (120, 40))
     await capture("console-80x24", (80, 24))
-    await capture("stopped-120x40", (120, 40), stopped=True)
+    await capture("console-200x50", (200, 50))
+    await capture("console-light-120x40", (120, 40), theme="light")
+    await capture("stopped-120x40", (120, 40), "f9", wait="confirmed")
+    await capture("robot-lost-120x40", (120, 40), faults=("vanish@72",), wait="ROBOT LOST")
+    await capture("saying-120x40", (120, 40), "ctrl+t", *"Well", "space", *"done,", "space", *"{person")
+    await capture("help-120x40", (120, 40), "question_mark")
 
 
 if __name__ == "__main__":

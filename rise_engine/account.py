@@ -17,14 +17,17 @@ from rise_engine.kernel.records import (
     AnyRecord,
     ConditionRecord,
     ControlRecord,
+    CueRecord,
     EventRecord,
     MemoryRecord,
+    MistakeRecord,
     NoteRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
     TaskRecord,
+    TimingRecord,
 )
 
 _WHO = 16
@@ -41,10 +44,15 @@ _SHOWN = {
     "moveTask": "move task",
     "stopAll": "stop all",
     "releaseStop": "release stop",
+    "markCue": "mark cue",
+    "nextFiller": "next filler",
+    "markMistake": "mark mistake",
 }
+_ACTS = ("startCommunicationRobotAct", "say")
+_MARKS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
 _LONGEST = 1e12
 """Seconds, more than any session has: the clock shows no more."""
-_ELSEWHERE = {"stopAll", "releaseStop", "raiseEventTopic", "assignValue", "deleteValue"}
+_ELSEWHERE = {"stopAll", "releaseStop", "raiseEventTopic", "assignValue", "deleteValue", "markCue", "markMistake"}
 """Functions whose success has a record of its own that says more."""
 
 
@@ -87,13 +95,21 @@ class Account:
                 return "stop", record.status, _stop(record)
             case ControlRecord():
                 return "control", record.status, f"by {record.by}; it is with {record.holder or 'nobody'}"
+            case CueRecord():
+                return "cue", *_cue(record)
+            case MistakeRecord():
+                return "mistake", f"{record.act} (task {record.task})", f"{_MARKS[record.mark]}, says {record.source}"
+            case TimingRecord():
+                return None  # its times are those of records that were told
             case NoteRecord():
                 return "note", record.text, "" if record.source == "engine" else f"by {record.source}"
 
     def _session(self, record: SessionRecord) -> tuple[str, str, str]:
         if record.status == "ended":
             return "session", "ended", record.reason
-        return "session", record.scenario, f"{record.status}, {record.mode}, robot {record.robot}, seed {record.seed}"
+        who = "".join(f", {word}" for word in (record.participant, record.condition) if word)
+        how = f"{record.status}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
+        return "session", record.scenario, how
 
     def _task(self, record: TaskRecord) -> tuple[str, str, str] | None:
         who = _SHOWN.get(record.function, record.function)
@@ -102,13 +118,13 @@ class Account:
             return who, record.behavior, f"REJECTED{by}: {record.reason}"
         if record.status == "PENDING":
             # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
-            if not self._blocking or record.function != "startCommunicationRobotAct":
+            if not self._blocking or record.function not in _ACTS:
                 return None
             place = f", {record.position} before it" if record.position else ""
             return who, record.behavior, f"waits{place}, asked{by}"
         if record.status == "ACTIVE":
             self._tasks[record.id] = record.t
-            if record.calling_type == "Blocking" and record.function == "startCommunicationRobotAct":
+            if record.calling_type != "None" and record.function in _ACTS:
                 self._blocking.add(record.id)
             return None if record.function == "startInteractionRule" else (who, record.behavior, f"started{by}")
         if record.status not in FINAL:
@@ -195,6 +211,12 @@ def _memory(record: MemoryRecord) -> str:
         return f"deleted, was {_json(record.old)}{by}"
     was = "" if record.created else f", was {_json(record.old)}"
     return f"= {_json(record.value)}{was}{by}"
+
+
+def _cue(record: CueRecord) -> tuple[str, str]:
+    if record.status == "marked":
+        return record.text or "the participant's turn has ended", f"marked by {record.source}"
+    return f"{record.status} by task {record.task}", f"after {record.since:.1f} s"
 
 
 def _stop(record: StopRecord) -> str:

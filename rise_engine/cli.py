@@ -45,6 +45,13 @@ _ROS = click.option(
     show_default=True,
     help="How ROS 2 is spoken. auto: as the robot needs it.",
 )
+_PARTICIPANT = click.option("--participant", metavar="ID", default="", help="Who takes part; stands in the record.")
+_CONDITION = click.option(
+    "--condition",
+    metavar="NAME",
+    default="",
+    help="The session's condition; one of the study's, if it lists any.",
+)
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 
 
@@ -175,6 +182,8 @@ def evaluate(expression: str, memory: str, as_json: bool) -> None:
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="For everything picked at random. Default: 0.")
 @_ROBOT
 @_MODE
+@_PARTICIPANT
+@_CONDITION
 @_ROS
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
@@ -192,6 +201,8 @@ def run(
     seed: int,
     robot: str | None,
     mode: str | None,
+    participant: str,
+    condition: str,
     ros: Transport,
     faults: tuple[str, ...],
     as_json: bool,
@@ -214,6 +225,7 @@ def run(
     from rise_engine.robots import DriverError, RobotOptionsError
     from rise_engine.run import REFUSED, USAGE, Plan
     from rise_engine.run import run as run_session
+    from rise_engine.scenario.study import condition_problem
 
     pace = None
     if speed != "max":
@@ -229,6 +241,8 @@ def run(
         if scenario is None:
             sys.exit(REFUSED)
         first = first_tasks(scenario, settings, rules, acts)
+        if problem := condition_problem(scenario, condition):
+            raise UnusableError(f"error: --condition: {problem}")
         script, stream = script_of(tasks, virtual=pace is None)
         plan = Plan(
             scenario=scenario,
@@ -239,6 +253,8 @@ def run(
             until=end,
             seed=seed,
             faults=faults,
+            participant=participant,
+            condition=condition,
             wire=Wire(ros, click.get_current_context().obj),
             json=as_json,
             strict=strict,
@@ -272,6 +288,8 @@ def run(
 @click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
 @_ROBOT
 @_MODE
+@_PARTICIPANT
+@_CONDITION
 @_ROS
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
@@ -290,6 +308,8 @@ def serve(
     seed: int | None,
     robot: str | None,
     mode: str | None,
+    participant: str,
+    condition: str,
     ros: Transport,
     faults: tuple[str, ...],
     places: tuple[str, ...],
@@ -333,6 +353,8 @@ def serve(
         faults=faults,
         first=first,
         wire=Wire(ros, click.get_current_context().obj),
+        participant=participant,
+        condition=condition,
         name=name,
         unfinished=which,
     )

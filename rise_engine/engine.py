@@ -91,6 +91,8 @@ class Engine:
         clock: SessionClock,
         seed: int,
         *,
+        participant: str = "",
+        condition: str = "",
         sinks: Iterable[Sink] = (),
         journal: Journal | None = None,
         resumption: Resumption | None = None,
@@ -98,6 +100,7 @@ class Engine:
         self.scenario = scenario
         self.clock = clock
         self.seed = seed
+        self._who = participant, condition
         self.ended = False
         """True when the session is over; nothing is accepted any more."""
         self.failure: Exception | None = None
@@ -131,7 +134,8 @@ class Engine:
 
     def start(self) -> None:
         """Begin: the session's first record, then the robot."""
-        self.accept(SessionStarted(versions=versions()))
+        participant, condition = self._who
+        self.accept(SessionStarted(versions=versions(), participant=participant, condition=condition))
         self._connect()
 
     def resume(self) -> None:
@@ -185,6 +189,14 @@ class Engine:
     def busy(self) -> bool:
         """True while something runs or waits to run."""
         return self._kernel.busy
+
+    @property
+    def robot_seen(self) -> float | None:
+        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        try:
+            return self._robot.seen()
+        except Exception:  # an adapter of others, perhaps older than this question
+            return None
 
     @property
     def idle(self) -> bool:

@@ -52,6 +52,10 @@ class Robot(Protocol):
         """Stop everything, also what others asked for, and answer with `StopReport`."""
         ...
 
+    def seen(self) -> float | None:
+        """Session time of its last sign of life, for people who watch the link; None when that is not known."""
+        ...
+
     def close(self) -> None:
         """Let go of everything. No reports after this."""
         ...

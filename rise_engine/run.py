@@ -55,6 +55,8 @@ class Plan(Struct, frozen=True):
     """Seconds of session time; None: until nothing happens by itself any more."""
     seed: int = 0
     faults: tuple[str, ...] = ()
+    participant: str = ""
+    condition: str = ""
     wire: Wire = Wire()
     """How ROS 2 is spoken; in virtual time it is not."""
     json: bool = False
@@ -80,7 +82,15 @@ class _Session:
         self.plan = plan
         scenario = plan.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, plan.seed, plan.faults, bridge)
-        self.engine = Engine(scenario, robot, clock, plan.seed, sinks=(output, self._watch))
+        self.engine = Engine(
+            scenario,
+            robot,
+            clock,
+            plan.seed,
+            participant=plan.participant,
+            condition=plan.condition,
+            sinks=(output, self._watch),
+        )
         self.output = output
         self.status = OK
         self.submitted = 0

@@ -22,7 +22,7 @@ FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
 LATEST = 366 * 86_400.0
 """Seconds; nothing is planned more than a year ahead."""
-_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop")
+_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop", "markCue", "nextFiller")
 
 
 class ScriptTask(Struct, frozen=True):
@@ -150,8 +150,8 @@ def _problems_of(value: dict[str, Any]) -> list[str]:
     elif not behavior.strip() and function in FUNCTIONS and function not in _WITHOUT_BEHAVIOR:
         problems.append(f"`domain_task_behavior` is missing: {function} needs to know what")
     calling_type = value.get("calling_type", "")
-    if calling_type not in ("", "None", "Blocking"):
-        problems.append('`calling_type` must be "Blocking" or "None" (a text), or left out')
+    if calling_type not in ("", "None", "Blocking", "Interrupt"):
+        problems.append('`calling_type` must be "Blocking", "None" or "Interrupt" (a text), or left out')
     source = value.get("source", "file")
     if not isinstance(source, str) or not source.strip():
         problems.append('`source` must be a text such as "wizard:anna"')

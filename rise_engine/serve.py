@@ -35,6 +35,7 @@ from rise_engine.robot import Robot
 from rise_engine.robots import DriverError, RobotOptionsError, make_robot, open_bridge, warning_for
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study import condition_problem
 from rise_engine.session.folder import (
     JOURNAL,
     SessionError,
@@ -78,6 +79,10 @@ class Order(Struct, frozen=True):
     """Submitted at the beginning of a new session."""
     wire: Wire = Wire()
     """How ROS 2 is spoken; an earlier session goes on as it was begun."""
+    participant: str = ""
+    """Who takes part, as the record is to name them; an earlier session goes on with its own."""
+    condition: str = ""
+    """One of the scenario's `[study] conditions`, where it lists any."""
     name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
@@ -159,6 +164,8 @@ class _Prepared:
         if loaded.scenario is None:
             raise Refusal(REFUSED, *map(str, loaded.findings))
         self.scenario: Scenario = loaded.scenario
+        if problem := condition_problem(self.scenario, order.condition):
+            raise Refusal(USAGE, f"error: {problem}")
         self.seed = order.seed if order.seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.wire = order.speed, order.faults, order.wire
         self._files = loaded.files
@@ -177,6 +184,8 @@ class _Prepared:
                 faults=self.faults,
                 wire=self.wire,
                 versions=versions(),
+                participant=self.order.participant,
+                condition=self.order.condition,
             )
         except SessionError as error:
             raise Refusal(UNRECORDED, str(error)) from None
@@ -255,7 +264,14 @@ class _Serving:
                 journal.append(recovered.lines)
             resumption = Resumption(recovered.kernel, recovered.inputs, recovered.timers, "its engine had gone")
         engine = self.engine = Engine(
-            prepared.scenario, robot, clock, prepared.seed, journal=journal, resumption=resumption
+            prepared.scenario,
+            robot,
+            clock,
+            prepared.seed,
+            participant=prepared.order.participant,
+            condition=prepared.order.condition,
+            journal=journal,
+            resumption=resumption,
         )
         view = recovered.view if recovered is not None else None
         room = Room(engine, str(prepared.folder), view=view, end=self.end)

@@ -8,6 +8,7 @@ an engine sends to somebody who attaches late.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from typing import Any
 
 from msgspec import Struct, field
@@ -18,13 +19,16 @@ from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
     ControlRecord,
+    CueRecord,
     EventRecord,
     MemoryRecord,
+    MistakeRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
     StopRecord,
     TaskRecord,
+    TimingRecord,
 )
 
 TASK_LOG = 100_000
@@ -60,6 +64,12 @@ class TaskView(Struct, gc=False):
     ref: str | None = None
     actions: dict[str, ActionView] = field(default_factory=dict)
     """For a CRA, by actionID, in the order in which they started."""
+    mark: str = ""
+    """What a wizard says was wrong about it: wrong, late, early or double."""
+    cue_at: float | None = None
+    """Once an act has ended: the cue that it answers, the key for it, and when the robot had taken its first action."""
+    key_at: float | None = None
+    robot_at: float | None = None
 
 
 class ActView(Struct):
@@ -72,6 +82,8 @@ class ActView(Struct):
     """Its last task that ended (also a rejected one)."""
     runs: int = 0
     """How often it succeeded; `typical` is the mean of those durations."""
+    latest: int = 0
+    """The id of the task that asked for it last, and was not rejected."""
     typical: float | None = None
 
 
@@ -103,6 +115,17 @@ class MemoryView(Struct):
     changed: float
 
 
+class CueView(Struct):
+    """The participant's last cue."""
+
+    t: float
+    source: str
+    filled: float | None = None
+    """When the latest filler after it started."""
+    answered: float | None = None
+    """When the first act after it started that was no filler."""
+
+
 class StopView(Struct):
     status: str = "released"
     since: float = 0.0
@@ -131,6 +154,7 @@ class View(Struct):
     """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
     stop: StopView = field(default_factory=StopView)
+    cue: CueView | None = None
     acts: dict[str, ActView] = field(default_factory=dict)
     rules: dict[str, RuleView] = field(default_factory=dict)
     memory: dict[str, MemoryView] = field(default_factory=dict)
@@ -165,6 +189,14 @@ class View(Struct):
                 self.stop = StopView(
                     record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
                 )
+            case CueRecord():
+                self._cue(record)
+            case MistakeRecord():
+                if (marked := self.tasks.get(record.task)) is not None:
+                    marked.mark = "" if record.mark == "none" else record.mark
+            case TimingRecord():
+                if (timed := self.tasks.get(record.task)) is not None:
+                    timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
             case ControlRecord(status="asked"):
                 self.asked = record.by
             case ControlRecord():
@@ -181,6 +213,19 @@ class View(Struct):
         """The running rules, top of the stack first."""
         running = [(rule.priority, rule.entered, name) for name, rule in self.rules.items() if rule.running]
         return [name for _, _, name in sorted(running, reverse=True)]
+
+    def last_of(self, acts: Iterable[str]) -> str | None:
+        """The one of these acts that was asked for last; None when none was."""
+        latest = max(((self.acts[name].latest, name) for name in acts if name in self.acts), default=(0, None))
+        return latest[1] if latest[0] else None
+
+    def _cue(self, record: CueRecord) -> None:
+        if record.status == "marked":
+            self.cue = CueView(record.t, record.source)
+        elif self.cue is not None and record.status == "answered":
+            self.cue.answered = record.t
+        elif self.cue is not None:
+            self.cue.filled = record.t
 
     def _task(self, record: TaskRecord) -> None:
         task = self.tasks.get(record.id)
@@ -204,13 +249,14 @@ class View(Struct):
             task.started = record.t
         elif record.status in FINAL:
             task.ended = record.t
-        if record.function == "startCommunicationRobotAct":
+        if record.function in ("startCommunicationRobotAct", "say"):
             self._act_task(record, task)
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
             self.rules.setdefault(record.behavior, RuleView()).task = record.id
 
     def _act_task(self, record: TaskRecord, task: TaskView) -> None:
-        act = self.acts.setdefault(record.behavior, ActView())
+        spoken = record.function == "say"  # free speech is no act of the scenario, and has no typical duration
+        act = ActView() if spoken else self.acts.setdefault(record.behavior, ActView())
         for ids in (self.waiting, self.running, act.waiting, act.running):
             if record.id in ids:
                 ids.remove(record.id)
@@ -218,6 +264,7 @@ class View(Struct):
             position = len(self.waiting) if record.position is None else record.position
             self.waiting.insert(position, record.id)
             act.waiting.append(record.id)
+            act.latest = max(act.latest, record.id)
         elif record.status == "ACTIVE":
             self.running.append(record.id)
             act.running.append(record.id)

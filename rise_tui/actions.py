@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
 from textual.binding import Binding
 
-from rise_tui.store import Store
+from rise_engine.scenario.fillers import fillers
+from rise_engine.scenario.keys import PUNCTUATION
+from rise_tui.model.store import Store
 
 Place: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
 """Where an action's keys work: on every screen, on the console, or while that pane has the focus."""
@@ -26,17 +28,16 @@ PLACES: tuple[tuple[Place, str], ...] = (
 )
 
 KEY_LABELS = {
-    "question_mark": "?",
-    "slash": "/",
-    "colon": ":",
+    **{name: character for character, name in PUNCTUATION.items()},
     "delete": "del",
     "insert": "ins",
     "escape": "esc",
     "backspace": "bksp",
+    "shift+tab": "⇧tab",
     "shift+up": "⇧↑",
     "shift+down": "⇧↓",
-    "full_stop": ".",
-    "comma": ",",
+    "left": "←",
+    "right": "→",
     "space": "space",
 }
 
@@ -69,11 +70,38 @@ class Action(Struct, frozen=True):
 
     @property
     def key_label(self) -> str:
-        return key_label(self.keys[0]) if self.keys else ""
+        """The key to show where there is room for one."""
+        keys = keys_of(self)
+        return key_label(keys[0]) if keys else ""
 
     @property
     def all_keys(self) -> str:
-        return "  ".join(key_label(key) for key in self.keys)
+        return "  ".join(key_label(key) for key in keys_of(self))
+
+
+_own_keys: dict[str, tuple[str, ...]] = {}
+
+
+def use_keys(own: Mapping[str, tuple[str, ...]]) -> None:
+    """From now on the user's own keys are shown for these actions; the app binds them (`App.set_keymap`)."""
+    _own_keys.clear()
+    _own_keys.update(own)
+
+
+def keys_of(action: Action) -> tuple[str, ...]:
+    """The keys that an action has for this user; whatever shows a key asks here."""
+    return _own_keys.get(action.id, action.keys)
+
+
+def key_for(id: str) -> str:
+    """The key of an action as it is printed, for sentences: `F9`; `:` and its title when it has none."""
+    return BY_ID[id].key_label or f": {BY_ID[id].title}"
+
+
+def key_in_words(id: str) -> str:
+    """The same for a sentence that tells what to press: `ctrl+x`, `F9`."""
+    keys = keys_of(BY_ID[id])
+    return keys[0] if keys and keys[0].startswith("ctrl+") else key_for(id)
 
 
 def key_label(key: str) -> str:
@@ -107,12 +135,39 @@ def _live(store: Store) -> str:
     return store.cannot_start()
 
 
+def _own_console(store: Store) -> str:
+    """What concerns this console alone, and would mean nothing where no key ever starts anything."""
+    return (store.gone and store.unavailable()) or ("this is a replay" if store.hello.replay else "")
+
+
+def _sayable(store: Store) -> str:
+    from rise_engine.kernel.speech import cannot_speak  # not needed to begin
+
+    return store.cannot_act() or cannot_speak(store.scenario)
+
+
+def _fillable(store: Store) -> str:
+    return store.cannot_start() or ("" if fillers(store.scenario) else "this scenario has no filler")
+
+
+def _markable(store: Store) -> str:
+    return store.cannot_tell() or ("" if store.view.tasks else "nothing has been started yet")
+
+
 def _releasable(store: Store) -> str:
     return store.cannot_act() or ("" if store.state == "STOPPED" else "nothing is stopped")
 
 
 def _some(what: str, found: Callable[[Store], object]) -> Callable[[Store], str]:
     return lambda store: store.cannot_act() or ("" if found(store) else what)
+
+
+def _start_values(store: Store) -> str:
+    return store.cannot_act() or ("" if store.scenario.folder else "this session's scenario has no folder")
+
+
+def _logged(store: Store) -> str:
+    return "" if store.log else "there is no task yet"
 
 
 _memory = _some("the memory is empty", lambda store: store.view.memory)
@@ -127,6 +182,25 @@ ACTIONS: tuple[Action, ...] = (
            "STOP", _stoppable),
     Action("quit", "Leave", ("ctrl+c",), "everywhere",
            "Asks first: detach, and the session goes on without this console; or end it, and the robot is stopped."),
+    Action("cue", "Mark the participant's cue", ("space",), "console",
+           "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
+           "cue", _acting),
+    Action("filler", "Say the next filler", ("comma",), "console",
+           "Starts the next of the scenario's fillers, in turn, to bridge the time until you have an answer.",
+           "filler", _fillable),
+    Action("say", "Say something", ("ctrl+t",), "console",
+           "A line in which you type what the robot says; it is shown as it will be said before it is. Enter queues "
+           "it.",
+           "say", _sayable),
+    Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
+           "Marks the last act as wrong, late, early or double. It changes nothing but the record.",
+           "mistake", _markable),
+    Action("safe", "LIVE or SAFE", ("ctrl+x",), "console",
+           "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
+           "safe", _own_console),
+    Action("lock", "Lock the keys", ("ctrl+n",), "everywhere",
+           "LOCKED: every key is ignored but stopping, leaving and this one. Again: SAFE.",
+           "lock", _own_console),
     Action("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
            "Who of several consoles may act: take control, ask for it, give it to who asks, or release it.",
            "control", _controllable),
@@ -140,7 +214,11 @@ ACTIONS: tuple[Action, ...] = (
     Action("lists", "Acts / rules", ("f2", "ctrl+l"), "console",
            "Goes to the list of acts; pressed again, to the list of rules.", "lists"),
     Action("next-pane", "Next pane", ("f3", "tab"), "console",
-           "Goes through memory, act, rule, scheduler and log.", "pane"),
+           "Goes through rule, act, memory, log and scheduler.", "pane"),
+    Action("previous-pane", "Previous pane", ("shift+tab",), "console",
+           "Goes through the panes the other way round."),
+    Action("jump", "Jump", ("ctrl+d",), "console",
+           "Shows a letter on every list, pane and tab; that letter goes there.", "jump"),
     Action("zoom", "Zoom", ("f4", "ctrl+j"), "console",
            "Gives the focused list or pane the whole screen; again: back.", "zoom"),
     Action("filter", "Filter", ("slash",), "console",
@@ -150,7 +228,12 @@ ACTIONS: tuple[Action, ...] = (
     Action("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
            "release", _releasable),
-    Action("theme", "Next theme", (), "console", "Dark, light, high contrast."),
+    Action("theme", "Choose a theme", (), "console",
+           "Shows each theme while you move over it; esc keeps the one you had."),
+    Action("tour", "Tour of the console", (), "console",
+           "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
+    Action("redraw", "Paint the screen anew", (), "console",
+           "When something else has written over the console, or the terminal has lost a part of it."),
     Action("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _live),
     Action("acts.stop", "Stop the act", ("delete", "backspace"), "acts",
            "Stops the selected act, running or waiting.", "stop", _acts),
@@ -163,7 +246,16 @@ ACTIONS: tuple[Action, ...] = (
     Action("memory.add", "Add a key", ("insert",), "memory",
            "Adds a key; right after a deletion it offers what was deleted.", "add", _acting),
     Action("memory.delete", "Delete the key", ("delete", "backspace"), "memory",
-           "Deletes the selected key; `add` brings it back.", "delete", _memory),
+           "Deletes the selected key, or the selected part of a value; undo brings it back.", "delete", _memory),
+    Action("memory.undo", "Undo the last change", ("ctrl+u",), "memory",
+           "Takes back the last change of the memory by this console, then the one before it. When somebody else has "
+           "changed the value since, it asks first.", "undo", _some("nothing to undo", lambda store: store.changes)),
+    Action("memory.unfold", "Unfold, or show in full", ("right",), "memory",
+           "Shows the parts of an object or an array as rows of their own; any other value in full.", "unfold"),
+    Action("memory.fold", "Fold", ("left",), "memory", "Puts the parts of an object or an array away again."),
+    Action("memory.save", "Save as start values", (), "memory",
+           "Writes the memory as it is now into the scenario's memory file, after asking. Later sessions begin with "
+           "it.", "", _start_values),
     Action("rule.raise", "Raise the event", ("enter",), "rule",
            "Raises the event that the selected transition waits for.", "raise event", _live),
     Action("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
@@ -172,8 +264,24 @@ ACTIONS: tuple[Action, ...] = (
            "Moves the selected waiting task one place towards the front.", "earlier", _waiting),
     Action("scheduler.later", "Move the task later", ("shift+down",), "scheduler",
            "Moves the selected waiting task one place towards the end.", "later", _waiting),
+    Action("scheduler.front", "Move the task to the front", ("left",), "scheduler",
+           "Moves the selected waiting task before all others; it starts next.", "to front", _waiting),
+    Action("scheduler.details", "Everything about the task", ("enter",), "scheduler",
+           "Times, source, parameters and outcome of the selected task.", "details"),
+    Action("log.details", "Everything about the task", ("enter",), "log",
+           "Times, source, parameters and outcome of the selected task; letters there copy, save and go to a time.",
+           "details", _logged),
     Action("log.follow", "Follow the newest task", ("end",), "log",
            "Goes to the end and stays there. Scrolling up pauses; the title counts what is new.", "follow"),
+    Action("log.time", "Go to a time", (), "log",
+           "Goes to the row nearest to a time of the session: 14:32, -30s (before now), now.", "", _logged),
+    Action("log.copy", "Copy the row", (), "log",
+           "Puts the selected row on the clipboard of your terminal, also through SSH.", "", _logged),
+    Action("log.copy-all", "Copy all rows shown", (), "log",
+           "Puts the rows that the filter leaves, or all, on the clipboard of your terminal, as a table.", "", _logged),
+    Action("log.save", "Save the rows shown", (), "log",
+           "Writes the rows that the filter leaves, or all, to a file: a table (.tsv) or JSON lines (.jsonl).", "",
+           _logged),
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}
@@ -186,7 +294,15 @@ def at(place: Place) -> Iterator[Action]:
 def bindings(place: Place) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
     """The key bindings of one place, as Textual takes them; each has its action's id, so that it can be remapped."""
     return [
-        Binding(",".join(action.keys), f"do('{action.id}')", action.title, id=action.id, priority=place == "everywhere")
+        Binding(_bound(action), f"do('{action.id}')", action.title, id=action.id, priority=place == "everywhere")
         for action in at(place)
-        if action.keys
     ]
+
+
+def no_key(id: str) -> str:
+    """Stands for no key: Textual remaps only what is bound, and an action without a usual key can be given one."""
+    return f"no-key-of-{id}"
+
+
+def _bound(action: Action) -> str:
+    return ",".join(action.keys) or no_key(action.id)

@@ -13,19 +13,24 @@ from types import FrameType
 from typing import Any, Literal
 
 from textual import events, on
+from textual.screen import Screen
 
 from rise_engine.link.client import Client, EngineGone
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study import condition_problem
 from rise_tui import themes
-from rise_tui.actions import bindings
-from rise_tui.choose import tilde
-from rise_tui.launch import Launcher, settings_of
-from rise_tui.notice import Notice
-from rise_tui.quiet import KeyWatch, click_driver, outlet_of
+from rise_tui.actions import bindings, use_keys
+from rise_tui.model.notice import Notice
+from rise_tui.quiet import EmptyScreen, KeyWatch, click_driver, outlet_of
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.screens.dialog import Answer, Dialog
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.finding import offer_tour
 from rise_tui.session import Session
-from rise_tui.settings import Settings
+from rise_tui.start import leaving
+from rise_tui.start.keeper import PERIOD, Keeper, write
+from rise_tui.start.keymap import KeyFile, for_textual, refusal
+from rise_tui.start.launch import Launcher, settings_of
+from rise_tui.start.settings import Settings
 
 END_SECONDS = 13.0
 """How long the engine may take before the console leaves without it: 6 s for the robot to stop, 5 s for the disk."""
@@ -42,13 +47,7 @@ class ConsoleApp(KeyWatch):
     ENABLE_COMMAND_PALETTE = False  # ours is an action of the registry
     ALLOW_SELECT = False
     BINDINGS = bindings("everywhere")
-    CSS = """
-    CommandPalette { background: transparent; }
-    CommandPalette > Vertical { margin-top: 4; background: $panel; }
-    CommandPalette #--input { border: none; background: $panel; }
-    CommandPalette #--input Label { margin: 0 0 0 1; }
-    CommandPalette CommandInput, CommandPalette CommandInput:focus { height: 1; border: none; background: $panel; }
-    """
+    CSS = themes.CSS
 
     def __init__(
         self,
@@ -60,10 +59,12 @@ class ConsoleApp(KeyWatch):
         launcher: Launcher,
         client: Client | None = None,
         told: str = "",
+        keys: KeyFile | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         """Either with a `client` of a session that runs, or with what the launcher is to start.
 
-        `told`: what there is to say about the session to begin with.
+        `told`: what there is to say about the session to begin with. Without a `keeper` nothing is restored or kept.
         """
         super().__init__(driver_class=click_driver())
         self.animation_level = "none"
@@ -73,12 +74,18 @@ class ConsoleApp(KeyWatch):
         self._launcher = launcher
         self._scenario, self._settings, self._wizard = scenario, settings, wizard
         self._client, self._told = client, told
+        self._keys, self._keeper = keys or KeyFile(), keeper
+        use_keys(self._keys.own)
+        self.set_keymap(for_textual(self._keys))
         self._session: Session | None = None
         self._ending = False
         self._signal: signal.Signals | None = None
         self._handlers: dict[signal.Signals, Any] = {}
         self.last_words = ""
         """What the terminal should show after the console has gone."""
+
+    def get_default_screen(self) -> Screen[Any]:
+        return EmptyScreen(id="_default")
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         return themes.DARK.variables
@@ -94,6 +101,7 @@ class ConsoleApp(KeyWatch):
                 self._handlers[number] = signal.signal(number, arrived)
         if (outlet := outlet_of(self)) is not None:
             outlet.lost = lambda: self._signal_arrived(loop, signal.SIGHUP)
+        self.set_interval(PERIOD, self._keep)
         if self._client is not None:
             await self._enter(self._client)
         elif self._scenario is not None and self._settings is not None:
@@ -133,14 +141,38 @@ class ConsoleApp(KeyWatch):
         except (EngineGone, ValueError) as error:
             self._not_begun(error)
             return
+        if clashes := self._keys.clashes(session.store.scenario.keys):
+            await session.leave(end_session=False)
+            self.last_words = "\n".join((*map(str, clashes), refusal(self._keys.path)))
+            self.exit(return_code=2)
+            return
         self._session = session
         if self._settings is None:
             self._settings = settings_of(session.store.hello)
-        await self.push_screen(ConsoleScreen(session))
+        screen = ConsoleScreen(session)
+        await self.push_screen(screen)
         self.call_after_refresh(_collect_again)
-        if self._told:
-            session.tell(Notice(self._told, "wait"))
+        told = self._keeper.restore(screen, themes.short_name(self.theme)) if self._keeper is not None else ""
+        if told or self._told:
+            session.tell(Notice(self._told or told, "wait"))
             self._told = ""
+        if self._keeper is not None and self._keeper.tour_is_due:
+            self.call_after_refresh(offer_tour, screen, self._tour_seen)
+
+    def _tour_seen(self) -> None:
+        if self._keeper is not None:
+            self.run_worker(asyncio.to_thread(write, self._keeper.tour_seen()), group="keep")
+
+    def _keep(self, *, at_once: bool = False) -> None:
+        """What has changed on the screen is written, beside the loop: a disk may be slow."""
+        console = self.console_screen
+        if self._keeper is None or console is None:
+            return
+        if changed := self._keeper.look(console, themes.short_name(self.theme)):
+            if at_once:
+                write(changed)
+            else:
+                self.run_worker(asyncio.to_thread(write, changed), group="keep")
 
     def _not_begun(self, error: Exception) -> None:
         self.last_words = f"the session could not {'start' if self._client is None else 'be reached'}: {error}"
@@ -162,6 +194,12 @@ class ConsoleApp(KeyWatch):
     async def _restart(self, scenario: Scenario, settings: Settings) -> None:
         """End the running session, and only when that is certain start another one."""
         if self._session is None or not self._may_end(self._session):
+            return
+        if clashes := self._keys.clashes(scenario.keys):
+            self._session.tell(Notice(f"the session goes on, because of your key file: {clashes[0]}", "fault"))
+            return
+        if problem := condition_problem(scenario, settings.condition):
+            self._session.tell(Notice(f"the session goes on: {problem}", "fault"))
             return
         closed = await self._close(self._session, end=True)
         if closed != "done":
@@ -193,14 +231,22 @@ class ConsoleApp(KeyWatch):
 
     # --- keys and actions that work everywhere ----------------------------------------------------------------------
 
-    def key_arrived(self, event: events.Key) -> None:
+    def key_arrived(self, event: events.Key, together: bool | None) -> None:
         if (console := self.console_screen) is not None:
-            console.key_seen(event)
+            console.keyboard.seen(event, together)
+
+    def passes(self, event: events.Event) -> bool:
+        return (console := self.console_screen) is None or console.keyboard.passes(event)
+
+    def takes(self, event: events.Key) -> bool:
+        return (console := self.console_screen) is not None and console.keyboard.takes(event)
 
     def action_do(self, action: str) -> None:
         console = self.console_screen
         if action == "stop" and console is not None:
             console.stop_all()
+        elif action == "lock" and console is not None:
+            console.action_do(action)
         elif action == "quit":
             self.run_worker(self.action_quit())
 
@@ -211,7 +257,7 @@ class ConsoleApp(KeyWatch):
         if session is None or session.store.gone or session.store.hello.replay:
             await self._leave(0)
             return
-        dialog = self._leaving(session)
+        dialog = leaving.question(session.store, outlives=self._launcher.outlives)
         dialog.add_class("-quit")
 
         def answered(key: str | None) -> None:
@@ -219,26 +265,6 @@ class ConsoleApp(KeyWatch):
                 self.run_worker(self._leave(0, end=key == "e"))
 
         self.push_screen(dialog, answered)
-
-    def _leaving(self, session: Session) -> Dialog:
-        """What can be done when leaving: a session can be ended only by who has control."""
-        store = session.store
-        why_not = store.cannot_act()
-        if not self._launcher.outlives:  # an engine in this process ends with it
-            said = ["The robot is stopped and the session ends. It cannot be continued."]
-            return Dialog("End the session?", said, Answer("e", "End"), no="Stay")
-        detach = ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
-        if why_not:
-            said = [*detach, f"Ending the session needs control: {why_not}."]
-            return Dialog("Leave?", said, Answer("d", "Detach"), no="Stay", first="d")
-        said = [*detach, "End     the robot is stopped; it cannot be continued."]
-        return Dialog("Leave?", said, Answer("d", "Detach"), Answer("e", "End the session"), no="Stay", first="d")
-
-    @on(ConsoleScreen.ThemeAsked)
-    def _next_theme(self) -> None:
-        names = [theme.name for theme in themes.THEMES]
-        at = names.index(self.theme) if self.theme in names else -1
-        self.theme = names[(at + 1) % len(names)]
 
     # --- the end ------------------------------------------------------------------------------------------------------
 
@@ -274,24 +300,11 @@ class ConsoleApp(KeyWatch):
             if closed == "refused":
                 self._ending = False
                 return
-            self.last_words = self._parting(self._session, end=end, in_time=closed == "done", by=by)
+            self.last_words = leaving.last_words(
+                self._session.store, end=end, in_time=closed == "done", patience=END_SECONDS, by=by
+            )
+        self._keep(at_once=True)
         self.exit(return_code=code)
-
-    def _parting(self, session: Session, *, end: bool, in_time: bool, by: str) -> str:
-        """What became of the session, in one line."""
-        store = session.store
-        if store.hello.replay:
-            return ""
-        title, lead = store.scenario.title, f"{by}: " if by else ""
-        if store.gone and not store.over:
-            again = f"rise-tui --config {tilde(store.scenario.folder)}"
-            return f"{lead}the engine has gone; to recover the session: {again}"
-        if end and not in_time:
-            return f"{lead}{title} did not end within {END_SECONDS:g} s: look at the robot; rise-tui shows what runs"
-        if end or store.over:
-            kept = store.hello.folder
-            return f"{lead}ended: the record is in {tilde(kept)}" if kept else f"{lead}ended: {title}"
-        return f"{lead}detached: {title} goes on; come back with: rise-tui"
 
 
 def _collect_again() -> None:

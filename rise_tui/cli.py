@@ -1,27 +1,24 @@
-"""`rise-tui`: find or start a session, and open a console on it."""
+"""`rise-tui`: the command line. What is asked for is done by `starting` and by the modules of the subcommands."""
 
 from __future__ import annotations
 
 import gc
-import os
 import sys
-from contextlib import suppress
 from getpass import getuser
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
+
+from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
+from rise_tui.start.starting import Asked, start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rise_engine.bridge import Transport
-    from rise_engine.link.client import Client, Role
-    from rise_tui.launch import Launcher
-    from rise_tui.settings import Settings
-
-REFUSED, USAGE = 1, 2
-"""Exit statuses."""
+THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
+"""Those of `rise_tui.themes`, which is not imported before a session is on its way."""
+WEB_PORT = 8321
 
 
 def _wizard() -> str:
@@ -31,25 +28,7 @@ def _wizard() -> str:
         return "wizard"
 
 
-class _Terminal:
-    """Implements `rise_tui.choose.Terminal` on the plain terminal."""
-
-    @property
-    def interactive(self) -> bool:
-        return sys.stdin.isatty() and sys.stdout.isatty()
-
-    def say(self, line: str) -> None:
-        click.echo(line)
-
-    def ask(self, question: str) -> str | None:
-        try:
-            return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
-        except click.Abort:
-            click.echo("")
-            return None
-
-
-class _Program(click.Command):
+class _Program(click.Group):
     """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
@@ -59,10 +38,20 @@ class _Program(click.Command):
         return super().main(ours, *rest, obj=theirs, **more)
 
 
-@click.command(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
+_KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")
+
+
+@click.group(
+    cls=_Program,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    subcommand_metavar="[COMMAND]",
+)
 @click.option("--config", "folder", metavar="DIR", help="The scenario: a folder, or its scenario.toml.")
 @click.option("--robot", metavar="NAME", help="Another robot than the scenario names.")
 @click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
+@click.option("--participant", metavar="ID", help="Who takes part; stands in the record.")
+@click.option("--condition", metavar="NAME", help="The session's condition; one of the study's, if it lists any.")
 @click.option(
     "--ros",
     type=click.Choice(["auto", "rclpy", "dds", "off"]),
@@ -71,26 +60,40 @@ class _Program(click.Command):
 @click.option("--seed", type=click.IntRange(min=0), help="Of the session's chance; without it, a new one each time.")
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one.")
+@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name.")
 @click.option("--observe", is_flag=True, help="Only watch: stop everything and add notes, but never take control.")
 @click.option("--wizard", metavar="NAME", default=_wizard, help="Who sits at the console; stands in every record.")
-@click.option("--theme", type=click.Choice(["dark", "light", "contrast"]), default="dark", show_default=True)
 @click.option("--replay", "replay", metavar="SESSION", help="Watch a recorded session: its folder, or its name.")
 @click.option("--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Of a replay; 2 is twice as fast.")
+@click.option("--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark.")
+@click.option(
+    "--colors",
+    type=click.Choice(["auto", "truecolor", "256", "16", "mono"]),
+    default="auto",
+    show_default=True,
+    help="What the terminal can show; auto: what it says of itself.",
+)
+@click.option("--mouse", type=click.Choice(["on", "off"]), default="on", show_default=True)
+@click.option(
+    "--fps",
+    type=click.IntRange(1, MOST_FRAMES),
+    default=USUAL_FRAMES,
+    show_default=True,
+    help="How many times a second the screen is painted at most; fewer for a slow link.",
+)
+@_KEYS
+@click.option("--fresh", is_flag=True, help="Do not restore layout, filters and theme of the last time.")
+@click.option(
+    "--web",
+    type=click.IntRange(0, 65535),
+    is_flag=False,
+    flag_value=WEB_PORT,
+    metavar="[PORT]",
+    help=f"Show a running session in browsers on this machine; without a port, {WEB_PORT}.",
+)
 @click.version_option(package_name="rise-tui")
-def main(
-    folder: str | None,
-    robot: str | None,
-    mode: str | None,
-    ros: Transport | None,
-    seed: int | None,
-    new: bool,
-    recover: bool,
-    observe: bool,
-    wizard: str,
-    theme: str,
-    replay: str | None,
-    speed: float,
-) -> None:
+@click.pass_context
+def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:
     """Run a study from this terminal.
 
     With --config a session of that scenario starts in the background, or the one that runs is attached to. Without, the
@@ -98,182 +101,96 @@ def main(
 
     F9 or ctrl+g stops everything, on every screen. ? shows all keys. ctrl+c leaves.
     """
-    from rise_engine.bridge import Wire
-    from rise_tui.settings import NothingChosenError, Settings
-
+    if context.invoked_subcommand is not None:
+        _check_alone(context)
+        return
     gc.disable()  # until the console is painted: nothing of what starting makes is garbage
-    _check_usage(folder, robot, mode, ros, seed, new, recover, replay, speed)
-    who: str = wizard.strip() or "wizard"
-    role: Role = "observer" if observe else "wizard"
-    try:
-        if replay is not None:
-            _replay(replay, speed, theme)
-        elif folder is None:
-            _attach(who, role, theme)
-        else:
-            settings = Settings(folder, robot, mode, wire=Wire(ros or "auto", click.get_current_context().obj or ()))
-            _run(settings, seed, "new" if new else "recover" if recover else "ask", who, role, theme)
-    except NothingChosenError as nothing:
-        for line in nothing.lines:
-            click.echo(line, err=True)
-        sys.exit(nothing.code)
+    given["wizard"] = given["wizard"].strip() or "wizard"
+    display = Display(theme or "", colors, mouse == "on", fps)
+    asked = Asked(display=display, ros_args=tuple(context.obj or ()), **given)
+    _check_usage(asked)
+    start(asked)
 
 
-def _check_usage(
-    folder: str | None,
-    robot: str | None,
-    mode: str | None,
-    ros: str | None,
-    seed: int | None,
-    new: bool,
-    recover: bool,
-    replay: str | None,
-    speed: float,
-) -> None:
+def _check_alone(context: click.Context) -> None:
+    """An option before a subcommand would be lost without a word."""
+    given = [
+        option.opts[0]
+        for option in context.command.params
+        if option.name and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+    ]
+    if given:
+        raise click.UsageError(f"{', '.join(given)} cannot stand before `{context.invoked_subcommand}`")
+
+
+def _check_usage(asked: Asked) -> None:
     starting = {
-        "--robot": robot,
-        "--mode": mode,
-        "--ros": ros,
-        "--seed": seed,
-        "--new": new or None,
-        "--recover": recover or None,
+        "--robot": asked.robot,
+        "--mode": asked.mode,
+        "--ros": asked.ros,
+        "--seed": asked.seed,
+        "--participant": asked.participant,
+        "--condition": asked.condition,
+        "--new": asked.new or None,
+        "--recover": asked.recover or None,
     }
     given = [name for name, value in starting.items() if value is not None]
-    if folder is None and given:
+    if given and asked.web is not None:
+        raise click.UsageError(f"{', '.join(given)} say how a session starts, and --web starts none")
+    if asked.folder is None and given:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
-    if new and recover:
+    if asked.new and asked.recover:
         raise click.UsageError("say either --new or --recover")
-    if folder is not None and replay is not None:
-        raise click.UsageError("say either --config or --replay")
-    if replay is None and speed != 1.0:
+    which = {"--config": asked.folder, "--session": asked.session, "--replay": asked.replay}
+    named = [name for name, value in which.items() if value is not None]
+    if len(named) > 1:
+        raise click.UsageError(f"say either {' or '.join(named)}")
+    if asked.replay is not None and asked.web is not None:
+        raise click.UsageError("say either --replay or --web: browsers are shown a session that runs")
+    if asked.replay is None and asked.speed != 1.0:
         raise click.UsageError("--speed is for --replay")
+    if asked.display.colors == "mono" and asked.display.theme not in ("", "mono"):
+        raise click.UsageError(f"--colors mono leaves no colours for --theme {asked.display.theme}")
 
 
-def _need_terminal(also: str = "") -> None:
-    if not _Terminal().interactive:
-        click.echo("the console needs a terminal; `rise-engine run` and `rise-engine serve` need none", err=True)
-        if also:
-            click.echo(also, err=True)
-        sys.exit(USAGE)
+@main.command()
+@click.argument("folder", metavar="DIR", required=False)
+@click.option(
+    "--html", metavar="FILE", is_flag=False, flag_value="-", help="A page to print; without a file, on the output."
+)
+@_KEYS
+def keys(folder: str | None, html: str | None, keys: str | None) -> None:
+    """A card with all keys: those of the scenario in DIR, then the console's. To lay beside the keyboard."""
+    from rise_tui.start.keycard import print_card
+
+    sys.exit(print_card(folder, html, keys))
 
 
-def _attach(who: str, role: Role, theme: str) -> None:
-    """To a session that runs already."""
-    from rise_engine.link.places import PlaceError, abouts
-    from rise_tui import choose
+@main.command()
+@_KEYS
+def info(keys: str | None) -> None:
+    """What to send along with a report of a fault: versions, terminal, paths, sessions. Nothing secret is in it."""
+    from rise_tui.start.info import lines
 
-    try:
-        name = choose.session(abouts(), _Terminal())
-    except PlaceError as error:
-        _nothing(str(error))
-    _need_terminal()
-    _open_on(name, None, who, role, theme)
-
-
-def _run(settings: Settings, seed: int | None, recover: str, who: str, role: Role, theme: str) -> None:
-    """A session of a scenario: the one that runs, an earlier one recovered, or a new one."""
-    from rise_engine.link.places import PlaceError, running, session_name
-    from rise_tui.settings import nothing_in, options, scenario_place
-
-    if problem := nothing_in(settings):
-        _refuse([problem], settings.folder)
-    name = session_name(scenario_place(settings))
-    try:
-        if name in running():
-            _join(name, settings, recover, who, role, theme)
-    except PlaceError as error:
-        _nothing(str(error))
-    if role == "observer":
-        _nothing(f"no session of {settings.folder} is running, and --observe starts none")
-    if recover == "ask" and not _Terminal().interactive:
-        from rise_engine.session.folder import unfinished
-        from rise_tui.choose import WITHOUT_TERMINAL
-
-        _need_terminal(WITHOUT_TERMINAL if unfinished(str(Path(scenario_place(settings)).absolute())) else "")
-    _need_terminal()
-
-    from rise_engine.link.spawn import Refused, Starting, start_engine
-
-    wanted = options(settings, seed, recover)
-    starting = Starting(wanted)
-    # Its process takes as long to come up as the console takes to be imported: both at once.
-    _prepare_textual()
-    import rise_tui.app  # noqa: F401
-    from rise_tui.launch_process import RUNNING
-
-    found = starting.wait()
-    if isinstance(found, Refused) and found.unfinished:
-        from msgspec.structs import replace
-
-        from rise_tui import choose
-
-        found = start_engine(replace(wanted, unfinished=choose.recovery(found.unfinished, _Terminal())))
-    if isinstance(found, Refused) and found.code == RUNNING:  # somebody else has just started it
-        _open_on(name, None, who, role, theme)
-    if isinstance(found, Refused):
-        _refuse(found.lines, settings.folder, found.code)
-    _open_on(found.name, settings, who, role, theme, told="; ".join(found.lines))
-
-
-def _join(name: str, settings: Settings, recover: str, who: str, role: Role, theme: str) -> NoReturn:
-    """The session of the scenario that runs already, if it is what was asked for."""
-    from rise_engine.link.places import about
-    from rise_tui import choose
-
-    choose.same(name, about(name), robot=settings.robot, mode=settings.mode, new=recover == "new")
-    _need_terminal()
-    _open_on(name, None, who, role, theme)
-
-
-def _nothing(reason: str) -> NoReturn:
-    from rise_tui.settings import NothingChosenError
-
-    raise NothingChosenError(USAGE, reason)
-
-
-def _prepare_textual() -> None:
-    os.environ.setdefault("TEXTUAL_ANIMATIONS", "none")  # read when Textual is imported
-
-
-def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
-    for line in lines:
+    for line in lines(keys):
         click.echo(line)
-    click.echo(f"{folder} was refused: nothing was started", err=True)
-    sys.exit(code)
 
 
-def _open_on(name: str, settings: Settings | None, who: str, role: Role, theme: str, *, told: str = "") -> NoReturn:
-    from rise_engine.link.socket_client import SocketClient
-    from rise_tui.launch_process import process_launcher
+@main.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completions(shell: str) -> None:
+    """Completion of commands and options with the tab key, for a shell's start-up file.
 
-    _open(SocketClient(name, who, role), settings, process_launcher(who, role), who, theme, told)
+    \b
+    bash  in ~/.bashrc:  eval "$(rise-tui completions bash)"
+    zsh   in ~/.zshrc:   eval "$(rise-tui completions zsh)"
+    fish  once:          rise-tui completions fish > ~/.config/fish/completions/rise-tui.fish
+    """
+    from click.shell_completion import get_completion_class
 
-
-def _replay(session: str, speed: float, theme: str) -> None:
-    from rise_engine.link.replay_client import ReplayClient
-    from rise_engine.session.folder import SessionError
-    from rise_engine.session.reports import find_session
-    from rise_tui.launch_process import process_launcher
-    from rise_tui.settings import expanded
-
-    try:
-        path = find_session(str(expanded(session)))
-    except SessionError as error:
-        _nothing(str(error))
-    _need_terminal()
-    _open(ReplayClient(path, speed), None, process_launcher("wizard", "wizard"), "replay", theme, "")
-
-
-def _open(client: Client, settings: Settings | None, launcher: Launcher, who: str, theme: str, told: str) -> NoReturn:
-    _prepare_textual()
-    from rise_tui.app import ConsoleApp
-
-    app = ConsoleApp(None, settings, wizard=who, theme=theme, launcher=launcher, client=client, told=told)
-    app.run()
-    if app.last_words and not app.terminal_gone:
-        with suppress(OSError):  # it may have gone just now
-            click.echo(app.last_words, err=True)
-    sys.exit(app.return_code or 0)
+    found = get_completion_class(shell)
+    assert found is not None
+    click.echo(found(main, {}, "rise-tui", "_RISE_TUI_COMPLETE").source())
 
 
 if __name__ == "__main__":

@@ -1,79 +1,112 @@
-"""The command palette: every action of the registry, every act and every rule; what cannot be used says why."""
+"""What the palette offers: every action of the registry, themes, acts, rules, and events that are waited for. Pure.
+
+What cannot be used now is there too, with the reason.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from textual.command import DiscoveryHit, Hit, Hits, Provider
-from textual.content import Content
+from rise_tui import themes
+from rise_tui.actions import ACTIONS, PLACES, Place
+from rise_tui.model.explain import ENDINGS
+from rise_tui.model.filtering import BrokenFilter, Filter
+from rise_tui.model.gate import Trigger
+from rise_tui.model.store import Store
 
-from rise_tui.actions import ACTIONS
-from rise_tui.gate import Trigger
-from rise_tui.store import Store
-
-if TYPE_CHECKING:
-    from rise_tui.screens.console import ConsoleScreen
+THEME = "theme"
 
 
 class Command(NamedTuple):
+    """One line of the palette."""
+
     title: str
+    kind: str
+    """What it is, in a word: act, rule, event, theme, or the place of an action."""
     key: str
     help: str
     why_not: str
     run: Callable[[], None]
+    theme: str = ""
+    """Shown while the cursor is on the line."""
 
 
-def commands(store: Store, run: Callable[[str], None], start: Callable[[Trigger], None]) -> Iterator[Command]:
-    """All commands, in the registry's order, then acts, then rules."""
-    for action in ACTIONS:
-        if action.id != "palette":
-            yield Command(
-                action.title, action.key_label, action.help, action.unavailable(store), partial(run, action.id)
-            )
+def commands(
+    store: Store, place: Place | None, run: Callable[[str], None], start: Callable[[Trigger], None]
+) -> Iterator[Command]:
+    """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
+    titles = dict(PLACES)
+    own = [action for action in ACTIONS if action.place == place]
+    rest = [action for action in ACTIONS if action.place != place and action.id != "palette"]
+    for action in own:
+        why = action.unavailable(store)
+        yield Command(action.title, "here", action.key_label, action.help, why, partial(run, action.id))
+    yield from _awaited(store, start)
+    for action in rest:
+        kind = "" if action.place in ("everywhere", "console") else titles[action.place].lower()
+        why = action.unavailable(store)
+        yield Command(action.title, kind, action.key_label, action.help, why, partial(run, action.id))
+    yield from _startable(store, start)
+
+
+def _awaited(store: Store, start: Callable[[Trigger], None]) -> Iterator[Command]:
+    """Events that a running rule waits for and that no act or rule raises itself when it ends."""
+    topics = store.awaited().events
+    own = {name + ending for name in (*store.scenario.acts, *store.scenario.rules) for ending in ENDINGS}
+    why = store.cannot_start()
+    for topic in sorted(topics - own):
+        trigger = Trigger("raiseEventTopic", topic)
+        key = store.key_of(trigger.function, topic)
+        help = "raise this event: a running rule waits for it"
+        yield Command(topic, "event", key.label if key else "", help, why, partial(start, trigger))
+
+
+def _startable(store: Store, start: Callable[[Trigger], None]) -> Iterator[Command]:
     scenario, why = store.scenario, store.cannot_start()
+    due = store.awaited()
     for name in scenario.acts:
         settings = scenario.settings_of(name)
         trigger = Trigger("startCommunicationRobotAct", name, settings.debounce, settings.hold)
-        binding = store.key_of(trigger.function, name)
-        yield Command(f"Act {name}", binding.label if binding else "", "start this act", why, partial(start, trigger))
+        key = store.key_of(trigger.function, name)
+        help = "start this act" + ("; a running rule waits for it" if name in due.acts else "")
+        yield Command(name, "act", key.label if key else "", help, why, partial(start, trigger))
     for name in scenario.rules:
         trigger = Trigger("startInteractionRule", name)
-        binding = store.key_of(trigger.function, name)
-        yield Command(f"Rule {name}", binding.label if binding else "", "start this rule", why, partial(start, trigger))
+        key = store.key_of(trigger.function, name)
+        help = "start this rule" + ("; a running rule waits for it" if name in due.rules else "")
+        yield Command(name, "rule", key.label if key else "", help, why, partial(start, trigger))
 
 
-class ConsoleCommands(Provider):
-    """Textual's palette asks this for its lines."""
-
-    def _commands(self) -> Iterator[Command]:
-        screen: ConsoleScreen = self.screen  # type: ignore[assignment]
-        return commands(screen.session.store, screen.action_do, screen.start)
-
-    def _choose(self, command: Command) -> None:
-        screen: ConsoleScreen = self.screen  # type: ignore[assignment]
-        if command.why_not:
-            screen.say(f"{command.title}: not now, {command.why_not}")
-        else:
-            command.run()
-
-    async def discover(self) -> Hits:
-        for command in self._commands():
-            label = Content.assemble(*_label(Content(command.title), command))
-            yield DiscoveryHit(label, partial(self._choose, command), command.title, _help(command))
-
-    async def search(self, query: str) -> Hits:
-        matcher = self.matcher(query)
-        for command in self._commands():
-            if (score := matcher.match(command.title)) > 0:
-                label = Content.assemble(*_label(matcher.highlight(command.title), command))
-                yield Hit(score, label, partial(self._choose, command), command.title, _help(command))
+def theme_commands(choose: Callable[[str], None]) -> Iterator[Command]:
+    """One line for each theme; moving over it shows it."""
+    for theme in themes.THEMES:
+        name = theme.name.removeprefix("rise-")
+        yield Command(name, THEME, "", "use this theme", "", partial(choose, theme.name), theme.name)
 
 
-def _label(title: Content, command: Command) -> list[Content | tuple[str, str]]:
-    return [title, (f"   {command.key}", "$primary")] if command.key else [title]
+class Hit(NamedTuple):
+    """A command that fits, and where in its title."""
+
+    command: Command
+    places: Sequence[tuple[int, int]] = ()
 
 
-def _help(command: Command) -> str:
-    return f"not now: {command.why_not}" if command.why_not else command.help
+def found(all_of_them: Iterable[Command], typed: str) -> list[Hit]:
+    """What fits to what was typed, the best first; all of them in their order when nothing usable is typed."""
+    try:
+        wanted = Filter(typed)
+        if not wanted:
+            return [Hit(command) for command in all_of_them]
+        ranked: list[tuple[tuple[int, ...], Hit]] = []
+        for command in all_of_them:
+            if wanted.matches(named := f"{command.title}  {command.kind}"):
+                places = [place for place in wanted.places(named) if place[1] <= len(command.title)]
+                start, end = (places[0][0], places[-1][1]) if places else (len(named), len(named))
+                ranked.append(((0, len(places) or 1, end - start, start), Hit(command, places)))
+            elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
+                ranked.append(((1,), Hit(command)))
+        return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]
+    except BrokenFilter:  # half of an expression
+        return [Hit(command) for command in all_of_them]

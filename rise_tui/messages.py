@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual.message import Message
 
-from rise_tui.gate import Trigger
+from rise_tui.model.gate import Trigger
 
 
 class TaskAsked(Message):

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import count
 from time import monotonic
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.link.client import Client, EngineGone, LinkLost, Verb
-from rise_tui.notice import Notice
-from rise_tui.store import EVERYTHING, Sent, Store, Topic, describe
+from rise_engine.link.client import Client, EngineGone, LinkLost, Update, Verb
+from rise_tui.model.deeds import describe
+from rise_tui.model.notice import Notice
+from rise_tui.model.store import EVERYTHING, Sent, Store, Topic
 
 Changed = Callable[[frozenset[Topic] | set[Topic]], None]
 
+PIECE = 16
+"""Records that are taken in between two looks at the clock."""
+SLICE_SECONDS = 0.001
+"""For so long the loop takes records in before it does what else has come."""
 AGAIN_SECONDS = 0.5
 """Between two attempts to attach again after the connection was cut."""
 
@@ -46,7 +51,7 @@ class Session:
         while True:
             try:
                 async for batch in self.client.records():
-                    self.changed(self.store.apply(batch))
+                    await self._take_in(batch)
                 break
             except LinkLost:
                 if self._left or not await self._attach_again():
@@ -60,6 +65,15 @@ class Session:
                 return
         ended = self.store.view.end_reason
         self._gone(ended or "it has ended", over=True)
+
+    async def _take_in(self, batch: Sequence[Update]) -> None:
+        """In pieces: a key must not wait until a console that lay behind has caught up."""
+        began = monotonic()
+        for start in range(0, len(batch), PIECE):
+            if monotonic() - began > SLICE_SECONDS:
+                await asyncio.sleep(0)
+                began = monotonic()
+            self.changed(self.store.apply(batch[start : start + PIECE]))
 
     async def _attach_again(self) -> bool:
         """False when the engine has gone meanwhile."""
@@ -88,8 +102,13 @@ class Session:
             await asyncio.sleep(RECLAIM_SECONDS)
         self.store.reclaims = False
 
-    async def submit(self, function: str, behavior: str = "", calling_type: str = "") -> None:
-        """Ask for a task; what comes of it arrives as records. Never raises: what goes wrong is shown."""
+    async def submit(
+        self, function: str, behavior: str = "", calling_type: str = "", pressed: float | None = None
+    ) -> bool:
+        """Ask for a task; what comes of it arrives as records. Never raises: what goes wrong is shown.
+
+        `pressed`: session time of the key that asks for it. False when it was not taken, or nobody knows.
+        """
         store = self.store
         if reason := store.unavailable():
             if function == "stopAll" and store.cut is not None:
@@ -98,24 +117,27 @@ class Session:
             else:
                 store.notice = Notice(f"{describe(function, behavior)}: not sent, {reason}", "fault")
             self.changed({"notice", "status"})
-            return
+            return False
         ref = f"{store.refs}{next(self._numbers)}"
         store.sent[ref] = Sent(function, behavior, store.now())
         self.changed(EVERYTHING)
-        message = Submit(function=function, behavior=behavior, calling_type=calling_type, source=store.me, ref=ref)
+        message = Submit(
+            function=function, behavior=behavior, calling_type=calling_type, source=store.me, ref=ref, pressed=pressed
+        )
         try:
             reply = await self.client.send(message)
         except LinkLost:
-            return  # it stays `sent` until the pump has attached again and says what is known
+            return False  # it stays `sent` until the pump has attached again and says what is known
         except EngineGone as gone:
             store.sent.pop(ref, None)
             self._gone(str(gone), over=False)
-            return
+            return False
         if not reply.accepted or reply.task in store.view.tasks:
             store.sent.pop(ref, None)
         if not reply.accepted:
             store.notice = Notice(f"{describe(function, behavior)} was rejected: {reply.reason}", "wait")
         self.changed(EVERYTHING)
+        return reply.accepted
 
     async def note(self, text: str) -> bool:
         """Add a remark to the record. False when it was not taken; the reason is shown."""

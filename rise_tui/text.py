@@ -9,10 +9,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len, set_cell_size
 
-Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call"]
+Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
 """What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.
 
-`call` is an amber `alarm`: somebody has to know, and nothing is wrong."""
+`call` is an amber `alarm`: somebody has to know, and nothing is wrong. `match`: a filter found it here."""
 
 Span: TypeAlias = tuple[str, Tone]
 Line: TypeAlias = tuple[Span, ...]
@@ -26,11 +26,20 @@ class Row(NamedTuple):
     id: str
     line: Line
     selectable: bool = True
+    full: str = ""
+    """What a filter looks at, where the line has no room for all of it."""
 
 
 def clean(text: str) -> str:
     """The text without anything that could move the cursor or hide itself: line ends show as `⏎`, others as `·`."""
+    if text.isprintable():  # of everything: this runs for each piece of each row
+        return text
     return _CONTROL.sub(lambda found: "⏎" if found[0] == "\n" else " " if found[0] == "\t" else "·", text)
+
+
+def cells(text: str) -> int:
+    """How many cells a text takes."""
+    return len(text) if text.isascii() else cell_len(text)
 
 
 def fit(text: str, width: int, *, right: bool = False) -> str:
@@ -38,10 +47,11 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
     if width <= 0:
         return ""
     text = clean(text)
-    if cell_len(text) > width:
+    length = cells(text)
+    if length > width:
         head = set_cell_size(text, width - 1).rstrip()
         return head + "…" + " " * (width - 1 - cell_len(head))
-    pad = " " * (width - cell_len(text))
+    pad = " " * (width - length)
     return pad + text if right else text + pad
 
 
@@ -61,12 +71,31 @@ def cell(text: str, width: int, tone: Tone = "plain", *, right: bool = False) ->
 
 
 def width_of(line: Iterable[Span]) -> int:
-    return sum(cell_len(text) for text, _ in line)
+    return sum(cells(text) for text, _ in line)
 
 
 def plain(line: Iterable[Span]) -> str:
     """The characters of a line, for searching and for tests."""
     return "".join(text for text, _ in line)
+
+
+def marked(line: Line, places: Iterable[tuple[int, int]]) -> Line:
+    """The line with the characters of these places, in order, in the tone `match`."""
+    spans: list[Span] = []
+    left = list(places)
+    column = 0
+    for text, tone in line:
+        at = 0
+        while left and left[0][0] < column + len(text):
+            start, end = (min(max(0, edge - column), len(text)) for edge in left[0])
+            spans += [(text[at:start], tone), (text[start:end], "match")]
+            at = end
+            if left[0][1] > column + len(text):
+                break  # it goes on in the next piece
+            del left[0]
+        spans.append((text[at:], tone))
+        column += len(text)
+    return tuple(span for span in spans if span[0])
 
 
 def crop(line: Line, width: int) -> Line:

@@ -1,99 +1,252 @@
-"""The themes. One accent; red only for stop and faults; amber for waiting. Colours stand nowhere else."""
+"""The themes, and all that is theirs alone: colours, and for tones and grounds without colour their attributes.
+
+One accent; red (orange where red and green look alike) only for stop and faults; amber for waiting. What a colour says
+stands in words too, so `mono` loses nothing.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from textual.theme import Theme
 
-DARK = Theme(
-    name="rise-dark",
+ATTRIBUTES: Mapping[str, str] = MappingProxyType(
+    {
+        "strong": "bold",
+        "accent": "bold",
+        "alarm": "bold",
+        "call": "bold",
+        "match": "bold underline",
+        **dict.fromkeys(("plain", "muted", "key", "wait", "fault"), "none"),
+        **dict.fromkeys(("cursor", "cursor-away", "bar", "bar-focused", "selection"), "none"),
+        "chosen": "bold",
+    }
+)
+"""How tones and grounds look besides their colours. A theme variable `rise-<name>-style` changes one of them."""
+
+CSS = """
+TitleBar { text-style: $rise-bar-style; }
+TitleBar.-focused { text-style: $rise-bar-focused-style; }
+Input > .input--selection { text-style: $rise-selection-style; }
+Input > .input--cursor {
+    background: $input-cursor-background; color: $input-cursor-foreground; text-style: $input-cursor-text-style;
+}
+SettingsScreen Button.-chosen { text-style: $rise-chosen-style; }
+"""
+"""What stands on a ground that only some themes have a colour for. (Textual's own cursor for themes on the terminal's
+ground is white on black.)"""
+
+
+def _styles(names: Mapping[str, str]) -> dict[str, str]:
+    return {f"rise-{name}-style": style for name, style in names.items()}
+
+
+def _colored(
+    name: str,
+    *,
+    dark: bool,
+    text: str,
+    muted: str,
+    accent: str,
+    wait: str,
+    fault: str,
+    on_alarm: str,
+    grounds: tuple[str, str, str],
+    cursor: str,
+    cursor_away: str,
+    bar: str,
+    bar_focused: str,
+    scrollbar: str,
+    selection: str,
+) -> Theme:
+    """A theme of RGB colours. `grounds`: of the screen, of what lies on it, and of dialogs."""
+    background, surface, panel = grounds
+    return Theme(
+        name=f"rise-{name}",
+        dark=dark,
+        primary=accent,
+        secondary=accent,
+        accent=accent,
+        foreground=text,
+        background=background,
+        surface=surface,
+        panel=panel,
+        success=text,
+        warning=wait,
+        error=fault,
+        variables={
+            "rise-muted": muted,
+            "rise-cursor": cursor,
+            "rise-cursor-away": cursor_away,
+            "rise-on-alarm": on_alarm,
+            "rise-bar": bar,
+            "rise-bar-focused": bar_focused,
+            "input-cursor-background": accent,
+            "input-selection-background": selection,
+            "scrollbar": scrollbar,
+            "scrollbar-background": background,
+            "scrollbar-background-hover": background,
+            **_styles(ATTRIBUTES),
+        },
+    )
+
+
+DARK = _colored(
+    "dark",
     dark=True,
-    primary="#8ab4f8",
-    secondary="#8ab4f8",
+    text="#d7dce2",
+    muted="#8b95a3",
     accent="#8ab4f8",
-    foreground="#d7dce2",
-    background="#12151a",
-    surface="#181c22",
-    panel="#222831",
-    success="#d7dce2",
-    warning="#e5b567",
-    error="#ff6b6b",
-    variables={
-        "rise-muted": "#8b95a3",
-        "rise-cursor": "#2c3b52",
-        "rise-cursor-away": "#20262f",
-        "rise-on-alarm": "#1a0505",
-        "rise-bar": "#1d232b",
-        "rise-bar-focused": "#27405f",
-        "input-cursor-background": "#8ab4f8",
-        "input-selection-background": "#8ab4f8 35%",
-        "scrollbar": "#39424e",
-        "scrollbar-background": "#12151a",
-        "scrollbar-background-hover": "#12151a",
-    },
+    wait="#e5b567",
+    fault="#ff7d7d",
+    on_alarm="#1a0505",
+    grounds=("#12151a", "#181c22", "#222831"),
+    cursor="#29374d",
+    cursor_away="#20262f",
+    bar="#1d232b",
+    bar_focused="#223852",
+    scrollbar="#39424e",
+    selection="#8ab4f8 35%",
 )
 
-LIGHT = Theme(
-    name="rise-light",
+LIGHT = _colored(
+    "light",
     dark=False,
-    primary="#1b57b0",
-    secondary="#1b57b0",
+    text="#1f242b",
+    muted="#5c6570",
     accent="#1b57b0",
-    foreground="#1f242b",
-    background="#fbfbf9",
-    surface="#f3f3ef",
-    panel="#e8e8e2",
-    success="#1f242b",
-    warning="#8a5200",
-    error="#b3161b",
-    variables={
-        "rise-muted": "#5c6570",
-        "rise-cursor": "#cfe0f7",
-        "rise-cursor-away": "#e6e9ec",
-        "rise-on-alarm": "#ffffff",
-        "rise-bar": "#e9eaea",
-        "rise-bar-focused": "#bcd3f2",
-        "input-cursor-background": "#1b57b0",
-        "input-selection-background": "#1b57b0 30%",
-        "scrollbar": "#b9bfc6",
-        "scrollbar-background": "#fbfbf9",
-        "scrollbar-background-hover": "#fbfbf9",
-    },
+    wait="#7a4900",
+    fault="#b3161b",
+    on_alarm="#ffffff",
+    grounds=("#fbfbf9", "#f3f3ef", "#e8e8e2"),
+    cursor="#cfe0f7",
+    cursor_away="#e6e9ec",
+    bar="#e9eaea",
+    bar_focused="#bcd3f2",
+    scrollbar="#b9bfc6",
+    selection="#1b57b0 30%",
 )
 
-CONTRAST = Theme(
-    name="rise-contrast",
+CONTRAST = _colored(
+    "contrast",
     dark=True,
-    primary="#6cd4ff",
-    secondary="#6cd4ff",
+    text="#ffffff",
+    muted="#c8c8c8",
     accent="#6cd4ff",
-    foreground="#ffffff",
-    background="#000000",
-    surface="#000000",
-    panel="#1a1a1a",
-    success="#ffffff",
-    warning="#ffd24a",
-    error="#ff7d7d",
-    variables={
-        "rise-muted": "#c8c8c8",
-        "rise-cursor": "#003d66",
-        "rise-cursor-away": "#2b2b2b",
-        "rise-on-alarm": "#000000",
-        "rise-bar": "#262626",
-        "rise-bar-focused": "#005a94",
-        "input-cursor-background": "#ffffff",
-        "input-selection-background": "#6cd4ff 45%",
-        "scrollbar": "#8a8a8a",
-        "scrollbar-background": "#000000",
-        "scrollbar-background-hover": "#000000",
-    },
+    wait="#ffd24a",
+    fault="#ff8c8c",
+    on_alarm="#000000",
+    grounds=("#000000", "#000000", "#1a1a1a"),
+    cursor="#003d66",
+    cursor_away="#2b2b2b",
+    bar="#262626",
+    bar_focused="#00436e",
+    scrollbar="#8a8a8a",
+    selection="#6cd4ff 45%",
 )
 
-THEMES = (DARK, LIGHT, CONTRAST)
+COLORBLIND = _colored(
+    "colorblind",
+    dark=True,
+    text="#e4e6e8",
+    muted="#98a0a8",
+    accent="#6fbaf2",
+    wait="#faf29a",
+    fault="#ff8528",
+    on_alarm="#140a00",
+    grounds=("#101418", "#171c21", "#20272e"),
+    cursor="#1f3a55",
+    cursor_away="#1f262d",
+    bar="#1c2229",
+    bar_focused="#163650",
+    scrollbar="#3a444e",
+    selection="#6fbaf2 35%",
+)
+"""Blue, yellow and orange, which look different to everybody: no two of them differ only in red and green."""
+
+
+def _uncolored(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
+    """A theme on the terminal's own ground, whatever that is."""
+    own = "ansi_default"
+    grounds = ("cursor", "cursor-away", "bar", "bar-focused")
+    widgets = (
+        *("surface", "panel", "boost", "ansi-background", "ansi-foreground"),
+        *("border", "border-blurred", "block-cursor-foreground", "block-cursor-background", "foreground-muted"),
+        *("block-cursor-blurred-foreground", "block-cursor-blurred-background", "block-hover-background"),
+        *("input-cursor-background", "input-cursor-foreground", "input-selection-background"),
+        *("input-selection-foreground", "scrollbar", "scrollbar-hover", "scrollbar-active", "scrollbar-background"),
+        *("scrollbar-background-hover", "scrollbar-background-active", "scrollbar-corner-color", "text-muted"),
+        *("button-foreground", "button-color-foreground", "surface-active", "text-disabled", "text"),
+    )
+    return Theme(
+        name=f"rise-{name}",
+        dark=True,
+        ansi=True,
+        warning=wait,
+        error=fault,
+        primary=own,
+        secondary=own,
+        accent=own,
+        foreground=own,
+        background=own,
+        success=own,
+        variables={
+            "rise-muted": own,
+            "rise-on-alarm": on_alarm,
+            **{f"rise-{ground}": own for ground in grounds},
+            **dict.fromkeys(widgets, own),
+            "block-cursor-text-style": "bold reverse",
+            "block-cursor-blurred-text-style": "underline",
+            "input-cursor-text-style": "reverse",
+            "button-focus-text-style": "bold reverse",
+            **_styles({**ATTRIBUTES, **styles}),
+        },
+    )
+
+
+_PLAIN = {
+    "muted": "dim",
+    "key": "bold",
+    "accent": "bold",
+    "cursor": "reverse",
+    "cursor-away": "underline",
+    "bar": "underline",
+    "bar-focused": "bold underline reverse",
+    "selection": "reverse",
+    "chosen": "bold reverse",
+}
+
+MONO = _uncolored(
+    "mono",
+    "ansi_default",
+    "ansi_default",
+    "ansi_default",
+    {**_PLAIN, "wait": "underline", "fault": "bold underline", "alarm": "bold reverse", "call": "bold reverse"},
+)
+"""No colours at all, on the terminal's own ground."""
+
+TERMINAL = _uncolored(
+    "terminal",
+    "ansi_magenta",
+    "ansi_red",
+    "ansi_bright_white",
+    {**_PLAIN, "wait": "bold", "fault": "bold"},
+)
+"""The terminal's own colours, whatever they are. Magenta for waiting: of the sixteen, only it and red can be read on a
+white and on a black ground."""
+
+THEMES = (DARK, LIGHT, CONTRAST, COLORBLIND, MONO, TERMINAL)
 NAMES = tuple(theme.name.removeprefix("rise-") for theme in THEMES)
-"""As the command line has them: dark, light, contrast."""
+"""As the command line has them: dark, light, contrast, colorblind, mono, terminal."""
 DEFAULT = "dark"
 
 
 def full_name(name: str) -> str:
     """The name under which Textual knows a theme of ours."""
     return f"rise-{name}" if name in NAMES else name
+
+
+def short_name(name: str) -> str:
+    """The reverse of `full_name`."""
+    return name.removeprefix("rise-")

@@ -11,6 +11,7 @@ from msgspec import Struct, field
 from rise_engine.kernel.commands import CancelAction, StartAction
 from rise_engine.kernel.core import Core, Task, TimerTarget
 from rise_engine.kernel.records import ActionRecord, ActionStatus
+from rise_engine.kernel.speech import SAY, act_name, act_of
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
 from rise_engine.scenario.model import Act, Action, Call
 from rise_engine.scenario.parameters import call_parameters
@@ -72,7 +73,7 @@ class ActRunner:
 
     def start(self, task: Task) -> None:
         """Run an act for its task, which has just become ACTIVE."""
-        act = self._core.scenario.acts[task.behavior]
+        act = act_of(self._core.scenario, task)
         run = ActRun(
             task,
             {action.id: ActionRun(index, len(action.wait_for)) for index, action in enumerate(act.actions)},
@@ -163,6 +164,8 @@ class ActRunner:
         state = run.actions.get(id) if run is not None else None
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
+        if status in ("accepted", "succeeded") and run.task.robot is None:
+            run.task.robot = self._core.t
         if status == "accepted":
             self._record(run, id, "accepted")
         else:
@@ -257,9 +260,11 @@ class ActRunner:
     # --- small things ---
 
     def _act(self, run: ActRun) -> Act:
-        return self._core.scenario.acts[run.task.behavior]
+        return act_of(self._core.scenario, run.task)
 
     def _successors_of(self, run: ActRun) -> dict[str, list[str]]:
+        if run.task.function == SAY:
+            return {SAY: []}
         name = run.task.behavior
         if name not in self._successors:
             actions = self._act(run).actions
@@ -285,7 +290,7 @@ class ActRunner:
                 core.t,
                 "",
                 run.task.id,
-                run.task.behavior,
+                act_name(run.task),
                 id,
                 state.type,
                 state.parameters,

@@ -51,10 +51,16 @@ class Task(Struct):
     source: str
     ref: str | None = None
     status: TaskStatus = "PENDING"
+    cue: float | None = None
+    """As the fields of `TimingRecord`, from here on; of acts only."""
+    pressed: float | None = None
+    accepted: float = 0.0
+    started: float | None = None
+    robot: float | None = None
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `what`: after, wait, limit, cancel or stop."""
+    """What a timer is for. `what`: after, wait, limit, cancel, stop or filler."""
 
     what: str
     owner: str = ""
@@ -69,12 +75,14 @@ class Core:
     __slots__ = (
         "chance",
         "commands",
+        "cue",
         "env",
         "events",
         "memory",
         "next_task",
         "next_timer",
         "noticed",
+        "pressed",
         "records",
         "scenario",
         "seq",
@@ -102,6 +110,10 @@ class Core:
         self.timers: dict[int, TimerTarget] = {}
         self.noticed: set[str] = set()
         """Keys whose absence has been recorded; it is said once."""
+        self.cue: float | None = None
+        """The participant's cue that has not been answered yet."""
+        self.pressed: float | None = None
+        """When the key was pressed that this step came of."""
         self.memory: dict[str, Any] = {}
         self.env = Env(self.memory, self.chance.fraction, set())
         """What expressions see: the memory, and where they report keys that do not exist."""

@@ -1,4 +1,4 @@
-"""What each function of a DomainTask does (semantics, section 5): the six of RISE and the console's five more.
+"""What each function of a DomainTask does (semantics, section 5): the six of RISE and the console's own.
 
 Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
 """
@@ -13,20 +13,24 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
+from rise_engine.kernel.speech import cannot_speak
 from rise_engine.kernel.stop import StopLatch
+from rise_engine.kernel.wizard import LONGEST_SPEECH, Wizard
 from rise_engine.scenario.model import normal_topic
 
+ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
 STOPPED = "everything is stopped; release the stop first"
 
 
 class Functions:
     """Carries out submitted tasks."""
 
-    def __init__(self, core: Core, scheduler: Scheduler, stop: StopLatch) -> None:
+    def __init__(self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: Wizard) -> None:
         self._core = core
         self._scenario = core.scenario
         self._scheduler = scheduler
         self._stop = stop
+        self._wizard = wizard
         self._rules = RuleMachine(core, self._submit_from_rule)
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
@@ -40,6 +44,10 @@ class Functions:
             "moveTask": self._move_task,
             "stopAll": self._stop_all,
             "releaseStop": self._release,
+            "say": self._say,
+            "markCue": self._mark_cue,
+            "nextFiller": self._next_filler,
+            "markMistake": self._mark_mistake,
         }
 
     @property
@@ -58,8 +66,8 @@ class Functions:
         name = task.behavior
         if name not in self._scenario.acts:
             self._reject(task, f"there is no act {name!r}" + _near(name, self._scenario.acts))
-        elif task.calling_type not in ("", "None", "Blocking"):
-            self._reject(task, f"the calling type is `None` or `Blocking`, not {task.calling_type!r}")
+        elif task.calling_type not in ACT_CALLING_TYPES:
+            self._reject(task, f"the calling type is `None`, `Blocking` or `Interrupt`, not {task.calling_type!r}")
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
@@ -206,6 +214,49 @@ class Functions:
     def _waiting_task(self, number: str) -> Task | None:
         return next((task for task in self._scheduler.waiting if str(task.id) == number), None)
 
+    # --- of the wizard ---
+
+    def _say(self, task: Submit) -> None:
+        text = task.behavior.strip()
+        if not text:
+            self._reject(task, "there is nothing to say")
+        elif len(text) > LONGEST_SPEECH:
+            self._reject(task, f"free speech has at most {LONGEST_SPEECH} characters, and this has {len(text)}")
+        elif task.calling_type not in ("", "Blocking", "Interrupt"):
+            self._reject(task, f"free speech is `Blocking` or `Interrupt`, not {task.calling_type!r}")
+        elif reason := cannot_speak(self._scenario):
+            self._reject(task, reason)
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            calling = task.calling_type or "Blocking"
+            self._scheduler.add(self._core.new_task(task.function, text, calling, task.source, task.ref))
+
+    def _mark_cue(self, task: Submit) -> None:
+        self._done(task)
+        self._wizard.mark_cue(task.source, task.behavior.strip())
+
+    def _next_filler(self, task: Submit) -> None:
+        name = self._wizard.next_filler()
+        if name is None:
+            self._reject(task, "this scenario has no filler: `filler = true` under [act.NAME] makes one")
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            self._settle(task, "SUCCEEDED", name)
+            self.start_filler(name, task.source)
+
+    def start_filler(self, name: str, source: str) -> None:
+        self._start_act(Submit(function="startCommunicationRobotAct", behavior=name, source=source))
+
+    def _mark_mistake(self, task: Submit) -> None:
+        problem = self._wizard.mark_problem(task.behavior)
+        if problem:
+            self._reject(task, problem)
+        else:
+            self._done(task)
+            self._wizard.mark_mistake(task.behavior, task.source)
+
     # --- stop-all ---
 
     def _stop_all(self, task: Submit) -> None:
@@ -213,6 +264,7 @@ class Functions:
         reason = f"stop-all by {task.source}"
         self._done(task)
         self._stop.request(task.source)
+        self._wizard.no_filler()
         self._rules.stop_all(reason)
         self._scheduler.stop_all(reason)
         self._stop.ask_robot()

@@ -23,6 +23,10 @@ TaskFunction: TypeAlias = Literal[
     "moveTask",  # behavior: "<id> <position>", a waiting task's new place, 0 is next
     "stopAll",  # behavior is empty
     "releaseStop",  # behavior is empty
+    "say",  # behavior: the text, as it is to be said
+    "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
+    "nextFiller",  # behavior is empty: the next of the scenario's fillers
+    "markMistake",  # behavior: "<id> <wrong|late|early|double|none>", about a task that started an act
 ]
 
 
@@ -39,11 +43,13 @@ class Submit(Input, frozen=True, tag="submit", kw_only=True, gc=False):
     function: str
     behavior: str = ""
     calling_type: str = ""
-    """`Blocking`, `None`, or empty for the act's own default."""
+    """`Blocking`, `None`, `Interrupt` (acts only), or empty for the act's own default."""
     source: str = "engine"
     """`wizard:<name>`, `rule:<name>`, `ros:<node>`, `file` or `engine`."""
     ref: str | None = None
     """The submitter's own name for it, echoed in the task's records."""
+    pressed: float | None = None
+    """Session time at which a person pressed the key for it, as the console's clock has it; null: nobody did."""
 
 
 class ActionReport(Input, frozen=True, tag="action", kw_only=True, gc=False):
@@ -86,6 +92,8 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     """The first input of a session."""
 
     versions: dict[str, str] = {}
+    participant: str = ""
+    condition: str = ""
 
 
 class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True, gc=False):

@@ -31,6 +31,7 @@ from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, Se
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, restore, take
 from rise_engine.kernel.stop import StopLatch
+from rise_engine.kernel.wizard import Wizard
 from rise_engine.scenario.model import Scenario
 
 _SessionStatus: TypeAlias = Literal["started", "recovered", "ended"]
@@ -42,10 +43,12 @@ class Kernel:
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self.scenario = scenario
         self.seed = seed
+        self.participant = self.condition = ""
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
-        self.scheduler = Scheduler(self.core)
-        self._functions = Functions(self.core, self.scheduler, self.stop)
+        self.wizard = Wizard(self.core)
+        self.scheduler = Scheduler(self.core, self.wizard)
+        self._functions = Functions(self.core, self.scheduler, self.stop, self.wizard)
         self.rules = self._functions.rules
         self._inputs: dict[type, Callable[[Any], None]] = {
             ActionReport: self._action_reported,
@@ -77,9 +80,12 @@ class Kernel:
         commands: list[Command] = []
         core.records, core.commands = records, commands
         if kind is Submit:
+            pressed: float | None = input.pressed  # type: ignore[union-attr]
+            core.pressed = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
             functions = self._functions
             (functions.by_name.get(input.function) or functions.unknown)(input)  # type: ignore[union-attr, arg-type]
         else:
+            core.pressed = None
             self._inputs[kind](input)
         self.rules.settle()
         return records, commands
@@ -110,8 +116,17 @@ class Kernel:
             self.rules.timer_elapsed(input.timer, target)
         elif target.what == "stop":
             self.stop.limit_passed()
+        elif target.what == "filler":
+            self._filler_wanted()
         else:
             self.scheduler.runner.timer_elapsed(target, input.timer)
+
+    def _filler_wanted(self) -> None:
+        """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""
+        self.wizard.state.filler_timer = None
+        name = self.wizard.next_filler()
+        if name is not None and not self.busy and not self.stop.latched:
+            self._functions.start_filler(name, "engine")
 
     def _robot_changed(self, input: RobotChanged) -> None:
         core = self.core
@@ -134,6 +149,7 @@ class Kernel:
         core.records.append(ControlRecord(core.seq, core.t, "", input.status, input.by, input.holder))
 
     def _session_started(self, input: SessionStarted) -> None:
+        self.participant, self.condition = input.participant, input.condition
         self._session("started", input.versions)
         self.rules.memory.begin()
 
@@ -141,6 +157,7 @@ class Kernel:
         """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
         self._session("recovered", input.versions, input.reason)
         self.scheduler.runner.lose_running("the engine was restarted while it ran")
+        self.wizard.no_filler()
         if self.stop.status == "requested":  # its answer went to the engine that has gone
             self.stop.ask_robot()
 
@@ -164,5 +181,7 @@ class Kernel:
                 seed=self.seed,
                 versions=versions,
                 reason=reason,
+                participant=self.participant,
+                condition=self.condition,
             )
         )

@@ -14,6 +14,8 @@ TaskStatus: TypeAlias = Literal["PENDING", "ACTIVE", "SUCCEEDED", "ABORTED", "CA
 ActionStatus: TypeAlias = Literal[
     "started", "accepted", "succeeded", "failed", "canceled", "timed-out", "lost", "skipped"
 ]
+Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
+"""What was wrong about an act of the wizard's; `none`: nothing after all."""
 ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
 """Every action has exactly one record with one of these."""
 FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"})
@@ -40,6 +42,9 @@ class SessionRecord(Record, tag="session", kw_only=True):
     seed: int = 0
     versions: dict[str, str] = field(default_factory=dict)
     reason: str = ""
+    participant: str = ""
+    """Who takes part, as the wizard named them; empty: nobody was named."""
+    condition: str = ""
 
 
 class TaskRecord(Record, tag="task"):
@@ -139,6 +144,49 @@ class NoteRecord(Record, tag="note"):
     source: str
 
 
+class CueRecord(Record, tag="cue"):
+    """The participant's turn has ended; from here the time until the robot answers is counted."""
+
+    status: Literal["marked", "filled", "answered"]
+    """filled: a filler has started; answered: the first other act has, and the cue is over."""
+    source: str
+    """Who marked it; for the other two: who asked for the act."""
+    text: str = ""
+    """What the one who marked it says about it."""
+    task: int | None = None
+    """The act that started."""
+    since: float | None = None
+    """Seconds from the mark until that act started."""
+
+
+class MistakeRecord(Record, tag="mistake"):
+    """A wizard says that an act was a mistake. The last one about a task counts; `none` takes it back."""
+
+    task: int
+    act: str
+    mark: Mark
+    source: str
+
+
+class TimingRecord(Record, tag="timing"):
+    """When everything about one act happened, in session seconds; null: it did not happen. Follows the act's end."""
+
+    task: int
+    act: str
+    """`say` for free speech."""
+    status: TaskStatus
+    cue_at: float | None
+    """The participant's cue that it answers: the last one that no other act but fillers had answered."""
+    key_at: float | None
+    """A key was pressed that led to it, on the console's clock."""
+    accepted_at: float
+    """The engine took the task."""
+    started_at: float | None
+    robot_at: float | None
+    """The robot confirmed its first action."""
+    ended_at: float
+
+
 AnyRecord: TypeAlias = (
     SessionRecord
     | TaskRecord
@@ -151,4 +199,7 @@ AnyRecord: TypeAlias = (
     | StopRecord
     | ControlRecord
     | NoteRecord
+    | CueRecord
+    | MistakeRecord
+    | TimingRecord
 )

@@ -2,19 +2,24 @@
 
 Blocking acts run one at a time, in the order of the queue. A None act runs beside them unless it needs a channel of the
 running Blocking act; when a Blocking act needs the channel of a running None act, that one is interrupted first.
+An Interrupt act is a Blocking one that does not wait its turn: the running Blocking act is stopped, and it goes first.
 """
 
 from __future__ import annotations
 
 from rise_engine.kernel.acts import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task
+from rise_engine.kernel.records import TimingRecord
+from rise_engine.kernel.speech import SAY, act_name, act_of
+from rise_engine.kernel.wizard import Wizard
 
 
 class Scheduler:
-    __slots__ = ("_again", "_core", "_runner", "_working", "waiting")
+    __slots__ = ("_again", "_core", "_runner", "_wizard", "_working", "waiting")
 
-    def __init__(self, core: Core) -> None:
+    def __init__(self, core: Core, wizard: Wizard) -> None:
         self._core = core
+        self._wizard = wizard
         self._runner = ActRunner(core, self._act_ended)
         self._working = False
         self._again = False
@@ -28,11 +33,18 @@ class Scheduler:
     def has(self, act: str) -> bool:
         """Whether any task of an act is running or waiting."""
         tasks = [*self.waiting, *(run.task for run in self._runner.runs.values())]
-        return any(task.behavior == act for task in tasks)
+        return any(_is_of(task, act) for task in tasks)
 
     def add(self, task: Task) -> None:
-        self.waiting.append(task)
-        self._core.task_record(task, position=len(self.waiting) - 1)
+        self._wizard.act_accepted(task)
+        place = len(self.waiting)
+        if task.calling_type == "Interrupt":
+            place = next((at for at, other in enumerate(self.waiting) if other.calling_type != "Interrupt"), place)
+        self.waiting.insert(place, task)
+        self._core.task_record(task, position=place)
+        if task.calling_type == "Interrupt":
+            for run in [run for run in self._runner.runs.values() if _takes_turns(run.task)]:
+                self._runner.cancel(run, f"interrupted by {act_name(task)}")
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
@@ -51,8 +63,8 @@ class Scheduler:
 
     def stop(self, act: str, reason: str) -> int:
         """Stop every task of an act, running or waiting; how many there were."""
-        waiting = [task for task in self.waiting if task.behavior == act]
-        running = [run for run in self._runner.runs.values() if run.task.behavior == act]
+        waiting = [task for task in self.waiting if _is_of(task, act)]
+        running = [run for run in self._runner.runs.values() if _is_of(run.task, act)]
         for task in waiting:
             self.waiting.remove(task)
             self._end(task, "CANCELED", reason)
@@ -83,10 +95,10 @@ class Scheduler:
             self._working = False
 
     def _pass(self) -> None:
-        blocking = next((run for run in self._runner.runs.values() if run.task.calling_type == "Blocking"), None)
+        blocking = next((run for run in self._runner.runs.values() if _takes_turns(run.task)), None)
         holder = blocking.task if blocking is not None else None
         if holder is None:
-            holder = next((task for task in self.waiting if task.calling_type == "Blocking"), None)
+            holder = next((task for task in self.waiting if _takes_turns(task)), None)
             if holder is not None and self._channels_are_free_for(holder):
                 self._start(holder)
         for task in [task for task in self.waiting if task.calling_type == "None"]:
@@ -98,7 +110,7 @@ class Scheduler:
         channels = self._channels(task)
         in_the_way = [run for run in self._runner.runs.values() if self._channels(run.task) & channels]
         for run in in_the_way:
-            self._runner.cancel(run, f"interrupted by {task.behavior}")
+            self._runner.cancel(run, f"interrupted by {act_name(task)}")
         # An act that only waits ends within cancel(); one on the robot ends when the robot has confirmed.
         return not any(self._channels(run.task) & channels for run in self._runner.runs.values())
 
@@ -106,6 +118,7 @@ class Scheduler:
         self.waiting.remove(task)
         task.status = "ACTIVE"
         self._core.task_record(task)
+        self._wizard.act_started(task)
         self._again = True
         self._runner.start(task)
 
@@ -117,11 +130,38 @@ class Scheduler:
         core = self._core
         task.status = status  # type: ignore[assignment]
         core.task_record(task, reason)
-        core.raise_if_named(task.behavior + _OUTCOMES[status])
-        core.raise_if_named(task.behavior + "_end")
+        name = act_name(task)
+        core.seq += 1
+        core.records.append(
+            TimingRecord(
+                core.seq,
+                core.t,
+                "",
+                task.id,
+                name,
+                task.status,
+                task.cue,
+                task.pressed,
+                task.accepted,
+                task.started,
+                task.robot,
+                core.t,
+            )
+        )
+        core.raise_if_named(name + _OUTCOMES[status])
+        core.raise_if_named(name + "_end")
 
     def _channels(self, task: Task) -> frozenset[str]:
-        return self._core.scenario.acts[task.behavior].channels
+        return act_of(self._core.scenario, task).channels
+
+
+def _takes_turns(task: Task) -> bool:
+    """One at a time: Blocking and Interrupt."""
+    return task.calling_type != "None"
+
+
+def _is_of(task: Task, act: str) -> bool:
+    return task.behavior == act and task.function != SAY
 
 
 _OUTCOMES = {"SUCCEEDED": "_succeeded", "ABORTED": "_failed", "CANCELED": "_stopped"}

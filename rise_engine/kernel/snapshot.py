@@ -10,6 +10,7 @@ from msgspec import Struct
 from rise_engine.kernel.acts import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.stop import StopStatus
+from rise_engine.kernel.wizard import WizardState
 
 if TYPE_CHECKING:
     from rise_engine.kernel.kernel import Kernel
@@ -51,6 +52,10 @@ class Snapshot(Struct, frozen=True):
     robot_lost: str | None
     stop: StopStatus
     stop_timer: int | None
+    wizard: WizardState
+    cue: float | None
+    participant: str
+    condition: str
 
 
 def take(kernel: Kernel) -> Snapshot:
@@ -86,6 +91,10 @@ def take(kernel: Kernel) -> Snapshot:
         robot_lost=runner.robot_lost,
         stop=kernel.stop.status,
         stop_timer=kernel.stop.timer,
+        wizard=kernel.wizard.state,
+        cue=core.cue,
+        participant=kernel.participant,
+        condition=kernel.condition,
     )
     return _copy(snapshot)
 
@@ -110,6 +119,8 @@ def restore(kernel: Kernel, snapshot: Snapshot) -> None:
     kernel.scheduler.waiting = snapshot.waiting
     kernel.scheduler.runner.restore(snapshot.acts, snapshot.last_pick, snapshot.robot_lost)
     kernel.stop.status, kernel.stop.timer = snapshot.stop, snapshot.stop_timer
+    kernel.wizard.state, core.cue = snapshot.wizard, snapshot.cue
+    kernel.participant, kernel.condition = snapshot.participant, snapshot.condition
 
 
 def _copy(snapshot: Snapshot) -> Snapshot:

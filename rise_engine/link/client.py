@@ -39,7 +39,16 @@ class Journaling(Struct, frozen=True, tag_field="kind", tag="journaling"):
     """Why nothing can be recorded, for a person. While this is set, the session is paused."""
 
 
-Update: TypeAlias = AnyRecord | Journaling
+class Pulse(Struct, frozen=True, tag_field="kind", tag="pulse"):
+    """Signs of life, about once a second. Comes among the records; no record itself."""
+
+    robot_seen: float | None = None
+    """Session time of the robot's last sign of life; None: its driver does not know."""
+    lag: float = 0.0
+    """Seconds by which the engine's loop was late at most, lately."""
+
+
+Update: TypeAlias = AnyRecord | Journaling | Pulse
 
 
 class Hello(Struct, frozen=True):

@@ -21,7 +21,18 @@ from msgspec.structs import replace
 from rise_engine.clock import RealClock
 from rise_engine.engine import Answer, Engine
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.link.client import ClientInput, EngineGone, Hello, Journaling, LinkLost, Reply, Role, Update, Verb
+from rise_engine.link.client import (
+    ClientInput,
+    EngineGone,
+    Hello,
+    Journaling,
+    LinkLost,
+    Pulse,
+    Reply,
+    Role,
+    Update,
+    Verb,
+)
 from rise_engine.link.mailbox import Call, Mailbox
 from rise_engine.link.room import END_SECONDS, Member, NotAdmitted, Room
 from rise_engine.robots import make_robot, warning_for
@@ -40,6 +51,8 @@ def start_local(
     seed: int = 0,
     speed: float = 1.0,
     faults: Sequence[str] = (),
+    participant: str = "",
+    condition: str = "",
     who: str = "local",
     role: Role = "wizard",
 ) -> LocalClient:
@@ -49,7 +62,17 @@ def start_local(
     `mode` and `robot` default to the scenario's. Another robot's profile must know all actions of the scenario, so that
     it is better chosen when loading; a name is only accepted when it is the scenario's own robot (ValueError).
     """
-    return EngineHost(scenario, mode=mode, robot=robot, seed=seed, speed=speed, faults=faults).start().client(who, role)
+    host = EngineHost(
+        scenario,
+        mode=mode,
+        robot=robot,
+        seed=seed,
+        speed=speed,
+        faults=faults,
+        participant=participant,
+        condition=condition,
+    )
+    return host.start().client(who, role)
 
 
 class EngineHost:
@@ -64,6 +87,8 @@ class EngineHost:
         seed: int = 0,
         speed: float = 1.0,
         faults: Sequence[str] = (),
+        participant: str = "",
+        condition: str = "",
     ) -> None:
         if isinstance(robot, str):
             if robot != scenario.robot.name:
@@ -75,6 +100,7 @@ class EngineHost:
         self.seed = seed
         self._speed = speed
         self._faults = tuple(faults)
+        self._who = participant, condition
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="rise-engine", daemon=True)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -191,7 +217,8 @@ class EngineHost:
         clock = RealClock(loop, self._speed)
         scenario = self.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, self.seed, self._faults)
-        engine = Engine(scenario, robot, clock, self.seed)
+        participant, condition = self._who
+        engine = Engine(scenario, robot, clock, self.seed, participant=participant, condition=condition)
         room = Room(engine, end=self._begin_end)
         room.subscribe(self._deliver)
         ended = asyncio.Event()
@@ -216,7 +243,7 @@ class EngineHost:
         loop.call_later(END_SECONDS, engine.end_now, reason)
 
     def _deliver(self, update: Update) -> None:
-        if isinstance(update, Journaling):  # there is no journal
+        if isinstance(update, Journaling | Pulse):  # there is no journal, and the engine is in this very process
             return
         for mailbox in tuple(self._mailboxes):
             if not mailbox.put(update):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from functools import cache
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -15,9 +16,9 @@ from msgspec import Meta, Struct, field
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
-from rise_engine.link.client import Journaling, Reply, Role, Verb
+from rise_engine.link.client import Journaling, Pulse, Reply, Role, Verb
 from rise_engine.session.lines import writable
-from rise_engine.view import ActView, MemoryView, RuleView, StopView, TaskView, View
+from rise_engine.view import ActView, CueView, MemoryView, RuleView, StopView, TaskView, View
 
 VERSION = 1
 LINE_LIMIT = 1_048_576
@@ -79,6 +80,7 @@ class State(Struct, frozen=True):
     asked: str | None
     robot: RobotRecord | None
     stop: StopView
+    cue: CueView | None
     acts: dict[str, ActView]
     rules: dict[str, RuleView]
     memory: dict[str, MemoryView]
@@ -122,6 +124,12 @@ class Records(Struct, tag_field="type", tag="records", frozen=True):
 
 class JournalingChanged(Struct, tag_field="type", tag="journaling", frozen=True):
     journaling: Journaling
+
+
+class PulseTold(Struct, tag_field="type", tag="pulse", frozen=True):
+    """About once a second: signs of life. No record."""
+
+    pulse: Pulse
 
 
 class Answer(Struct, tag_field="type", tag="reply", frozen=True):
@@ -186,11 +194,17 @@ class About(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
     versions: dict[str, str] = field(default_factory=dict)
 
 
-ToClient: TypeAlias = Welcome | Tasks | Ready | Records | JournalingChanged | Answer | Refused | Ended | About
+ToClient: TypeAlias = (
+    Welcome | Tasks | Ready | Records | JournalingChanged | PulseTold | Answer | Refused | Ended | About
+)
 
 _encode = msgspec.json.Encoder().encode
-_decode_from_client = msgspec.json.Decoder(FromClient).decode
-_decode_to_client = msgspec.json.Decoder(ToClient).decode
+
+
+@cache
+def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
+    """Made when it is first used: it takes a few milliseconds, and each side reads only what the other one writes."""
+    return msgspec.json.Decoder(kind)
 
 
 def line(message: FromClient | ToClient) -> bytes:
@@ -204,7 +218,7 @@ def line(message: FromClient | ToClient) -> bytes:
 def from_client(data: bytes) -> FromClient:
     """Raises ValueError with a sentence."""
     try:
-        return _decode_from_client(data)  # type: ignore[no-any-return]
+        return _decoder(FromClient).decode(data)  # type: ignore[no-any-return]
     except (ValueError, RecursionError, OverflowError) as error:
         raise ValueError(f"this line is no message of the protocol: {error}") from None
 
@@ -212,7 +226,7 @@ def from_client(data: bytes) -> FromClient:
 def to_client(data: bytes) -> ToClient:
     """Raises ValueError with a sentence."""
     try:
-        return _decode_to_client(data)  # type: ignore[no-any-return]
+        return _decoder(ToClient).decode(data)  # type: ignore[no-any-return]
     except (ValueError, RecursionError, OverflowError) as error:
         raise ValueError(f"the engine sent something that this version does not know: {error}") from None
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, AnyRecord
-from rise_engine.link.client import ClientInput, EngineGone, Hello, Journaling, LinkLost, Role, Update, Verb
+from rise_engine.link.client import ClientInput, EngineGone, Hello, Journaling, LinkLost, Pulse, Role, Update, Verb
 from rise_engine.link.socket_client import SocketClient
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import TaskView, View
@@ -40,6 +40,7 @@ class Session:
         self._following: asyncio.Task[None] | None = None
         self._over: EngineGone | None = None
         self.journaling = Journaling()
+        self.pulse = Pulse()
         """How the record of the session stands; while `trouble` is set, the session is paused."""
 
     async def __aenter__(self) -> Session:
@@ -198,6 +199,9 @@ class Session:
                 for update in batch:
                     if isinstance(update, Journaling):
                         self.journaling = update
+                        continue
+                    if isinstance(update, Pulse):
+                        self.pulse = update
                         continue
                     self.view.apply(update)
                     for queue in self._followers:

@@ -30,6 +30,9 @@ END_SECONDS = 6.0
 """Real seconds that the robot gets to confirm the last stop before the session ends without it."""
 NAME_LENGTH = 64
 
+FOR_ALL = frozenset({"stopAll", "markMistake"})
+"""What everybody who is attached may ask for: it starts nothing. So may notes be added."""
+
 REPLAY = "this is the replay of a session: nothing can be done in it"
 
 
@@ -233,7 +236,7 @@ class Room:
             return REPLAY
         if not self._begun:
             return "the session has not begun yet"
-        if not isinstance(message, Submit) or message.function == "stopAll":
+        if not isinstance(message, Submit) or message.function in FOR_ALL:
             return ""
         if member.role == "node" or member is self._holder:
             return ""

@@ -22,12 +22,13 @@ from time import perf_counter
 from msgspec.structs import replace
 
 from rise_engine.engine import versions
-from rise_engine.link.client import Journaling, Role, Update
+from rise_engine.link.client import Journaling, Pulse, Role, Update
 from rise_engine.link.messages import (
     VERSION,
     About,
     Ended,
     JournalingChanged,
+    PulseTold,
     Tasks,
     Welcome,
     line,
@@ -41,6 +42,8 @@ from rise_engine.view import TaskView
 TASKS_AT_ONCE = 128
 TURN_LINES = 4
 """Lines that are taken at once in one turn of the loop, without waiting for a turn."""
+PULSE_SECONDS = 1.0
+"""Between two signs of life."""
 TURN_SECONDS = 0.005
 TURN_BYTES = 65_536
 READ = 262_144
@@ -121,6 +124,7 @@ class Server:
             listening.close()
             raise
         self.lag = LagMeter(self._loop)
+        self._pulse = self._loop.call_later(PULSE_SECONDS, self._beat)
 
     async def close(self) -> None:
         """Say that the session is over, if it is, and end all connections. Waits a moment for clients that read."""
@@ -143,6 +147,7 @@ class Server:
             peer.abort()
         if self.lag is not None:
             self.lag.close()
+        self._pulse.cancel()
         self._server = None
 
     def about(self) -> About:
@@ -201,12 +206,24 @@ class Server:
     def _update(self, update: Update) -> None:
         if not self._audience:
             return
+        if isinstance(update, Pulse):
+            return
         if isinstance(update, Journaling):
             self._flush_records()
             self._broadcast(line(JournalingChanged(update)))
         else:
             self._pending.append(record_bytes(update))
             self._flush_soon()
+
+    def _beat(self) -> None:
+        """Signs of life, for those who are attached."""
+        self._pulse = self._loop.call_later(PULSE_SECONDS, self._beat)
+        if self._audience:
+            assert self.lag is not None
+            seen = self.room.engine.robot_seen
+            pulse = Pulse(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
+            self._flush_records()
+            self._broadcast(line(PulseTold(pulse)))
 
     def has_answer(self, peer: Peer) -> None:
         self._answered.append(peer)

@@ -24,6 +24,7 @@ from rise_engine.link.messages import (
     Ended,
     FromClient,
     JournalingChanged,
+    PulseTold,
     Ready,
     Records,
     Refused,
@@ -41,6 +42,8 @@ from rise_engine.view import TaskView
 
 READ = 262_144
 """Bytes that are read at once."""
+SLICE = 0.001
+"""Seconds of reading after which the loop does what else there is to do."""
 LIMIT = 200_000
 """Records that may wait to be taken from `records`; with more, the connection is given up."""
 GRACE = 0.3
@@ -244,8 +247,12 @@ class _Connection:
             raise EngineGone(str(error)) from None
 
     async def _read(self) -> None:
+        began = time.monotonic()
         try:
             while True:
+                if time.monotonic() - began > SLICE:  # much came at once: others on the loop have their turn
+                    await asyncio.sleep(0)
+                    began = time.monotonic()
                 match await self.next():
                     case Records(records=records):
                         self._updates.extend(records)
@@ -258,6 +265,9 @@ class _Connection:
                             future.set_result(answer.reply)
                     case JournalingChanged(journaling=journaling):
                         self._updates.append(journaling)
+                        self._arrived.set()
+                    case PulseTold(pulse=pulse):
+                        self._updates.append(pulse)
                         self._arrived.set()
                     case Welcome() as welcome:
                         self.welcome.set_result(welcome)

@@ -29,6 +29,9 @@ class Options(Struct, frozen=True):
     faults: tuple[str, ...] = ()
     places: dict[str, str] = {}
     wire: Wire = Wire()
+    participant: str = ""
+    """Who takes part, as the record is to name them; a session that goes on keeps its own."""
+    condition: str = ""
     unfinished: str = "ask"
     """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
 

@@ -50,6 +50,13 @@ CONSOLE_KEYS: dict[str, str] = {
     "f9": "stop-all",
     "ctrl+g": "stop-all",
     "ctrl+j": "the console",
+    "ctrl+d": "jumping to a pane",
+    "ctrl+n": "locking the keyboard",
+    "ctrl+t": "the say line",
+    "ctrl+u": "undoing",
+    "ctrl+x": "making the keys safe",
+    "exclamation_mark": "marking a mistake",
+    "comma": "the next filler",
     "ctrl+l": "the console",
     "ctrl+o": "the console",
     "ctrl+r": "the console",
@@ -63,7 +70,7 @@ CONSOLE_KEYS: dict[str, str] = {
     "tab": "moving between panes",
     "shift+tab": "moving between panes",
     "enter": "choosing",
-    "space": "choosing",
+    "space": "the participant's cue",
     "escape": "leaving",
     **dict.fromkeys(("up", "down", "left", "right", "home", "end", "pageup", "pagedown"), "moving"),
     **dict.fromkeys(("delete", "insert", "backspace"), "editing"),
@@ -98,7 +105,7 @@ _REFUSED = {
     "ctrl+z": "ctrl+z suspends programs",
     "ctrl+q": "ctrl+q quits the console and thaws frozen terminals",
 }
-_SHIFTED = "write the character that the key types instead: `N`, `!`"
+_SHIFTED = "write the character that the key types instead: `N`, `#`"
 
 
 class KeyRefusedError(ValueError):
@@ -110,10 +117,18 @@ class KeyRefusedError(ValueError):
 
 
 def normal_key(written: str) -> str:
-    """Textual's name of a key as an author writes it: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+n`.
+    """Textual's name of a key as an author writes it: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+f`.
 
     Upper and lower case letters are different keys. Raises KeyRefusedError with the reason.
     """
+    name = key_name(written)
+    if name in CONSOLE_KEYS:
+        raise KeyRefusedError(f"`{written}` belongs to the console ({CONSOLE_KEYS[name]})", taken=True)
+    return name
+
+
+def key_name(written: str) -> str:
+    """As `normal_key`, but of keys that belong to the console too. Raises KeyRefusedError with the reason."""
     if len(written) == 1:
         name = _character(written)
     else:
@@ -121,8 +136,6 @@ def normal_key(written: str) -> str:
         name = _with_modifiers([modifier.strip().lower() for modifier in modifiers], base.strip(), written)
     if name in _REFUSED:
         raise KeyRefusedError(f"`{written}` cannot be used: {_REFUSED[name]}")
-    if name in CONSOLE_KEYS:
-        raise KeyRefusedError(f"`{written}` belongs to the console ({CONSOLE_KEYS[name]})", taken=True)
     return name
 
 
@@ -152,7 +165,7 @@ def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
     if unknown or plain or not base:
         from rise_engine.scenario.findings import suggestion
 
-        known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+n")
+        known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+f")
         raise KeyRefusedError(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")
     if modifiers == ["shift"] and name == "tab":
         return "shift+tab"

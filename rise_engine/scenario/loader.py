@@ -118,6 +118,7 @@ class _Loader:
             memory=draft.memory,
             keys=settings.keys,
             act_settings=settings.act_settings,
+            fillers=settings.fillers,
             study=settings.study,
             paths=paths,
             known_keys=frozenset(draft.key_sets),

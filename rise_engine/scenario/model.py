@@ -230,6 +230,15 @@ class ActSettings(Struct, frozen=True):
     """Used when whoever starts the act does not say."""
 
 
+class FillerSettings(Struct, frozen=True):
+    """When a filler is wanted after the participant's cue (`[fillers]` in scenario.toml)."""
+
+    offer_after: float = 1.5
+    """Seconds after which the console offers the next one; 0: never."""
+    auto_after: float | None = None
+    """Seconds after which the engine starts the next one itself, while nothing else runs; null: never."""
+
+
 class Scenario(Struct, frozen=True):
     """A checked scenario, complete and immutable."""
 
@@ -245,6 +254,7 @@ class Scenario(Struct, frozen=True):
     keys: dict[str, KeyBinding] = field(default_factory=dict)
     """By Textual key name."""
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
+    fillers: FillerSettings = FillerSettings()
     study: dict[str, Json] = field(default_factory=dict)
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""

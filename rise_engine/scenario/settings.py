@@ -10,10 +10,10 @@ from rise_engine.scenario.conditions import expression_message, note_assignment
 from rise_engine.scenario.draft import At, Draft, Mention
 from rise_engine.scenario.findings import Findings, listed, suggestion
 from rise_engine.scenario.keys import KeyRefusedError, normal_key
-from rise_engine.scenario.model import ActSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
+from rise_engine.scenario.model import ActSettings, FillerSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile
 
-TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "study", "actions")
+TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "fillers", "study", "actions")
 BINDINGS: dict[str, FunctionName] = {
     "act": "startCommunicationRobotAct",
     "rule": "startInteractionRule",
@@ -34,6 +34,9 @@ _WANTED = {
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
+_FILLER_KEYS = ("offer_after", "auto_after")
+LEAST_AUTO, MOST_FILLER = 0.5, 600.0
+"""Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
 
 
 class Settings:
@@ -57,6 +60,7 @@ class Settings:
         self.study: dict[str, Any] = study.values if study else {}
         self.keys = self.read_keys()
         self.act_settings = self.read_acts()
+        self.fillers = self.read_fillers()
 
     def error(self, code: str, place: Place, message: str) -> None:
         self.findings.error(code, place, message)
@@ -168,6 +172,31 @@ class Settings:
                 calling_type="None" if calling.lower() == "none" else "Blocking",
             )
         return result
+
+    def read_fillers(self) -> FillerSettings:
+        table = self.subtable("fillers")
+        usual = FillerSettings()
+        if table is None:
+            return usual
+        unknown_keys(table, _FILLER_KEYS, self.findings)
+        offer = self.seconds(table, "offer_after", usual.offer_after, 0.0)
+        auto = self.seconds(table, "auto_after", usual.auto_after, LEAST_AUTO)
+        if auto is not None and not any(settings.filler for settings in self.act_settings.values()):
+            message = "no act is a filler, so none will ever be started: `filler = true` under [act.NAME] makes one"
+            self.findings.warning("no-filler", table.place("auto_after"), message)
+        return FillerSettings(usual.offer_after if offer is None else offer, auto)
+
+    def seconds(self, table: Table, key: str, otherwise: float | None, least: float) -> float | None:
+        value = table.values.get(key, otherwise)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.error("wrong-type", table.value_place(key), f"`{key}` is a number of seconds")
+        elif not least <= value <= MOST_FILLER:
+            self.error("out-of-range", table.value_place(key), f"`{key}` is from {least:g} to {MOST_FILLER:g} seconds")
+        else:
+            return float(value)
+        return otherwise
 
     def flag(self, table: Table, key: str) -> bool:
         value = table.values.get(key, False)

@@ -34,6 +34,10 @@ COLUMNS = (
     *("by", "holder"),  # control
     "text",  # note
     *("scenario", "scenario_hash", "robot", "seed", "versions"),  # session
+    *("participant", "condition"),  # session
+    "since",  # cue
+    "mark",  # mistake
+    *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 

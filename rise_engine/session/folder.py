@@ -60,6 +60,8 @@ class SessionInfo(Struct, frozen=True):
     ros: Transport = "auto"
     """By what ROS 2 was to be spoken."""
     ros_args: tuple[str, ...] = ()
+    participant: str = ""
+    condition: str = ""
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
@@ -79,6 +81,8 @@ def create(
     speed: float,
     faults: tuple[str, ...],
     wire: Wire = _NO_WISH,
+    participant: str = "",
+    condition: str = "",
     versions: Mapping[str, str],
 ) -> Path:
     """Make the folder of a new session, without its journal. `files` as `Loaded.files`. Raises SessionError."""
@@ -95,6 +99,8 @@ def create(
         faults=faults,
         ros=wire.transport,
         ros_args=wire.arguments,
+        participant=participant,
+        condition=condition,
         versions=dict(versions),
         machine={"host": platform.node(), "system": platform.platform(), "user": _user()},
     )

@@ -10,6 +10,7 @@ the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexad
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 from zlib import crc32
 
@@ -23,8 +24,6 @@ FORMAT = 1
 """Goes up when older programs could not read what is written."""
 
 _encode = msgspec.json.Encoder().encode
-_decode_record = msgspec.json.Decoder(AnyRecord).decode
-_decode_input = msgspec.json.Decoder(AnyInput).decode
 
 
 class Header(Struct, frozen=True):
@@ -102,10 +101,10 @@ def read_line(data: bytes) -> Line:
     text = body + b"}"
     try:
         if text.startswith(b'{"kind"'):
-            record: AnyRecord = _decode_record(text)
+            record: AnyRecord = _decoder(AnyRecord).decode(text)
             return record
         if text.startswith(b'{"n"'):
-            return InputLine(msgspec.json.decode(text, type=_Number).n, _decode_input(text))
+            return InputLine(msgspec.json.decode(text, type=_Number).n, _decoder(AnyInput).decode(text))
         header = msgspec.json.decode(text, type=Header)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise FutureFormat(f"it holds something that this version does not know ({error})") from None
@@ -129,6 +128,12 @@ def writable(value: Any) -> Any:
             return [writable(each) for each in value]
         case _:
             return value
+
+
+@cache
+def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
+    """Made when a journal is first read: it takes a few milliseconds, and consoles and new sessions read none."""
+    return msgspec.json.Decoder(kind)
 
 
 def _sealed(encoded: bytes) -> bytes:

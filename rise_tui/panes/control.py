@@ -2,42 +2,82 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from rich.cells import cell_len
 from textual import on
 
 from rise_tui.actions import bindings
-from rise_tui.gate import Trigger
 from rise_tui.messages import SelectionMoved, StartAsked, TaskAsked, Told
+from rise_tui.model.deeds import act_words
+from rise_tui.model.gate import Trigger
+from rise_tui.model.states import (
+    ARMED,
+    EXPECTED,
+    RUNNING,
+    SENT,
+    WAITING,
+    State,
+    act_state,
+    newest,
+    progress,
+    rule_state,
+)
+from rise_tui.model.store import Store, Topic
 from rise_tui.panes.pane import ListPane
-from rise_tui.states import act_state, newest, progress, rule_state
-from rise_tui.store import Store
 from rise_tui.text import Line, Row, Span, Tone, cell, duration, fit, fit_end, seconds
 from rise_tui.widgets.rows import RowView
 
 STATE_WIDTH = 10
+NOW = 24
+"""Cells for the name of what runs now, in the title of the acts."""
 WIDE = 46
 """From this width on there is room for an act's progress and typical duration, and a rule's state."""
+
+
+def _expected(state: State, awaited: bool) -> State:
+    """What a running rule waits for says so, unless there is something to say about it now."""
+    return EXPECTED if awaited and state not in (RUNNING, WAITING, SENT, ARMED) else state
 
 
 class ControlPane(ListPane):
     """What the two lists share."""
 
     FUNCTION: str
+    BY_WAITING: ClassVar[frozenset[Topic]]
+    """What matters only where it changes what the running rules wait for."""
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
+        self._shown_awaited: frozenset[str] = frozenset()
         labels = [key.label for key in store.scenario.keys.values() if key.function == self.FUNCTION]
         self.key_width = min(8, max((len(label) for label in labels), default=1)) + 1
 
+    def awaited(self) -> frozenset[str]:
+        """The names of the list that a running rule waits for."""
+        raise NotImplementedError
+
+    def looks_different(self, changed: set[Topic]) -> bool:
+        if changed & (self.TOPICS - self.BY_WAITING):
+            return True
+        return bool(changed & self.BY_WAITING) and self.awaited() != self._shown_awaited
+
+    def why_not(self, name: str) -> str:
+        """Why its key would start nothing now, or empty."""
+        return self.store.cannot_start()
+
     def key_cell(self, name: str) -> Span:
         binding = self.store.key_of(self.FUNCTION, name)
-        tone: Tone = "muted" if self.store.cannot_start() else "key"
+        tone: Tone = "muted" if self.why_not(name) else "key"
         return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
 
     @on(RowView.Moved)
     def _moved(self, event: RowView.Moved) -> None:
         event.stop()
-        self.post_message(SelectionMoved(self.PLACE, event.rows.current))
+        name = event.rows.current
+        self.post_message(SelectionMoved(self.PLACE, name))
+        if name and (reason := self.why_not(name)):
+            self.post_message(Told(f"{name} cannot be started: {reason}"))
 
 
 class ActsPane(ControlPane):
@@ -46,9 +86,13 @@ class ActsPane(ControlPane):
     PLACE = "acts"
     BINDINGS = bindings("acts")
     TITLE = "Acts"
-    TOPICS = frozenset({"acts", "status", "stop"})
+    TOPICS = frozenset({"acts", "rules", "memory", "status", "stop"})
     EMPTY = "this scenario has no acts"
     FUNCTION = "startCommunicationRobotAct"
+    BY_WAITING = frozenset({"rules", "memory"})
+
+    def awaited(self) -> frozenset[str]:
+        return self.store.awaited().acts
 
     def subtitle(self) -> Line:
         """What the robot does now, wherever the list stands; the number of acts when it does nothing."""
@@ -59,15 +103,17 @@ class ActsPane(ControlPane):
         elapsed = seconds(self.store.now() - (task.started or 0.0))
         others = len(view.running) - 1
         more = (f" +{others}" if others else "") + (f", {len(view.waiting)} wait" if view.waiting else "")
-        return (("► ", "accent"), (f"{task.behavior} {elapsed} s", "accent"), (more, "muted"))
+        name = act_words(task.function, task.behavior)
+        return (("► ", "accent"), (f"{fit(name, min(cell_len(name), NOW))} {elapsed} s", "accent"), (more, "muted"))
 
     def make_rows(self, width: int) -> list[Row]:
         wide = width >= WIDE
         name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
-        return [Row(name, self._line(name, name_width, wide)) for name in self.store.scenario.acts]
+        awaited = self._shown_awaited = self.awaited()
+        return [Row(name, self._line(name, name_width, wide, name in awaited)) for name in self.store.scenario.acts]
 
-    def _line(self, name: str, name_width: int, wide: bool) -> Line:
-        state = act_state(self.store, name)
+    def _line(self, name: str, name_width: int, wide: bool, awaited: bool) -> Line:
+        state = _expected(act_state(self.store, name), awaited)
         running = bool(self.store.act(name).running)
         spans: list[Span] = [
             self.key_cell(name),
@@ -120,9 +166,16 @@ class RulesPane(ControlPane):
     PLACE = "rules"
     BINDINGS = bindings("rules")
     TITLE = "Rules"
-    TOPICS = frozenset({"rules", "status", "stop"})
+    TOPICS = frozenset({"rules", "memory", "status", "stop"})
     EMPTY = "this scenario has no rules"
     FUNCTION = "startInteractionRule"
+    BY_WAITING = frozenset({"memory"})
+
+    def awaited(self) -> frozenset[str]:
+        return self.store.awaited().rules
+
+    def why_not(self, name: str) -> str:
+        return self.store.cannot_start() or ("it runs already" if self.store.rule(name).running else "")
 
     def subtitle(self) -> Line:
         return ((f"{len(self.store.view.stack())} of {len(self.store.scenario.rules)} run", "muted"),)
@@ -135,8 +188,9 @@ class RulesPane(ControlPane):
         name_width = min(longest, room - least)
         state_width = room - name_width
         rows = []
+        awaited = self._shown_awaited = self.awaited()
         for name in self.store.scenario.rules:
-            rule, state = self.store.rule(name), rule_state(self.store, name)
+            rule, state = self.store.rule(name), _expected(rule_state(self.store, name), name in awaited)
             at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
             lead = STATE_WIDTH - 2 if wide else 0
             shown = at if wide or at else state.word

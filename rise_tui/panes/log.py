@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from textual import on
+import asyncio
+from bisect import bisect_left
+from collections.abc import Sequence
+from time import monotonic
 
+from textual import on
+from textual.widget import Widget
+
+from rise_engine.kernel.records import FINAL
 from rise_engine.view import TaskView
 from rise_tui.actions import bindings
 from rise_tui.messages import Told
+from rise_tui.model.deeds import describe
+from rise_tui.model.filtering import BrokenFilter
+from rise_tui.model.sieve import Sieve
+from rise_tui.model.store import Store
+from rise_tui.model.times import EXAMPLES, NoTime, moment
+from rise_tui.panes.log_out import LogOut
 from rise_tui.panes.pane import Pane
-from rise_tui.store import Store, describe
-from rise_tui.text import Tone, plain
+from rise_tui.text import Line, Tone, clock, marked, plain
+from rise_tui.widgets.ask import AskBar
 from rise_tui.widgets.rows import RowView
 from rise_tui.widgets.task_log import TaskLog
+
+BREATH = 0.001
+"""Seconds that a search leaves to everything else after each of its slices."""
+SHOWN_EVERY = 0.2
+"""Seconds between two paintings while a search goes on."""
 
 
 class LogPane(Pane):
@@ -20,51 +38,104 @@ class LogPane(Pane):
     PLACE = "log"
     BINDINGS = bindings("log")
     TITLE = "Log"
-    TOPICS = frozenset({"tasks", "acts", "rules"})
+    TOPICS = frozenset({"tasks"})
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
         self.log_view = TaskLog(self._find, store.missed, id="log-rows")
-        self._seen = 0
-        self._matching: list[int] = []
-        self._applied = ""
+        self.log_view.mark = self._mark
+        self.time_bar = AskBar("go to ", EXAMPLES)
+        self.save_bar = AskBar("save as ", "name.tsv or name.jsonl")
+        self.out = LogOut(self)
+        self._sieve: Sieve | None = None
+        self._searching = False
         self._attached = store.attached
+        self._later = 0, 0
+        """How much is taken in of what may change a task after its end: missed events, mistake marks."""
 
     @property
     def rows(self) -> TaskLog:
         return self.log_view
 
+    def body(self) -> Sequence[Widget]:
+        return [self.rows, self.time_bar, self.save_bar]
+
     def _find(self, id: int) -> TaskView | None:
         return self.store.view.tasks.get(id)
 
+    # --- what is shown -----------------------------------------------------------------------------------------------
+
     def repaint(self) -> None:
-        log = self.store.log
         anew = self._attached != self.store.attached
         self._attached = self.store.attached
-        if anew:
-            self.log_view.forget_missed()
-        if not self.filter_text:
-            self.log_view.show(log, restart=anew or bool(self._applied))
-        else:
-            anew = anew or self.filter_text != self._applied
-            if anew:
-                self._matching, self._seen = [], 0
-            self._matching += filter(self._matches, log[self._seen :])
-            self._seen = len(log)
-            self.log_view.show(self._matching, restart=anew)
-        self._applied = self.filter_text
+        if self.filter is None:
+            self._sieve = None
+        elif self._sieve is None or anew or self._sieve.filter is not self.filter:
+            self._sieve = Sieve(self.filter, self.store.log, self.log_view.text_of, self._lives)
+        self._look_again()
+        if self._sieve is not None and not self._work(self._sieve):
+            self._search()
+        self._show(restart=anew)
+
+    def _look_again(self) -> None:
+        """Tasks that have ended and look different since, may match by now."""
+        missed, marks = self.store.missed, self.store.marked
+        if self._sieve is not None:
+            for one in (*missed[self._later[0] :], *marks[self._later[1] :]):
+                self._sieve.look_again_at(one)
+        self._later = len(missed), len(marks)
+
+    def _show(self, *, restart: bool = False) -> None:
+        self.log_view.show(self._sieve.matching if self._sieve is not None else self.store.log, restart=restart)
         self._show_title()
 
-    def _matches(self, id: int) -> bool:
+    def _lives(self, id: int) -> bool:
         task = self._find(id)
-        return task is not None and self.filter_text.casefold() in plain(self.log_view.line_of(task, 400)).casefold()
+        return task is not None and task.status not in FINAL
+
+    def _work(self, sieve: Sieve) -> bool:
+        """One slice of a search. True when it is at its end."""
+        try:
+            return sieve.work()
+        except BrokenFilter as broken:
+            self.refuse_filter(broken, None)
+            self._sieve = None
+            return True
+
+    def _search(self) -> None:
+        if not self._searching:
+            self._searching = True
+            self.run_worker(self._go_on_searching(), group="search")
+
+    async def _go_on_searching(self) -> None:
+        """Slice by slice, so that a key never waits; a keystroke in the filter puts another sieve in its place."""
+        painted = monotonic()
+        try:
+            while (sieve := self._sieve) is not None and not self._work(sieve):
+                if monotonic() - painted > SHOWN_EVERY and self._sieve is sieve:
+                    self._show()
+                    painted = monotonic()
+                await asyncio.sleep(BREATH)
+        finally:
+            self._searching = False
+        self._show()
+
+    def _mark(self, line: Line) -> Line:
+        if self.filter is None:
+            return line
+        try:
+            return marked(line, self.filter.places(plain(line)))
+        except BrokenFilter:
+            return line  # the search over what this row is made of says so
 
     def _show_title(self) -> None:
         view = self.log_view
         tone: Tone = "muted" if view.following else "wait"
         state = "following" if view.following else f"paused, {view.unseen} new" if view.unseen else "paused"
-        if self.filter_text:
-            self.title.draw(((f"/{self.filter_text}  {view.count} of {len(self.store.log)}  ", "wait"), (state, tone)))
+        if self._sieve is not None or self.problem:
+            more = "" if self._sieve is None or self._sieve.done else "…"
+            note = self.filter_note(view.count, len(self.store.log), more)
+            self.title.draw(note if self.problem else (*note, (f"  {state}", tone)))
         else:
             self.title.draw(((state if view.count else "no task yet", tone),))
 
@@ -72,7 +143,7 @@ class LogPane(Pane):
     def _moved(self, event: RowView.Moved) -> None:
         """The selected task's reason in full: there may be no room for it in its row."""
         event.stop()
-        task = self._find(int(event.rows.current)) if event.rows.current else None
+        task = self.selected
         if task is not None and task.reason:
             self.post_message(Told(f"{describe(task.function, task.behavior)}: {task.reason}"))
 
@@ -80,6 +151,75 @@ class LogPane(Pane):
         event.stop()
         self._show_title()
 
+    @property
+    def selected(self) -> TaskView | None:
+        return self._find(int(self.log_view.current)) if self.log_view.current else None
+
+    # --- actions ------------------------------------------------------------------------------------------------------
+
     def do(self, action: str) -> None:
-        if action == "log.follow":
+        match action:
+            case "log.follow":
+                self.log_view.follow()
+            case "log.details":
+                self.out.details()
+            case "log.time":
+                self.time_bar.open()
+            case "log.copy":
+                self.out.copy()
+            case "log.copy-all":
+                self.out.copy_all()
+            case "log.save":
+                self.save_bar.open(self.out.free_name())
+
+    def escape(self) -> bool:
+        for bar in (self.time_bar, self.save_bar):
+            if bar.is_open:
+                self._close(bar)
+                return True
+        return super().escape()
+
+    def _close(self, bar: AskBar) -> None:
+        bar.close()
+        self.screen.set_focus(self.rows)
+
+    @on(AskBar.Left)
+    def _bar_left(self, event: AskBar.Left) -> None:
+        if event.bar is not self.filter_bar:
+            event.stop()
+            self._close(event.bar)
+
+    @on(AskBar.Taken)
+    def _bar_taken(self, event: AskBar.Taken) -> None:
+        if event.bar is self.filter_bar:
+            return
+        event.stop()
+        if event.bar is self.save_bar:
+            self.out.save(event.bar.text)
+            return
+        try:
+            when = moment(event.bar.text, self.store.now())
+        except NoTime as why:
+            self.post_message(Told(str(why)))
+            return
+        self._close(event.bar)
+        self.go_to_time(when)
+
+    def go_to_time(self, when: float | None) -> None:
+        """The row that was submitted nearest to this session time; None: follow the newest."""
+        ids = self.log_view.ids
+        if when is None or not ids:
             self.log_view.follow()
+            return
+
+        def submitted(id: int) -> float:
+            task = self._find(id)
+            return task.submitted if task is not None else float("-inf")
+
+        after = bisect_left(ids, when, key=submitted)
+        near = [index for index in (after - 1, after) if 0 <= index < len(ids)]
+        index = min(near, key=lambda index: abs(submitted(ids[index]) - when))
+        self.log_view.go_to(index)
+        self._show_title()
+        found = submitted(ids[index])
+        self.post_message(Told(f"the row nearest to {clock(when)} is at {clock(found, tenths=True)}"))

@@ -7,16 +7,15 @@ from typing import ClassVar
 
 from textual import events, on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
 from textual.containers import Vertical
-from textual.message import Message
 from textual.widget import Widget
-from textual.widgets import Input
 
 from rise_tui.actions import BY_ID, Place
 from rise_tui.messages import PaneAsked, Told
-from rise_tui.store import Store, Topic
-from rise_tui.text import Line, Row, Span, plain, spread, width_of
+from rise_tui.model.filtering import BrokenFilter, Filter
+from rise_tui.model.store import Store, Topic
+from rise_tui.text import Line, Row, Span, marked, plain, spread, width_of
+from rise_tui.widgets.ask import AskBar
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.rows import RowList, RowView
 
@@ -71,27 +70,6 @@ class TitleBar(Lines):
                 self.post_message(PaneAsked(pane))
 
 
-class FilterBar(Input):
-    """Where the filter of a list is typed."""
-
-    DEFAULT_CSS = """
-    FilterBar, FilterBar:focus {
-        height: 1; border: none; padding: 0 1; background: $panel; display: none;
-        &.-open { display: block; }
-    }
-    """
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
-
-    class Left(Message):
-        """Esc: the filter is given up."""
-
-    def on_key(self, event: events.Key) -> None:
-        if event.key == "escape":
-            event.stop()
-            event.prevent_default()
-            self.post_message(self.Left())
-
-
 class Pane(Vertical):
     """A list or pane of the console."""
 
@@ -109,9 +87,12 @@ class Pane(Vertical):
     def __init__(self, store: Store) -> None:
         super().__init__(id=self.PLACE)
         self.store = store
-        self.filter_text = ""
+        self.filter: Filter | None = None
+        """The last one that could be used; None when every row is shown."""
+        self.problem = ""
+        """Why what is typed now cannot be used as a filter."""
         self.title = TitleBar(self.PLACE, self.TITLE)
-        self.filter_bar = FilterBar(placeholder="filter; esc clears", select_on_focus=False)
+        self.filter_bar = AskBar("find ", "words, !not, /regular expression; esc clears")
 
     @property
     def rows(self) -> RowView:
@@ -125,6 +106,10 @@ class Pane(Vertical):
 
     def body(self) -> Sequence[Widget]:
         return [self.rows]
+
+    def looks_different(self, changed: set[Topic]) -> bool:
+        """Whether it may have to be repainted after this has changed."""
+        return bool(changed & self.TOPICS)
 
     def repaint(self) -> None:
         """Make the pane's rows anew from the store; only what differs reaches the terminal."""
@@ -143,7 +128,7 @@ class Pane(Vertical):
 
     def escape(self) -> bool:
         """Esc: leave the pane's transient state. False when there is none."""
-        if self.filter_text or self.filter_bar.has_class("-open"):
+        if self.filter is not None or self.filter_bar.is_open:
             self.close_filter(keep=False)
             return True
         return False
@@ -156,35 +141,62 @@ class Pane(Vertical):
     def on_descendant_blur(self) -> None:
         self.title.remove_class("-focused")
 
-    def open_filter(self) -> None:
-        self.filter_bar.add_class("-open")
-        self.filter_bar.value = self.filter_text
-        self.filter_bar.focus()
+    @property
+    def filter_text(self) -> str:
+        """What the rows are filtered by; empty when all are shown."""
+        return self.filter.text if self.filter is not None else ""
 
-    def close_filter(self, *, keep: bool) -> None:
-        self.filter_bar.remove_class("-open")
-        if not keep:
-            self.filter_text = ""
-        self.rows.focus()
+    def set_filter(self, text: str) -> None:
+        """Filter by what was typed, now or in an earlier session. When it cannot be used, the last one stays."""
+        try:
+            found = Filter(text)
+        except BrokenFilter as broken:
+            self.problem = str(broken)
+        else:
+            self.problem, self.filter = "", found or None
         self.repaint()
 
-    @on(Input.Changed)
-    def _filter_typed(self, event: Input.Changed) -> None:
-        if event.input is self.filter_bar:
-            event.stop()
-            if self.filter_bar.has_class("-open") and event.value != self.filter_text:
-                self.filter_text = event.value
-                self.repaint()
+    def refuse_filter(self, broken: BrokenFilter, before: Filter | None) -> None:
+        """The filter has turned out to be unusable while it was used."""
+        self.problem, self.filter = str(broken), before
 
-    @on(Input.Submitted)
-    def _filter_taken(self, event: Input.Submitted) -> None:
-        if event.input is self.filter_bar:
-            event.stop()
-            self.close_filter(keep=True)
+    def filter_note(self, shown: int, total: int, more: str = "") -> Line:
+        """What the title says about the filter: `find word  3 of 12`; `more` follows the numbers."""
+        if self.problem:
+            return ((f"{self.problem}  ", "wait"), (f"{shown} of {total}{more}", "wait"))
+        return ((f"find {self.filter_text}  {shown} of {total}{more}", "wait"),)
 
-    @on(FilterBar.Left)
-    def _filter_left(self) -> None:
-        self.close_filter(keep=False)
+    def open_filter(self) -> None:
+        self.filter_bar.open(self.filter_text)
+
+    def close_filter(self, *, keep: bool) -> None:
+        self.filter_bar.close()
+        self.problem = ""
+        if not keep:
+            self.filter = None
+        self.screen.set_focus(self.rows)
+        self.repaint()
+
+    @on(AskBar.Typed)
+    def _filter_typed(self, event: AskBar.Typed) -> None:
+        if event.bar is self.filter_bar:
+            event.stop()
+            self.set_filter(event.bar.text)
+
+    @on(AskBar.Taken)
+    def _filter_taken(self, event: AskBar.Taken) -> None:
+        if event.bar is self.filter_bar:
+            event.stop()
+            if self.problem:
+                self.post_message(Told(f"this is no filter yet: {self.problem}"))
+            else:
+                self.close_filter(keep=True)
+
+    @on(AskBar.Left)
+    def _filter_left(self, event: AskBar.Left) -> None:
+        if event.bar is self.filter_bar:
+            event.stop()
+            self.close_filter(keep=False)
 
     @on(RowView.Resized)
     def _resized(self, event: RowView.Resized) -> None:
@@ -215,16 +227,30 @@ class ListPane(Pane):
         width = self.list.row_width
         if width <= 0:
             return
-        rows = self.make_rows(width)
-        total = len(rows)
-        if self.filter_text:
-            wanted = self.filter_text.casefold()
-            rows = [row for row in rows if row.selectable and wanted in plain(row.line).casefold()]
-            note = f"/{self.filter_text}  {len(rows)} of {total}"
-            self.title.draw(((note, "wait"),))
+        made = self.make_rows(width)
+        rows = self.narrowed(made)
+        if self.filter is not None or self.problem:
+            self.title.draw(self.filter_note(len(rows), sum(row.selectable for row in made)))
         else:
             self.title.draw(self.subtitle())
         if not rows:
-            empty = "nothing matches; esc clears the filter" if self.filter_text else self.EMPTY
+            empty = "nothing matches; esc clears the filter" if self.filter is not None else self.EMPTY
             rows = [Row("", ((f" {empty}", "muted"),), selectable=False)]
         self.list.show(rows)
+
+    def narrowed(self, rows: list[Row]) -> list[Row]:
+        """The rows that the filter lets through, with what it found marked."""
+        if self.filter is None:
+            return rows
+        try:
+            kept = [row for row in rows if row.selectable and self.filter.matches(row.full or plain(row.line))]
+            return self.marked(kept)
+        except BrokenFilter as broken:
+            self.refuse_filter(broken, None)
+            return rows
+
+    def marked(self, rows: list[Row]) -> list[Row]:
+        """All the rows, with what the filter finds in them marked: for a picture, which would be none with gaps."""
+        if self.filter is None:
+            return rows
+        return [row._replace(line=marked(row.line, self.filter.places(plain(row.line)))) for row in rows]

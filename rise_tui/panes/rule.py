@@ -1,4 +1,4 @@
-"""One rule: where it stands, why it stays there, and its states with their transitions."""
+"""One rule: where it stands, why it stays there, and its states with their transitions as a graph."""
 
 from __future__ import annotations
 
@@ -6,20 +6,29 @@ from collections.abc import Sequence
 
 from textual.widget import Widget
 
-from rise_engine.scenario.model import Rule, State, Transition
+from rise_engine.scenario.model import Rule
 from rise_engine.view import RuleView
 from rise_tui.actions import bindings
-from rise_tui.explain import Raisers, label_of, raised_by_engine, truth_of, waits_for
-from rise_tui.gate import Trigger
 from rise_tui.messages import StartAsked, Told
+from rise_tui.model.explain import raised_by_engine
+from rise_tui.model.gate import Trigger
+from rise_tui.model.reasons import Reasons
+from rise_tui.model.state_drawing import HERE, Now, draw
+from rise_tui.model.state_graph import Layout, lay_out
+from rise_tui.model.states import rule_state
+from rise_tui.model.store import Store
 from rise_tui.panes.pane import ListPane
-from rise_tui.states import rule_state
-from rise_tui.store import Store
-from rise_tui.text import Line, Row, Span, cell, clock, crop, headed, spread, width_of
+from rise_tui.text import Line, Row, clock, crop, headed
 from rise_tui.widgets.rows import RowList
 
-HERE = "here"
-"""The id of the row of the present state."""
+TICK = 1.0
+"""Seconds between two looks at what the clock alone changes."""
+AHEAD = 4
+"""Rows below the present state that should be in view with it."""
+USUAL = 0.6
+"""The reasons keep room for this share of a rule's states; only the others move the graph."""
+GAP = 12
+"""Rows of the pane from which on an empty one stands between the reasons and the graph."""
 
 
 class RulePane(ListPane):
@@ -28,19 +37,23 @@ class RulePane(ListPane):
     PLACE = "rule"
     BINDINGS = bindings("rule")
     TITLE = "Rule"
-    TOPICS = frozenset({"rules", "memory"})
+    TOPICS = frozenset({"rules", "memory", "acts"})
     EMPTY = "select a rule in the list of rules"
     DEFAULT_CSS = """
-    RulePane > #rule-rows { height: 1fr; }
-    RulePane > #rule-graph { height: 2fr; margin-top: 1; }
+    RulePane > #rule-rows { height: 3; }
+    RulePane > #rule-graph { height: 1fr; }
     """
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self._raisers = Raisers(store.scenario)
+        self._reasons = Reasons(store)
         self.graph = RowList(id="rule-graph")
         self.graph.can_focus = False
         self.list.beyond = self.graph
+        self._layout_made: tuple[Rule, Layout] | None = None
+        self._usual: tuple[Rule, int, int] | None = None
+        """The rule and the width for which it was counted, and the rows that the reasons of most states need."""
+        self._drawn: tuple[Layout, Now, str] | None = None
         self._brought: tuple[str, str | None] | None = None
         """The rule and state that was last brought into view; after that the wizard may scroll."""
 
@@ -52,105 +65,101 @@ class RulePane(ListPane):
     def body(self) -> Sequence[Widget]:
         return [self.list, self.graph]
 
+    def on_mount(self) -> None:
+        self.set_interval(TICK, self._count)
+
+    def _count(self) -> None:
+        """Repaint what the clock alone changes, when it is to be seen and there is such a thing."""
+        rule = self._rule
+        if rule is None or not self.display or not self.size.height or self.store.gone:
+            return
+        view = self.store.rule(rule.name)
+        state = rule.states.get(view.state or "") if view.running else None
+        if state is not None and self._reasons.counts(state):
+            self.repaint()
+
     def make_rows(self, width: int) -> list[Row]:
         """What must always be in view: where the rule stands, and why it stays there."""
         rule = self._rule
         if rule is None:
             return []
         view = self.store.rule(rule.name)
-        rows = [*self._head(rule, view, width)]
+        rows = self._head(rule, view, width)
         if view.running and view.state in rule.states:
-            rows += self._why(rule.states[view.state], width)
+            rows += self._reasons.rows(rule, rule.states[view.state], view, width)
         return rows
 
     def repaint(self) -> None:
         super().repaint()
         rule = self._rule
-        if rule is None or self.list.row_width <= 0:
+        width = self.graph.row_width or self.list.row_width
+        if rule is None or width <= 0:
             return
-        self.list.styles.max_height = self.list.count
+        self._share_room(rule)
         view = self.store.rule(rule.name)
-        self.graph.show([row for state in rule.states.values() for row in self._state(rule, state, view)])
+        self._show_graph(rule, view, width)
         stands = (rule.name, view.state if view.running else None)
         if stands != self._brought and self.graph.size.height:
             self._brought = stands
-            self.graph.bring_to_middle(HERE)
+            self._bring_into_view()
 
     def _head(self, rule: Rule, view: RuleView, width: int) -> list[Row]:
         state = rule_state(self.store, rule.name)
         when: Line = ((f"since {clock(view.since)} ", "muted"),) if view.status else ()
         rows = [Row("", headed(rule.name, (f"{state.glyph} {state.word}", state.tone), when, width), selectable=False)]
+        line: Line = ()
         if view.running:
-            line: Line = ((" in ", "muted"), (view.state or "", "accent"))
+            line = ((" in ", "muted"), (view.state or "", "accent"))
             if view.previous:
                 line = (*line, ("  from ", "muted"), (view.previous, "plain"))
             if view.trigger:
                 line = (*line, ("  by ", "muted"), (view.trigger, "plain"))
-            rows.append(Row("", crop(line, width), selectable=False))
-        elif view.reason:
-            rows.append(
-                Row("", crop(((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),), width), False)
-            )
-        return rows
+        else:
+            if view.reason:
+                line = ((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),)
+            if (key := self.store.key_of("startInteractionRule", rule.name)) is not None:
+                line = (*line, ("  you: ", "muted"), (key.label, "key"), (" starts it", "muted"))
+        return [*rows, Row("", crop(line, width), selectable=False)] if line else rows
 
-    def _why(self, state: State, width: int) -> list[Row]:
-        """Each way out of the present state: what it waits for, its condition now, and the wizard's keys for it."""
-        if not state.transitions:
-            return [Row("", ((" a state without transitions: the rule ends here", "muted"),), False)]
-        rows = []
-        for index, transition in enumerate(state.transitions):
-            target = f"→ {transition.target}" if transition.target else "stays"
-            waits: Line = ((" waits for ", "muted"), (waits_for(self.store.scenario, transition), "wait"))
-            keys = self._raisers.keys(transition.event)
-            you: Line = (("  you: ", "muted"), (" ".join(keys), "key")) if keys else ()
-            way: Line = ((f"{target} ", "plain"),)
-            if width_of((*waits, *you, *way)) < width:
-                rows.append(Row(f"now:{index}", spread((*waits, *you), way, width)))
-            else:
-                rows.append(Row(f"now:{index}", crop((*waits, *you), width)))
-                rows.append(Row(f"to:{index}", crop((("   ", "plain"), *way), width), selectable=False))
-            if transition.condition is not None:
-                rows.append(Row(f"if:{index}", self._condition(transition, width), selectable=False))
-        return rows
+    # --- the graph --------------------------------------------------------------------------------------------------
 
-    def _condition(self, transition: Transition, width: int) -> Line:
-        assert transition.condition is not None
-        truth = truth_of(transition.condition, self.store.memory)
-        verdict: Span = (
-            (f"error: {truth.error} ", "fault") if truth.error
-            else ("true ", "accent") if truth.holds
-            else ("false ", "wait")
-        )  # fmt: skip
-        left: Line = (("   and " if transition.event or transition.after else "   if ", "muted"), (truth.text, "plain"))
-        if truth.values:
-            left = (*left, (f"   {truth.values}", "muted"))
-        return spread(left, (verdict,), width)
+    def _show_graph(self, rule: Rule, view: RuleView, width: int) -> None:
+        """Draw it when its marks, its width or the filter have changed; only rows that differ are repainted."""
+        if self._layout_made is None or self._layout_made[0] is not rule or self._layout_made[1].width != width:
+            self._layout_made = rule, lay_out(rule, width)
+        layout = self._layout_made[1]
+        last = (view.previous, view.transition) if view.previous is not None and view.transition is not None else None
+        now = Now(view.state if view.running else None, last if view.status else None)
+        if (layout, now, self.filter_text) != self._drawn:
+            self._drawn = layout, now, self.filter_text
+            self.graph.show(self.marked(draw(layout, now)))
 
-    def _state(self, rule: Rule, state: State, view: RuleView) -> list[Row]:
-        width = self.graph.row_width or self.list.row_width
-        here = view.running and state.id == view.state
-        marks = [word for word, true in (("start", state.id == rule.initial), ("end", not state.transitions)) if true]
-        line: Line = (
-            (" ● " if here else " ○ ", "accent" if here else "muted"),
-            (state.id, "accent" if here else "plain"),
-            (f"  {', '.join(marks)}" if marks else "", "muted"),
-        )
-        rows = [Row(HERE if here else "", crop(line, width), selectable=False)]
-        labels = min(width // 2, max((len(label_of(one)) for one in state.transitions), default=0) + 1)
-        for index, transition in enumerate(state.transitions):
-            last = view.transition == index and view.previous == state.id and view.status != ""
-            lead = "   └ " if index == len(state.transitions) - 1 else "   ├ "
-            guard = f" [{transition.condition.text}]" if transition.condition is not None and transition.event else ""
-            arrow: Line = (
-                (lead, "muted"),
-                cell(label_of(transition), labels, "accent" if last else "plain"),
-                (f"→ {transition.target or 'stays'}", "plain" if transition.target else "muted"),
-                (guard, "muted"),
-            )
-            taken: Line = (("  taken last ", "accent"),) if last else ()
-            full = (*arrow, *taken)
-            rows.append(Row("", full if width_of(full) <= width else spread(arrow, taken, width), selectable=False))
-        return rows
+    def _bring_into_view(self) -> None:
+        """Scroll only when the present state, or what may follow right below it, would be out of sight."""
+        height, top = self.graph.size.height, self.graph.scroll_offset.y
+        index = next((at for at in range(self.graph.count) if self.graph.row_at(at).id == HERE), 0)
+        ahead = min(AHEAD, height // 3)
+        if not top <= index < top + height - ahead:
+            self.graph.scroll_to(y=0 if index < height - ahead else index - height // 3, animate=False)
+
+    def _share_room(self, rule: Rule) -> None:
+        """Give the reasons the rows that most states of this rule need, so that the graph seldom moves."""
+        room = self.size.height - 1
+        gap = int(room > GAP)
+        need = max(self._usual_rows(rule), self.list.count)
+        rows = max(1, min(need, (room - gap) * 3 // 5))
+        if self.list.styles.height is None or self.list.styles.height.value != rows:
+            self.list.styles.height = rows
+        if self.graph.styles.margin.top != gap:
+            self.graph.styles.margin = (gap, 0, 0, 0)
+
+    def _usual_rows(self, rule: Rule) -> int:
+        width = self.list.row_width
+        if self._usual is None or self._usual[:2] != (rule, width):
+            view = RuleView(running=True)
+            needs = sorted(len(self._reasons.rows(rule, state, view, width)) for state in rule.states.values())
+            self._usual = rule, width, 2 + needs[int((len(needs) - 1) * USUAL)]
+        return self._usual[2]
 
     def do(self, action: str) -> None:
         kind, _, index = self.list.current.partition(":")

@@ -1,13 +1,20 @@
-"""What runs and what waits, in order; the order can be changed."""
+"""What runs and what waits, in order, and when it will probably start or end; the order can be changed."""
 
 from __future__ import annotations
 
 from rise_engine.view import TaskView
 from rise_tui.actions import bindings
 from rise_tui.messages import TaskAsked, Told
+from rise_tui.model.expected import Turn, starts
+from rise_tui.model.states import SENT, progress, task_state
+from rise_tui.model.task_text import task_rows
 from rise_tui.panes.pane import ListPane
-from rise_tui.states import progress, task_state
-from rise_tui.text import Line, Row, Span, cell, seconds
+from rise_tui.text import Line, Row, Span, cell, duration, seconds
+
+NARROW = 56
+"""Below this width, only what is left of a running task's time."""
+WIDE = 74
+"""From this width on there is room for who started a task."""
 
 
 class SchedulerPane(ListPane):
@@ -16,7 +23,7 @@ class SchedulerPane(ListPane):
     PLACE = "scheduler"
     BINDINGS = bindings("scheduler")
     TITLE = "Scheduler"
-    TOPICS = frozenset({"tasks", "acts"})
+    TOPICS = frozenset({"acts"})
     EMPTY = "nothing runs, nothing waits"
 
     def subtitle(self) -> Line:
@@ -25,60 +32,91 @@ class SchedulerPane(ListPane):
 
     def make_rows(self, width: int) -> list[Row]:
         view = self.store.view
-        rows = []
-        for place, id in enumerate([*view.running, *view.waiting]):
-            task = view.tasks.get(id)
-            if task is not None:
-                rows.append(Row(str(id), self._line(task, place - len(view.running), width)))
+        running = [view.tasks[id] for id in view.running if id in view.tasks]
+        waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
+        expected = starts(map(self._turn, running), [self._turn(task) for task in waiting])
+        rows = [self._row(task, "now", self._left(task), width) for task in running]
+        for place, (task, at) in enumerate(zip(waiting, expected, strict=True)):
+            rows.append(self._row(task, "next" if place == 0 else f"{place + 1}.", self._until(at, place), width))
         return rows
 
-    def _line(self, task: TaskView, place: int, width: int) -> Line:
-        state = task_state(task)
-        sent = self._asked(task.id)
-        time = 13
-        source = min(18, width // 4) if width >= 50 else 0
-        name = width - 6 - 10 - 5 - time - source - 2
-        act = self.store.scenario.acts.get(task.behavior)
-        done = f"{progress(act, task)[0]}/{len(act.actions)}" if act is not None and place < 0 else ""
-        when: Span
-        if place < 0:
-            elapsed = seconds(self.store.now() - (task.started or 0.0))
-            typical = self.store.typical(task.behavior)
-            when = cell(f"{elapsed}/{seconds(typical)} s" if typical is not None else f"{elapsed} s", time, right=True)
-        else:
-            when = cell(f"{seconds(self.store.now() - task.submitted)} s", time, "muted", right=True)
-        return (
-            cell(
-                " now" if place < 0 else " next" if place == 0 else f" {place + 1:>3}.",
-                6,
-                "accent" if place < 0 else "muted",
-            ),
-            cell(task.behavior, name, "strong" if place < 0 else "plain"),
-            (" ", "plain"),
-            (f"{'↑' if sent else state.glyph} ", "wait" if sent else state.tone),
-            cell(sent or state.word, 8, "wait" if sent else state.tone),
-            cell(done, 5, "muted", right=True),
-            when,
-            (" ", "plain"),
-            cell(task.source, source, "muted"),
-        )
+    def _turn(self, task: TaskView) -> Turn:
+        elapsed = self.store.now() - task.started if task.started is not None else 0.0
+        return Turn(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
 
-    def _asked(self, id: int) -> str:
-        for sent in self.store.sent.values():
-            if sent.function in ("cancelTask", "moveTask") and sent.behavior.split(" ")[0] == str(id):
-                return "sent"
-        return ""
+    def _typical(self, task: TaskView) -> float | None:
+        return None if task.function == "say" else self.store.typical(task.behavior)
+
+    def _left(self, task: TaskView) -> Span:
+        """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
+        turn = self._turn(task)
+        if turn.typical is None or turn.left is None:
+            return f"for {duration(turn.elapsed)}", "plain"
+        of = f"{seconds(turn.elapsed)} of {duration(turn.typical)}"
+        if turn.left >= 0:
+            return f"{of}, {duration(turn.left)} left", "plain"
+        return f"{of}, {duration(-turn.left)} over", "wait"
+
+    def _until(self, at: float | None, place: int) -> Span:
+        """For a waiting task: when it will probably start."""
+        if at is None:
+            return "not known", "muted"
+        if at < 1:
+            return "any moment" if place == 0 else "soon", "muted"
+        return f"in ~{at:.0f} s" if at < 90 else f"in ~{at / 60:.0f} min", "muted"
+
+    def _row(self, task: TaskView, place: str, when: Span, width: int) -> Row:
+        glyph, word, tone = SENT if self._asked(task.id) else task_state(task)
+        now = task.started is not None
+        lead = cell(f" {place:<4}" if not place[0].isdigit() else f" {place:>4}", 6, "accent" if now else "muted")
+        act = self.store.scenario.acts.get(task.behavior) if task.function != "say" else None
+        done = "{}/{}".format(*progress(act, task)) if act is not None and now else ""
+        source = min(18, width // 5) if width >= WIDE else 0
+        narrow = width < NARROW
+        room = 11 if narrow else 28
+        text = when[0] if not narrow else when[0].rpartition(", ")[2]
+        name = width - 6 - 11 - (0 if narrow else 5) - room - (source + 2 if source else 0) - 1
+        said = f"“{task.behavior}”" if task.function == "say" else task.behavior
+        line: Line = (
+            lead,
+            cell(said, name, "strong" if now else "plain"),
+            (f" {glyph} ", tone),
+            cell(word, 8, tone),
+            cell(done, 0 if narrow else 5, "muted", right=True),
+            cell(text, room, when[1], right=True),
+        )
+        if source:
+            line = (*line, ("  ", "plain"), cell(task.source, source, "muted"))
+        return Row(str(task.id), line, full=f"{place} {said} {word} {task.source}")
+
+    def _asked(self, id: int) -> bool:
+        asked = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
+        return any(sent.behavior.split(" ")[0] == str(id) for sent in asked)
 
     def do(self, action: str) -> None:
         if not self.list.current:
             self.post_message(Told("nothing runs or waits"))
             return
         task, waiting = int(self.list.current), self.store.view.waiting
-        if action == "scheduler.cancel":
+        if action == "scheduler.details":
+            self._details(task)
+        elif action == "scheduler.cancel":
             self.post_message(TaskAsked("cancelTask", str(task)))
         elif task not in waiting:
             self.post_message(Told("this task runs already; only waiting ones can be moved"))
         else:
-            place = waiting.index(task) + (-1 if action == "scheduler.earlier" else 1)
-            if 0 <= place < len(waiting):
+            here = waiting.index(task)
+            place = {"scheduler.earlier": here - 1, "scheduler.later": here + 1}.get(action, 0)
+            if 0 <= place < len(waiting) and place != here:
                 self.post_message(TaskAsked("moveTask", f"{task} {place}"))
+            else:
+                self.post_message(Told("it is the last one already" if place > here else "it starts next already"))
+
+    def _details(self, id: int) -> None:
+        from rise_tui.screens.reading import Reading  # not needed to begin
+
+        def rows(width: int) -> list[Row]:
+            task = self.store.view.tasks.get(id)
+            return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []
+
+        self.app.push_screen(Reading("Task", rows))

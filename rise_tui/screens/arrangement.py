@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Container, Vertical
 
+from rise_tui.model.store import Store
 from rise_tui.panes.act import ActPane
 from rise_tui.panes.control import ActsPane, RulesPane
 from rise_tui.panes.log import LogPane
@@ -16,7 +17,6 @@ from rise_tui.panes.memory import MemoryPane
 from rise_tui.panes.pane import Pane
 from rise_tui.panes.rule import RulePane
 from rise_tui.panes.scheduler import SchedulerPane
-from rise_tui.store import Store
 
 Layout = Literal["one", "two", "all"]
 
@@ -25,12 +25,20 @@ UPPER = ("rule", "act", "memory")
 LOWER = ("log", "scheduler")
 MONITORING = (*UPPER, *LOWER)
 
+LEAST = (70, 20)
+"""Columns and rows below which nothing could be read."""
+
 
 def layout_for(width: int, height: int) -> Layout:
     """One monitoring pane at 80x24, two at 120x40, all from 180 columns."""
     if width < 100 or height < 30:
         return "one"
     return "all" if width >= 180 else "two"
+
+
+def too_small(width: int, height: int) -> bool:
+    """Whether a terminal has no room for a console."""
+    return width < LEAST[0] or height < LEAST[1]
 
 
 class Arrangement(Container):
@@ -49,7 +57,8 @@ class Arrangement(Container):
             #monitoring { layout: horizontal; }
             #upper { width: 1fr; height: 1fr; border-right: vkey $rise-bar; }
             #lower { width: 1fr; height: 1fr; }
-            #scheduler { height: 2fr; } #log { height: 3fr; }
+            #rule { height: 2fr; } #act, #memory { height: 1fr; }
+            #scheduler { height: 1fr; } #log { height: 2fr; }
         }
         &.-zoom {
             #control, #upper { width: 1fr; border-right: none; }
@@ -63,6 +72,12 @@ class Arrangement(Container):
         made = (RulePane, ActPane, MemoryPane, LogPane, SchedulerPane)
         panes: list[Pane] = [ActsPane(store), RulesPane(store), *(make(store) for make in made)]
         self.panes: dict[str, Pane] = {pane.PLACE: pane for pane in panes}
+        self._groups = {
+            "control": Vertical(id="control"),
+            "monitoring": Container(id="monitoring"),
+            "upper": Vertical(id="upper"),
+            "lower": Vertical(id="lower"),
+        }
         self._active = {"upper": "rule", "lower": "log"}
         self._front = "rule"
         self._layout_kind: Layout = "one"
@@ -72,16 +87,15 @@ class Arrangement(Container):
         self.panes["rules"].styles.height = max(4, rules + 1)
 
     def compose(self) -> ComposeResult:
-        with Vertical(id="control"):
+        self._layout_kind = layout_for(*self.app.size)
+        self._place()  # now: a class that came later would have everything styled and laid out twice
+        with self._groups["control"]:
             yield from (self.panes[name] for name in CONTROL)
-        with Container(id="monitoring"):
-            with Vertical(id="upper"):
+        with self._groups["monitoring"]:
+            with self._groups["upper"]:
                 yield from (self.panes[name] for name in UPPER)
-            with Vertical(id="lower"):
+            with self._groups["lower"]:
                 yield from (self.panes[name] for name in reversed(LOWER))
-
-    def on_mount(self) -> None:
-        self._place_all()
 
     def on_resize(self, event: events.Resize) -> None:
         size = self.app.size
@@ -116,12 +130,13 @@ class Arrangement(Container):
     def go_to_control(self) -> None:
         self.go_to("rules" if self.panes["acts"].has_focus_within else "acts")
 
-    def go_to_next(self) -> None:
+    def go_to_next(self, step: int = 1) -> None:
+        """To the next monitoring pane, or with -1 to the one before; from the control area to the one in front."""
         here = self.focused()
         if here is None or here.PLACE in CONTROL:
             self.go_to(self._front)
         else:
-            self.go_to(MONITORING[(MONITORING.index(here.PLACE) + 1) % len(MONITORING)])
+            self.go_to(MONITORING[(MONITORING.index(here.PLACE) + step) % len(MONITORING)])
 
     def zoom(self) -> None:
         """Give the focused pane all the room, or give it back."""
@@ -132,6 +147,22 @@ class Arrangement(Container):
     @property
     def zoomed(self) -> bool:
         return bool(self._zoomed)
+
+    def layout_state(self) -> dict[str, str]:
+        """Which panes are in front and which has the focus: what another start restores. A zoom is not kept."""
+        here = self.focused()
+        return {**self._active, "front": self._front, "focus": here.PLACE if here is not None else "acts"}
+
+    def restore(self, state: Mapping[str, str]) -> None:
+        """Take over what `layout_state` gave; names of panes that are unknown change nothing."""
+        for group, names in (("upper", UPPER), ("lower", LOWER)):
+            if state.get(group) in names:
+                self._active[group] = state[group]
+        if state.get("front") in MONITORING:
+            self._front = state["front"]
+            self._active["upper" if self._front in UPPER else "lower"] = self._front
+        focus = state.get("focus", "")
+        self.go_to(focus if focus in self.panes else "acts")
 
     def unzoom(self) -> bool:
         if not self._zoomed:
@@ -155,21 +186,31 @@ class Arrangement(Container):
             return UPPER if name in UPPER else LOWER
         return MONITORING
 
+    def _title(self, name: str) -> str:
+        title = self.panes[name].TITLE
+        return f"{title} · zoomed, esc goes back" if self._zoomed else title
+
     def _place_all(self) -> None:
         """Show and hide by layout, tabs and zoom; costs nothing when nothing of these has changed."""
-        now = (self._layout_kind, self._zoomed, *self._active.values(), self._front)
-        if now == self._placed:
-            return
-        self._placed = now
+        if self._placing != self._placed:
+            self._place()
+            self.call_after_refresh(self._repaint_visible)
+
+    @property
+    def _placing(self) -> tuple[str, ...]:
+        """All that decides what is shown where."""
+        return (self._layout_kind, self._zoomed, *self._active.values(), self._front)
+
+    def _place(self) -> None:
+        self._placed = self._placing
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")
         self.set_class(bool(self._zoomed), "-zoom")
         for name, pane in self.panes.items():
             pane.display = self._shows(name)
-            pane.title.show_tabs(tuple((tab, self.panes[tab].TITLE) for tab in self._tabs(name)))
+            pane.title.show_tabs(tuple((tab, self._title(tab)) for tab in self._tabs(name)))
         for group, names in (("control", CONTROL), ("monitoring", MONITORING), ("upper", UPPER), ("lower", LOWER)):
-            self.query_one(f"#{group}").display = any(self._shows(name) for name in names)
-        self.call_after_refresh(self._repaint_visible)
+            self._groups[group].display = any(self._shows(name) for name in names)
 
     def _repaint_visible(self) -> None:
         for pane in self.shown():

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from time import monotonic
+from collections.abc import Callable, Coroutine
+from typing import Any
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.message import Message
-from textual.widgets import Input
+from textual.widget import Widget
 
 from rise_tui.actions import BY_ID, bindings
-from rise_tui.control import question
-from rise_tui.gate import Gate, Trigger
 from rise_tui.messages import ActionAsked, PaneAsked, SelectionMoved, StartAsked, TaskAsked, Told
-from rise_tui.notice import Notice
-from rise_tui.quiet import QuietScreen
+from rise_tui.model.control import question
+from rise_tui.model.gate import Trigger
+from rise_tui.model.store import Topic
+from rise_tui.quiet import QuietScreen, begin
+from rise_tui.screens import finding
+from rise_tui.screens.acting import CUE, FILLER, Acting
 from rise_tui.screens.arrangement import Arrangement
 from rise_tui.screens.dialog import Answer, Dialog
+from rise_tui.screens.keyboard import Keyboard
 from rise_tui.screens.painting import Painting
 from rise_tui.session import Session
-from rise_tui.store import Topic, describe
 from rise_tui.widgets.line import Lines
+from rise_tui.widgets.mistake import MistakeLine
 from rise_tui.widgets.note import NoteLine
+from rise_tui.widgets.say import SayLine
 
 CLOCK = 1.0
 TENTHS = 0.5
@@ -41,9 +45,6 @@ class ConsoleScreen(QuietScreen[None]):
     class SettingsAsked(Message):
         """The wizard wants other settings; the app knows how to start sessions."""
 
-    class ThemeAsked(Message):
-        """The next theme, please."""
-
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
@@ -52,11 +53,13 @@ class ConsoleScreen(QuietScreen[None]):
         self.status, self.alarm = self.painting.status, self.painting.alarm
         self.call = self.painting.call
         self.notice, self.hints = self.painting.notice, self.painting.hints
+        self.say_line, self.mistake = self.painting.say, self.painting.mistake
         self.note = NoteLine()
         self._unnoted = ""
         """A note that was typed and not taken."""
         self._control_shown: tuple[str | None, str | None] = (None, None)
-        self.gate = Gate(self._fire, self._arm, self.say, self.set_timer)
+        self.acting = Acting(session, self.painting, self.set_timer, self._run)
+        self.keyboard = Keyboard(self)
 
     def compose(self) -> ComposeResult:
         yield self.status
@@ -64,7 +67,9 @@ class ConsoleScreen(QuietScreen[None]):
         yield self.call
         yield self.panes
         yield self.notice
+        yield self.mistake
         yield self.note
+        yield self.say_line
         yield self.hints
 
     def on_mount(self) -> None:
@@ -79,6 +84,14 @@ class ConsoleScreen(QuietScreen[None]):
         if "status" in topics and self._who() != self._control_shown:
             self._withdraw("-control", "control has just changed: the question about it was closed")
 
+    def on_resize(self) -> None:
+        finding.watch_size(self)
+
+    def on_screen_resume(self, event: events.ScreenResume) -> None:
+        if self.stack_updates == 0:  # for the first time: everything has just been styled as it was mounted
+            event.refresh_styles = False
+        finding.watch_size(self)
+
     @on(Lines.Resized)
     def _bar_resized(self) -> None:
         self.painting.draw_bars()
@@ -90,71 +103,39 @@ class ConsoleScreen(QuietScreen[None]):
 
     # --- keys -----------------------------------------------------------------------------------------------------
 
-    def key_seen(self, event: events.Key) -> None:
-        """Every key, whatever has the focus, before anything acts on it."""
-        self.painting.key_pressed()
-        self.gate.observe(event.key, event.time, typing=isinstance(self.app.focused, Input))
-
     def on_key(self, event: events.Key) -> None:
-        """Keys that no text field has taken: those of the scenario, Enter for an armed act, Esc."""
-        if isinstance(self.focused, Input):
-            return
-        armed = self.gate.armed
-        if event.key == "enter" and armed is not None:
-            if self._selected_is(armed):
-                self.gate.press(armed, event.time)
-            else:
-                self.gate.confirm()
-        elif event.key == "escape":
-            self._escape()
-        elif (binding := self.session.store.scenario.keys.get(event.key)) is not None:
-            settings = self.session.store.scenario.settings_of(binding.behavior)
-            is_act = binding.function == "startCommunicationRobotAct"
-            trigger = Trigger(binding.function, binding.behavior, settings.debounce, is_act and settings.hold)
-            self.start(trigger, event.time)
-        else:
-            return
-        event.stop()
-        event.prevent_default()
+        self.keyboard.left(event)
 
-    def _selected_is(self, trigger: Trigger) -> bool:
+    @property
+    def selected_act(self) -> str:
+        """The act under the cursor, while the list of acts has the focus."""
         pane = self.panes.focused()
-        return pane is not None and pane.PLACE == "acts" and getattr(pane.rows, "current", "") == trigger.behavior
+        return getattr(pane.rows, "current", "") if pane is not None and pane.PLACE == "acts" else ""
 
-    def _escape(self) -> None:
+    def escape(self) -> None:
+        """Leave whatever can be left."""
         pane = self.panes.focused()
-        if not self.gate.disarm() and not (pane is not None and pane.escape()):
+        if not self.acting.gate.disarm() and not (pane is not None and pane.escape()):
             self.panes.unzoom()
-
-    def start(self, trigger: Trigger, when: float | None = None) -> None:
-        """Ask for a start, with all care against accidents."""
-        if reason := self.session.store.cannot_start():
-            self.say(f"{describe(trigger.function, trigger.behavior)} not started: {reason}")
-        else:
-            self.gate.press(trigger, monotonic() if when is None else when)
-
-    def _fire(self, trigger: Trigger) -> None:
-        if reason := self.session.store.cannot_start():
-            self.say(f"{describe(trigger.function, trigger.behavior)} not started: {reason}")
-        else:
-            self.send(trigger.function, trigger.behavior, trigger.calling_type)
-
-    def _arm(self, trigger: Trigger | None) -> None:
-        self.session.store.armed = trigger.behavior if trigger is not None else ""
-        if trigger is not None:
-            self.session.tell(Notice(f"{trigger.behavior}: Enter or the same key again within 2 s starts it", "wait"))
-        else:
-            self.painting.clear_notice()
-        self.painting.changed({"acts"})
 
     # --- what panes and hints ask -----------------------------------------------------------------------------------
 
-    def send(self, function: str, behavior: str = "", calling_type: str = "") -> None:
+    def _run(self, work: Coroutine[Any, Any, object]) -> None:
+        """Something for the engine: it is sent before this returns, and what follows from it is awaited elsewhere."""
+        if (rest := begin(work)) is not None:
+            self.run_worker(rest, group="send")
+
+    def start(self, trigger: Trigger) -> None:
+        """Ask for a start, with all care against accidents."""
+        self.acting.start(trigger)
+
+    def send(self, function: str, behavior: str = "") -> None:
         """Give a task to the engine, without waiting."""
-        self.run_worker(self.session.submit(function, behavior, calling_type), group="send")
+        self.acting.send(function, behavior)
 
     def say(self, text: str) -> None:
-        self.session.tell(Notice(text))
+        """Tell the wizard something."""
+        self.acting.tell(text)
 
     @on(TaskAsked)
     def _task_asked(self, event: TaskAsked) -> None:
@@ -188,52 +169,69 @@ class ConsoleScreen(QuietScreen[None]):
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
+        self.keyboard.opened()
         if reason := BY_ID[action].unavailable(self.session.store):
             self.say(f"{BY_ID[action].title}: not now, {reason}")
             return
         if BY_ID[action].place in self.panes.panes:
             self.panes.panes[BY_ID[action].place].action_do(action)
             return
-        doing: dict[str, Callable[[], object]] = {
+        self.doing()[action]()
+
+    def doing(self) -> dict[str, Callable[[], object]]:
+        """What carries out each action that belongs to no pane."""
+        return {
             "stop": self.stop_all,
             "quit": lambda: self.app.run_action("quit"),
-            "palette": self._palette,
-            "help": self._help,
+            "palette": lambda: finding.open_palette(self),
+            "help": lambda: finding.open_help(self),
+            "jump": lambda: finding.jump(self),
+            "tour": lambda: finding.start_tour(self),
+            "redraw": lambda: finding.redraw(self),
             "lists": self.panes.go_to_control,
             "next-pane": self.panes.go_to_next,
+            "previous-pane": lambda: self.panes.go_to_next(-1),
             "zoom": self.panes.zoom,
             "filter": self._filter,
             "settings": lambda: self.post_message(self.SettingsAsked()),
-            "theme": lambda: self.post_message(self.ThemeAsked()),
+            "theme": lambda: finding.choose_theme(self),
             "release": self._release,
             "control": self._control,
             "note": self._note,
+            "say": self.say_line.open,
+            "cue": lambda: self.start(CUE),
+            "filler": lambda: self.start(FILLER),
+            "mistake": self.acting.mistake,
+            "safe": self.acting.switch_safe,
+            "lock": self.switch_lock,
         }
-        doing[action]()
 
     def stop_all(self) -> None:
         """The stop key: no question, no condition, from any screen."""
-        self.gate.reset()
+        self.acting.gate.reset()
         self.send("stopAll")
         self._withdraw("-release", "stopped again: the question whether to release the stop was closed")
+
+    def switch_lock(self) -> None:
+        """Lock the keyboard, or unlock it.
+
+        Questions and lists above the console close unanswered: one that was forgotten should not be there when
+        somebody unlocks it. What is being typed stays in its field.
+        """
+        if self.session.store.guard != "LOCKED":
+            while self.app.screen is not self:
+                above = self.app.screen
+                if isinstance(above, Dialog):
+                    above.withdraw()
+                if self.app.screen is above:
+                    above.dismiss()
+        self.acting.switch_lock()
 
     def _withdraw(self, kind: str, said: str) -> None:
         """Close a question whose matter has changed."""
         for screen in self.app.screen_stack:
             if isinstance(screen, Dialog) and screen.has_class(kind) and screen.withdraw():
                 self.say(said)
-
-    def _palette(self) -> None:
-        from textual.command import CommandPalette  # not needed to begin, as the help
-
-        from rise_tui.commands import ConsoleCommands
-
-        self.app.push_screen(CommandPalette([ConsoleCommands], placeholder="command, act or rule"))
-
-    def _help(self) -> None:
-        from rise_tui.screens.help import HelpScreen
-
-        self.app.push_screen(HelpScreen(self.session.store))
 
     def _filter(self) -> None:
         pane = self.panes.focused()
@@ -278,11 +276,33 @@ class ConsoleScreen(QuietScreen[None]):
         self.notice.display = False
         self.note.open(self._unnoted)
 
+    @on(SayLine.Asked)
+    def _say_asked(self, event: SayLine.Asked) -> None:
+        self.acting.say(event.typed, event.text, at_once=event.at_once)
+
+    @on(SayLine.Closed)
+    def _say_closed(self, event: SayLine.Closed) -> None:
+        self._focus_back(event.back)
+
+    @on(MistakeLine.Chosen)
+    def _mistake_chosen(self, event: MistakeLine.Chosen) -> None:
+        self.acting.mark(event.task, event.mark)
+
+    @on(MistakeLine.Closed)
+    def _mistake_closed(self, event: MistakeLine.Closed) -> None:
+        self.notice.display = True
+        if self.focused in (None, self.mistake):
+            self._focus_back(event.back)
+
+    def _focus_back(self, widget: Widget | None) -> None:
+        """To what had the focus before a line was opened, if it can still be seen."""
+        there = widget is not None and widget.is_attached and widget.display and widget.visible
+        self.set_focus(widget if there else self.panes.panes["acts"].rows)
+
     @on(NoteLine.Done)
     def _noted(self, event: NoteLine.Done) -> None:
         self.notice.display = True
-        back = event.back if event.back is not None and event.back.is_attached else None
-        self.set_focus(back or self.panes.panes["acts"].rows)
+        self._focus_back(event.back)
         if event.text:
             self.run_worker(self._send_note(event.text), group="send")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
-from textual import on
+from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -45,8 +45,6 @@ class Dialog(QuietModal[str]):
         """`first` is the key of the answer that Enter takes; without it, Enter takes none."""
         super().__init__()
         self._title, self._said, self._answers, self._no, self._first = title, said, answers, no, first
-        for answer in answers:
-            self._bindings.bind(answer.key, f"answer('{answer.key}')", show=False)
         self._answered = self._withdrawn = False
 
     def compose(self) -> ComposeResult:
@@ -62,6 +60,11 @@ class Dialog(QuietModal[str]):
     def on_mount(self) -> None:
         if self._first:
             self.set_focus(self.query_one(f"#answer-{self._first}"))
+
+    def on_key(self, event: events.Key) -> None:
+        if any(event.key == answer.key for answer in self._answers):
+            event.stop()
+            self.action_answer(event.key)
 
     def action_answer(self, key: str) -> None:
         """The first answer counts; keys that were still on their way do nothing."""

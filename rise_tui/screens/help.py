@@ -2,95 +2,136 @@
 
 from __future__ import annotations
 
-from textual import events, on
-from textual.app import ComposeResult
-from textual.containers import Vertical
-from textual.widgets import Input
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
 
-from rise_tui.actions import PLACES, at
-from rise_tui.quiet import QuietModal
-from rise_tui.store import Store, describe
-from rise_tui.text import Line, Row, cell, crop, plain, wrap
-from rise_tui.widgets.editor import Field
-from rise_tui.widgets.rows import RowList, RowView
+from rise_tui.actions import PLACES, Action, Place, at, key_for, key_in_words, key_label, keys_of
+from rise_tui.model.deeds import describe
+from rise_tui.model.filtering import BrokenFilter, Filter
+from rise_tui.model.store import Store
+from rise_tui.screens.finder import Finder
+from rise_tui.text import Line, Row, cell, crop, marked, plain, wrap
+
+WIDE = 90
+"""From this width on keys and titles have room to breathe."""
+
+COMMON: tuple[Place, ...] = ("everywhere", "console")
+SCENARIO, IDEAS = "Keys of this scenario", "How it works"
 
 
-class HelpScreen(QuietModal[None]):
+class Entry(NamedTuple):
+    """One thing to know. However many lines it takes, it is found and shown as a whole."""
+
+    group: str
+    keys: str
+    title: str
+    text: str
+    off: bool = False
+    """It cannot be used now; the text says why."""
+
+
+def entries(store: Store, place: Place | None = None) -> Iterator[Entry]:
+    """All of them: the focused pane's first, then what works everywhere, the ideas, the scenario's keys, the rest."""
+    titles = dict(PLACES)
+    if place is not None:
+        yield from (_of_action(action, f"Here: {titles[place]}", store) for action in at(place))
+    for common in COMMON:
+        yield from (_of_action(action, titles[common], store) for action in at(common))
+    yield from (Entry(IDEAS, word, "", text) for word, text in ideas())
+    why = store.cannot_start()
+    for key in store.scenario.keys.values():
+        act = "CommunicationRobotAct" in key.function
+        hold = "hold: needs a second key. " if act and store.scenario.settings_of(key.behavior).hold else ""
+        text = f"{hold}{f'Not now: {why}.' if why else ''}"
+        yield Entry(SCENARIO, key.label, describe(key.function, key.behavior), text, bool(why))
+    for other, title in PLACES:
+        if other != place and other not in COMMON:
+            yield from (_of_action(action, title, store) for action in at(other))
+
+
+def _of_action(action: Action, group: str, store: Store) -> Entry:
+    why = action.unavailable(store)
+    text = f"{action.help} Not now: {why}." if why else action.help
+    keys = " ".join(key_label(key) for key in keys_of(action)) or key_for("palette")
+    return Entry(group, keys, action.title, text, bool(why))
+
+
+def ideas() -> Iterator[tuple[str, str]]:
+    """What no single key explains: a word that stands on the screen, and what it means."""
+    safe, lock, release = key_in_words("safe"), key_in_words("lock"), key_in_words("release")
+    cue, filler, mistake, control = (key_in_words(id) for id in ("cue", "filler", "mistake", "control"))
+    yield "^X", "Hold ctrl and press X. Written so where there is little room."
+    yield "LIVE", "Keys start acts and rules. The word stands in the top line, and is about this console only."
+    yield "SAFE", f"Look around and start nothing by mistake: {safe}, and again. Cue, marks, notes and stop work."
+    yield "LOCKED", f"For a keyboard left alone: {lock}. Only stopping, leaving and unlocking work; it unlocks to SAFE."
+    yield "STOPPED", f"Somebody stopped everything: nothing starts on any console until {release} releases it."
+    yield "sent", "You asked, and the engine has not answered yet. Nothing is shown as done because it was asked for."
+    yield "hold", "Such an act needs its key twice, or Enter, within two seconds. Esc forgets the first one."
+    counted = "The top line counts until the robot answers, marked at 1 s and at 2 s."
+    kept = "With every act the record keeps the cue, your key, and when the robot began and ended."
+    yield "cue", f"Press {cue} when the participant's turn ends. {counted} {kept}"
+    turn = "It is offered when a cue waits long, and comes by itself only where the scenario says so."
+    yield "filler", f"A short act to bridge the time: {filler} starts the next one. {turn}"
+    went = "The act goes on; the record says it, so that nobody has to guess later."
+    yield "mistake", f"Right after an act that was wrong, late, early or double: {mistake} and a letter. {went}"
+    yield "control", f"Of several consoles one may act. {control} takes it, asks for it, gives or releases it."
+
+
+class HelpScreen(Finder):
     """Opens over the console; Esc closes it."""
 
-    DEFAULT_CSS = """
-    HelpScreen {
-        align: center bottom; background: transparent;
-        #box { width: 100%; max-width: 110; height: 1fr; max-height: 44; margin: 4 0 1 0; padding: 0 1;
-               background: $panel; border: round $primary; border-title-style: bold; }
-        Field, Field:focus { background: $surface; margin: 0 0 1 0; }
-    }
-    """
+    def __init__(self, store: Store, place: Place | None = None) -> None:
+        super().__init__("Help", "type to search · ↑↓ scroll · esc closes", "search keys, actions and words")
+        self._entries = list(entries(store, place))
 
-    def __init__(self, store: Store) -> None:
-        super().__init__()
-        self._store = store
-        self.search = Field(placeholder="search")
-        self.list = RowList(id="help-rows")
+    def draw(self) -> None:
+        wanted = self.wanted()
+        found = [entry for entry in self._entries if self.finds(wanted, searched(entry))]
+        self.list.show(rows(found, self.list.row_width, wanted))
+        self.list.scroll_to(y=0, animate=False)
 
-    def compose(self) -> ComposeResult:
-        box = Vertical(id="box")
-        box.border_title = " Help "
-        box.border_subtitle = " type to search · ↑↓ scroll · esc closes "
-        with box:
-            yield self.search
-            yield self.list
-
-    def on_mount(self) -> None:
-        self.search.focus()
-
-    @on(Input.Changed)
-    @on(RowView.Resized)
-    def _draw(self) -> None:
-        wanted = self.search.value.casefold()
-        rows = [row for row in self._rows(self.list.row_width) if not wanted or _matches(row, wanted)]
-        self.list.show(rows or [Row("", ((" nothing found", "muted"),), selectable=False)])
-
-    def _rows(self, width: int) -> list[Row]:
-        rows: list[Row] = []
-        scenario = self._store.scenario
-        if scenario.keys:
-            rows.append(Row("", ((" Keys of this scenario", "accent"),), selectable=False))
-            for key in scenario.keys.values():
-                hold = scenario.settings_of(key.behavior).hold and "CommunicationRobotAct" in key.function
-                does = describe(key.function, key.behavior) + ("  (hold: needs a second key)" if hold else "")
-                rows.append(Row(f"k:{key.key}", (cell(f"  {key.label}", 12, "key"), (does, "plain"))))
-        for place, title in PLACES:
-            actions = list(at(place))
-            if actions:
-                rows.append(Row("", ((f" {title}", "accent"),), selectable=False))
-            for action in actions:
-                why = action.unavailable(self._store)
-                keys = cell(f"  {action.all_keys}", 12, "muted" if why else "key")
-                head = (keys, cell(action.title, 26, "muted" if why else "plain"))
-                rows += _wrapped(action.id, head, action.help + (f" Not now: {why}." if why else ""), width)
-        return rows
-
-    def on_key(self, event: events.Key) -> None:
-        moves = {"up": -1, "down": 1, "pageup": -10, "pagedown": 10}
-        if event.key == "escape":
-            event.stop()
-            self.dismiss(None)
-        elif event.key in moves:
-            event.stop()
-            event.prevent_default()
-            self.list.scroll_relative(y=moves[event.key], animate=False)
+    def key_taken(self, key: str) -> bool:
+        moves = {"up": -1, "down": 1, "pageup": 1 - self.list.size.height, "pagedown": self.list.size.height - 1}
+        if key in moves:
+            self.list.scroll_relative(y=moves[key], animate=False)
+        return key in moves
 
 
-def _matches(row: Row, wanted: str) -> bool:
-    return not row.selectable or wanted in plain(row.line).casefold()
+def searched(entry: Entry) -> str:
+    """What of an entry a search looks at: all of it."""
+    return f"{entry.keys} {entry.title} {entry.group} {entry.text}"
 
 
-def _wrapped(action: str, head: Line, text: str, width: int) -> list[Row]:
-    """A help text over as many rows as it needs."""
-    lead = 38
-    room = max(20, width - lead - 1)
-    lines = wrap(text, room)
-    rows = [Row(action, crop((*head, (lines[0], "muted")), width))]
-    rows += [Row(action, crop(((" " * lead, "plain"), (more, "muted")), width)) for more in lines[1:]]
-    return rows
+def rows(found: Sequence[Entry], width: int, wanted: Filter | None = None) -> list[Row]:
+    """Groups under their titles, and each entry over as many lines as it needs."""
+    made: list[Row] = []
+    for group, members in groupby(found, key=lambda entry: entry.group):
+        if made:
+            made.append(Row("", (), selectable=False))
+        made.append(Row("", ((f" {group}", "accent"),), selectable=False))
+        for entry in members:
+            made += [Row(entry.title, line, selectable=False) for line in _lines(entry, width, wanted)]
+    return made or [Row("", ((" nothing found; esc closes", "muted"),), selectable=False)]
+
+
+def _lines(entry: Entry, width: int, wanted: Filter | None) -> Iterator[Line]:
+    keys, title = (12, 28) if width >= WIDE else (11, 25)
+    title = title if entry.title else 0
+    lead = keys + title
+    texts = wrap(entry.text, max(20, width - lead - 1))
+    head: Line = (
+        cell(f"  {entry.keys}", keys, "muted" if entry.off else "key" if entry.title else "strong"),
+        cell(entry.title, max(0, title - 1), "muted" if entry.off else "plain"),
+        (" " * min(1, title), "plain"),
+    )
+    for at_line, text in enumerate(texts):
+        line: Line = (*(head if at_line == 0 else ((" " * lead, "plain"),)), (text, "muted"))
+        yield _marked(crop(line, width), wanted)
+
+
+def _marked(line: Line, wanted: Filter | None) -> Line:
+    try:
+        return line if wanted is None else marked(line, wanted.places(plain(line)))
+    except BrokenFilter:
+        return line

@@ -12,10 +12,10 @@ from textual.widgets import Button, Input, Label, Static
 from textual.worker import Worker
 
 from rise_engine.scenario.model import Scenario
-from rise_tui.launch import Launcher, Refused, Shown, robots, shown
 from rise_tui.quiet import QuietModal
 from rise_tui.screens.dialog import Answer, Dialog
-from rise_tui.settings import Settings, expanded
+from rise_tui.start.launch import Launcher, Refused, Shown, robots, shown
+from rise_tui.start.settings import Settings, expanded
 from rise_tui.widgets.editor import Field
 
 PLACES = ("acts", "rules", "memory")

@@ -5,110 +5,43 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from textual import events
-from textual.app import ComposeResult
-from textual.containers import Horizontal
 
-from rise_tui.actions import BY_ID, Action
-from rise_tui.control import short
+from rise_engine.scenario.fillers import fillers, next_filler
+from rise_tui.actions import BY_ID, Action, keys_of
 from rise_tui.messages import ActionAsked
-from rise_tui.store import Store
-from rise_tui.text import Line, Span, Tone, clock, crop, fit, spread, width_of
+from rise_tui.model.armed import LOCKED_ACTIONS
+from rise_tui.model.cue import offer_due, passed_text
+from rise_tui.model.speech import Effect
+from rise_tui.model.status import status_line
+from rise_tui.model.store import Store
+from rise_tui.text import Line, Span, Tone, crop, fit, width_of
 from rise_tui.widgets.line import Lines
 
-ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
-
-WIDE = 100
-"""From this width on there is room for `wizard` before the name."""
+NARROW = 100
+FILLER = 18
+"""Cells for the name of the next filler among the hints."""
 
 NOTICES: dict[str, tuple[str, Tone]] = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}
 
 
-class StatusLine(Horizontal):
-    """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything.
-
-    The clock is a widget of its own, so that a second costs the clock and not the line.
-    """
+class StatusLine(Lines):
+    """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything."""
 
     DEFAULT_CSS = """
-    StatusLine { height: 1; }
-    StatusLine Lines { background: $rise-bar; }
-    StatusLine #status-clock { width: 10; }
+    StatusLine { background: $rise-bar; }
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._left, self._clock, self._right = Lines(), Lines(id="status-clock"), Lines()
-
-    def compose(self) -> ComposeResult:
-        yield self._left
-        yield self._clock
-        yield self._right
-
-    @property
-    def text(self) -> str:
-        """The characters shown."""
-        return f"{self._left.text}{self._clock.text}{self._right.text}"
-
     def draw(self, store: Store) -> None:
-        hello, robot = store.hello, store.view.robot
-        status = robot.status if robot is not None else "no link"
-        tone: Tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
-        gap: Span = ("  ", "plain")
-        simulated = store.scenario.robot.driver == "simulated"
-        what: Span = (hello.mode.upper(), "wait" if hello.mode == "real" else "accent")
-        if hello.mode == "real" and simulated:
-            what = ("REAL (simulated!)", "fault")
-        if hello.replay:
-            what = (" REPLAY ", "call")
-        name = hello.robot if hello.mode == "real" and not hello.replay else f"{hello.robot} (sim)"
-        link: Span = (f"{name} {ROBOT_GLYPHS.get(status, '○')} {status}", tone)
-        mode: Line = (what,) if hello.replay else (what, gap, link)
-        right = _right_end(store, self.size.width)
-        if self._right.styles.width is None or self._right.styles.width.value != width_of(right):
-            self._right.styles.width = width_of(right)
-        self._left.show(spread(((f" {store.scenario.title}", "strong"),), mode, self._left.size.width))
-        self._clock.show(((f"  {clock(store.now())}", "plain"),))
-        self._right.show(right)
-
-
-def _right_end(store: Store, width: int) -> Line:
-    """Whether keys start anything, and who may press them."""
-    gap: Span = ("  ", "plain")
-    me = short(store.me)
-    wide = width >= WIDE
-    own: Line = (
-        (f"wizard {fit(me, min(len(me), 12))}" if wide else fit(me, min(len(me), 12)), "muted"),
-        (" ", "plain"),
-    )
-    if store.gone:
-        return (gap, (" ENDED " if store.over else " GONE ", "alarm"), gap, *own)
-    if store.cut is not None:
-        return (gap, (" CUT, attaching again ", "alarm"), (" ", "plain"))
-    late: Line = (gap, (f"disk {store.journaling.behind:.0f} s behind", "wait")) if store.journaling.behind > 1 else ()
-    paused: Line = (gap, (" PAUSED ", "alarm")) if store.journaling.trouble else ()
-    stopped: Line = (gap, (" STOPPED ", "alarm")) if store.state == "STOPPED" else ()
-    if store.hello.replay:
-        return (*stopped, (" ", "plain"))
-    if store.has_control:
-        return (*late, *(stopped or paused or (gap, (" LIVE ", "strong"))), gap, *own)
-    holder = short(store.view.control)
-    holder = fit(holder, min(len(holder), 12))
-    if store.view.control is None and store.hello.role == "wizard":
-        who = f" {holder} has control "
-    else:
-        who = f" WATCHING · {holder} has control "
-    # Where there is little room the robot's link needs it, and the red bar says these two as well.
-    alarmed = (stopped or paused) if width >= WIDE else ()
-    return (*late, *alarmed, gap, (who, "call"))
+        self.show(status_line(store, self.size.width))
 
 
 class NoticeLine(Lines):
-    """One sentence: a rejection, a fault, an answer to a key."""
+    """One sentence: a rejection, a fault, an answer to a key; else that it is time for a filler."""
 
     def draw(self, store: Store) -> None:
         notice = store.notice
         if notice is None:
-            self.show()
+            self.show(crop(_offer(store), self.size.width))
             return
         glyph, tone = NOTICES[notice.level]
         self.show(crop(((f" {glyph} {notice.text}", tone),), self.size.width))
@@ -126,25 +59,57 @@ class KeyHints(Lines):
         self._places: list[tuple[int, int, str]] = []
 
     def draw(self, own: Sequence[Action], common: Sequence[Action], store: Store) -> None:
+        if store.guard == "LOCKED":
+            own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
+        pieces = [
+            (_hint(action, store, word), action.id)
+            for action in dict.fromkeys((*common[:1], *own, *common[1:]))
+            if keys_of(action) and (word := _word(action, store, self.size.width))
+        ]
+        self._lay(pieces)
+
+    def draw_typing(self, store: Store, enter: str) -> None:
+        """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
+        if store.guard == "LOCKED":
+            self.draw((), (), store)
+            return
+        self._lay(
+            [
+                (_stop(store), "stop"),
+                (_keyed("enter", enter), ""),
+                (_keyed("esc", "leave"), ""),
+            ]
+        )
+        self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
+
+    def draw_saying(self, store: Store, effect: Effect, why_not: str) -> None:
+        """While free speech is typed: what each of the two keys that say it would do."""
+        if store.guard == "LOCKED":
+            self.draw((), (), store)
+            return
+        room = max(12, (self.size.width - 44) // 2)
+        queued, at_once = (fit(text, min(len(text), room)) for text in effect)
+        if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):
+            at_once = "interrupts it"
+        now = _keyed("^J", at_once) if at_once and at_once != queued else []
+        said: list[Span] = [(f" {why_not} ", "wait")] if why_not else [*_keyed("enter", queued or "says it"), *now]
+        rest = [_keyed("tab", "complete"), _keyed("↑↓", "earlier"), _keyed("esc", "keep it for later")]
+        self._lay([(_stop(store), "stop"), (said, ""), *((piece, "") for piece in rest)])
+
+    def _lay(self, pieces: Sequence[tuple[list[Span], str]]) -> None:
+        """As many as there is room for, and help always; those with an action's id can be clicked."""
         spans: list[Span] = []
         self._places.clear()
-        width = self.size.width
-        for action in dict.fromkeys((*common[:1], *own, *common[1:])):
-            if not action.hint or not action.keys:
+        kept = sum(width_of(piece) for piece, action in pieces if action == "help")
+        for piece, action in pieces:
+            start, end = width_of(spans), width_of(spans) + width_of(piece)
+            kept = 0 if action == "help" else kept
+            if end + kept > self.size.width:
                 continue
-            piece = _hint(action, bool(action.unavailable(store)))
-            start = width_of(spans)
-            if start + width_of(piece) > width:
-                break
-            self._places.append((start, start + width_of(piece) - 1, action.id))
+            if action:
+                self._places.append((start, end - 1, action))
             spans += piece
         self.show(tuple(spans))
-
-    def draw_typing(self, enter: str) -> None:
-        """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
-        self._places = [(0, 12, "stop")]
-        rest: Line = ((" enter", "key"), (f" {enter} ", "plain"), (" esc", "key"), (" leave ", "plain"))
-        self.show((*_hint(BY_ID["stop"], False), *rest, ("  typing: keys start nothing", "muted")))
 
     def on_click(self, event: events.Click) -> None:
         for start, end, action in self._places:
@@ -152,10 +117,48 @@ class KeyHints(Lines):
                 self.post_message(ActionAsked(action))
 
 
-def _hint(action: Action, off: bool) -> list[Span]:
-    stop = action.id == "stop"
+def next_filler_of(store: Store) -> str | None:
+    """The filler that the key would say now."""
+    return next_filler(store.scenario, store.view.last_of(fillers(store.scenario)))
+
+
+def _offer(store: Store) -> Line:
+    """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
+    since = offer_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
+    filler = next_filler_of(store)
+    if since is None or filler is None or store.view.running or store.cannot_start():
+        return ()
+    key = BY_ID["filler"].key_label
+    passed: Line = (("   no answer for ", "plain"), (f"{passed_text(since)} s", "wait"), (":  ", "plain"))
+    return (*passed, (key, "key"), (f" says {filler}", "plain"))
+
+
+def _word(action: Action, store: Store, width: int) -> str:
+    """What the hint line says about an action; empty when it would mean nothing in this session."""
+    if action.id == "filler":
+        filler = next_filler_of(store) or ""
+        if width < NARROW:  # `Hm` for `R_Filler_Hm`
+            filler = filler.rpartition("_")[2] or filler
+        return fit(filler, min(len(filler), FILLER))
+    if action.id == "safe":
+        return "live" if store.guard == "SAFE" else "safe"
+    if action.id == "lock":
+        return "unlock" if store.guard == "LOCKED" else "lock"
+    if action.id == "quit":
+        return "leave" if store.guard == "LOCKED" else ""
+    return action.hint
+
+
+def _hint(action: Action, store: Store, word: str) -> list[Span]:
+    stop, off = action.id == "stop", bool(action.unavailable(store))
     key = "F9/^G" if stop else action.key_label
-    return [
-        (f" {key}", "muted" if off else "fault" if stop else "key"),
-        (f" {action.hint} ", "muted" if off else "fault" if stop else "plain"),
-    ]
+    tone: Tone = "muted" if off else "fault" if stop else "key"
+    return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
+
+
+def _stop(store: Store) -> list[Span]:
+    return _hint(BY_ID["stop"], store, BY_ID["stop"].hint)
+
+
+def _keyed(key: str, what: str) -> list[Span]:
+    return [(f" {key}", "key"), (f" {what} ", "plain")]

@@ -1,19 +1,21 @@
-"""Editing a key and its value in the row where it stands; the type shows while typing."""
+"""Editing a key and its value in the row where it stands; the type shows while typing.
+
+When the value changes meanwhile, a second row says so, and Enter must be pressed once more.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal
+from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Input
 
-from rise_engine.view import MemoryView
-from rise_tui.text import Line, clean, crop, type_of_text, value_text, width_of
+from rise_tui.text import Line, clean, spread, type_of_text, width_of
 from rise_tui.widgets.line import Lines
 
 
@@ -31,15 +33,27 @@ class Field(Input):
         return clean(value)
 
 
-class RowEditor(Horizontal):
+class Present(NamedTuple):
+    """A value as it is now, and who made it so."""
+
+    text: str
+    """Empty: there is none."""
+    source: str = ""
+
+
+class RowEditor(Vertical):
     """Opens over one row of the memory."""
 
     DEFAULT_CSS = """
     RowEditor {
         layer: edit; height: 1; width: 100%; padding: 0 1; background: $panel; display: none;
         &.-open { display: block; }
+        &.-conflict { height: 2; }
+        Horizontal { height: 1; }
         Field { margin: 0 1 0 0; }
         Lines { width: 1fr; background: $panel; }
+        #conflict { display: none; }
+        &.-conflict #conflict { display: block; }
     }
     """
 
@@ -56,10 +70,13 @@ class RowEditor(Horizontal):
         self._key = Field(placeholder="key", classes="key", select_on_focus=False)
         self._value = Field(placeholder="value", classes="value")
         self._type = Lines()
+        self._conflict = Lines(id="conflict")
         self._editing = ""
         self._offered = ""
-        self._before = ""
-        self._now = ""
+        self._before = Present("")
+        self._seen: Present | None = None
+        """Another value than the one that was to be edited, which Enter was told about."""
+        self._look: Callable[[str], Present] = lambda key: Present("")
 
     @property
     def is_open(self) -> bool:
@@ -69,57 +86,97 @@ class RowEditor(Horizontal):
     def type_shown(self) -> str:
         return self._type.text
 
-    def compose(self) -> ComposeResult:
-        yield self._key
-        yield self._value
-        yield self._type
+    @property
+    def conflict_shown(self) -> str:
+        """What the second row says; empty while there is none."""
+        return self._conflict.text if self.has_class("-conflict") else ""
 
-    def open(self, editing: str, key: str, value: str, *, y: int, key_width: int, value_width: int) -> None:
-        """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list."""
-        self._editing, self._before, self._now = editing, value, value
-        self._offered = key
+    def compose(self) -> ComposeResult:
+        with Horizontal():
+            yield self._key
+            yield self._value
+            yield self._type
+        yield self._conflict
+
+    def open(
+        self,
+        editing: str,
+        key: str,
+        value: str,
+        look: Callable[[str], Present],
+        *,
+        y: int,
+        key_width: int,
+        value_width: int,
+    ) -> None:
+        """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list.
+
+        `look` gives what a key has at that moment; for a part of a value, its present state.
+        """
+        self._editing, self._offered, self._look = editing, key, look
+        self._before, self._seen = look(editing) if editing else Present(""), None
         self.styles.offset = (0, y)
         self._key.styles.width, self._value.styles.width = key_width, max(6, value_width)
         self._key.disabled = bool(editing)
         self._key.value, self._value.value = key, value
+        self.remove_class("-conflict")
         self.add_class("-open")
         (self._value if key else self._key).focus()
-        self._show_type()
+        self._show()
 
-    def check(self, memory: Mapping[str, MemoryView]) -> None:
-        """The memory changed while the editor is open."""
-        if self._editing:
-            entry = memory.get(self._editing)
-            self._now = value_text(entry.value) if entry is not None else "(deleted)"
-            self._show_type()
+    def check(self) -> None:
+        """The memory may have changed while the editor is open."""
+        self._show()
 
-    def _show_type(self) -> None:
+    @property
+    def _key_meant(self) -> str:
+        typed = self._key.value
+        return self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
+
+    def _now(self) -> Present | None:
+        """What the key has now, when that is not what was to be edited; None when nothing is in the way."""
+        key = self._key_meant
+        if not key:
+            return None
+        now = self._look(key)
+        return None if now.text == self._before.text else now
+
+    def _show(self) -> None:
         _, kind, remark = type_of_text(self._value.value)
-        width = self._type.size.width
-        line: Line = ((kind, "accent"),)
-        if remark:
-            line = _remarked(kind, remark, width)
-        elif self._now != self._before:
-            line = crop((*line, (f"  is now {self._now}", "wait")), width)
-        self._type.show(line)
+        self._type.show(_remarked(kind, remark, self._type.size.width) if remark else ((kind, "accent"),))
+        now = self._now()
+        self.set_class(now is not None, "-conflict")
+        if now is None:
+            self._seen = None
+            return
+        says = f"is now {now.text}" if now.text else "is deleted now"
+        who = f" by {now.source}" if now.source and now.text else ""
+        was = f"was {self._before.text}, {says}" if self._before.text else f"there is one already: {says[7:]}"
+        told = "enter again: yours" if now == self._seen else "enter twice: yours"
+        width = self._conflict.size.width or self.size.width - 2
+        self._conflict.show(spread(((f"{was}{who}", "wait"),), ((told, "key"),), max(1, width)))
 
     @on(Lines.Resized)
     def _resized(self, event: Lines.Resized) -> None:
         event.stop()
-        self._show_type()
+        self._show()
 
     @on(Input.Changed)
     def _typed(self, event: Input.Changed) -> None:
         event.stop()
-        self._show_type()
+        self._show()
 
     @on(Input.Submitted)
     def _entered(self, event: Input.Submitted) -> None:
         event.stop()
-        typed = self._key.value
-        key = self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
+        key = self._key_meant
         if event.input is self._key or not key:
             (self._value if key else self._key).focus()
+            return
+        now = self._now()
+        if now is not None and now != self._seen:
+            self._seen = now
+            self._show()
             return
         self._close(key, type_of_text(self._value.value)[0])
 
@@ -130,7 +187,7 @@ class RowEditor(Horizontal):
             self._close("", None)
 
     def _close(self, key: str, value: Any) -> None:
-        self.remove_class("-open")
+        self.remove_class("-open", "-conflict")
         self.post_message(self.Done(key, value))
 
 

@@ -29,6 +29,10 @@ class Lines(Toned):
         def control(self) -> Lines:
             return self.lines
 
+        def can_replace(self, message: Message) -> bool:
+            """Of several that wait one is enough: whoever makes one line anew makes them all."""
+            return isinstance(message, Lines.Resized)
+
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self.lines: tuple[Line, ...] = ()

@@ -84,10 +84,13 @@ class RowView(QuietScrollView, Toned, can_focus=True):
         width = self.size.width
         if not 0 <= index < self.count:
             return self.paint((), width)
-        ground = ""
-        if index == self.cursor:
-            ground = CURSOR if self.has_focus else CURSOR_AWAY
-        return self.paint(self.row_at(index).line, width, ground)
+        return self.paint(self.row_at(index).line, width, self.ground_of(index))
+
+    def ground_of(self, index: int) -> str:
+        """The theme variable of a row's background; empty: the list's own."""
+        if index != self.cursor:
+            return ""
+        return CURSOR if self.has_focus else CURSOR_AWAY
 
     def move_to(self, index: int, *, by_wizard: bool = True) -> None:
         """Put the cursor on a row and bring it into view."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 
+from textual import events
 from textual.geometry import Size
 from textual.message import Message
+from textual.strip import Strip
 
-from rise_engine.kernel.records import FINAL
 from rise_engine.view import TaskView
-from rise_tui.states import NOT_TAKEN, task_state
-from rise_tui.store import FUNCTION_WORDS
+from rise_tui.model.deeds import FUNCTION_WORDS
+from rise_tui.model.states import NOT_TAKEN, State, task_state
 from rise_tui.text import Line, Row, Tone, cell, clock, crop, seconds, width_of
 from rise_tui.widgets.rows import RowView
 
@@ -19,6 +20,8 @@ CALLING = {"Blocking": "block", "None": "none", "": ""}
 NARROW = 56
 REASON = 10
 """A reason that would have less room than this stays out of the row."""
+KEPT = 500
+"""Rows that are kept as painted."""
 WIDE = 96
 """From this width on, times have tenths and calling types have a column."""
 
@@ -36,16 +39,23 @@ class TaskLog(RowView):
         super().__init__(id=id)
         self._missed, self._missed_ids = missed, set(missed)
         self.following = True
+        self.mark: Callable[[Line], Line] = lambda line: line
+        """Puts on a row what is to be seen in it besides: what a filter found."""
         self._find = task
         self._ids: Sequence[int] = ()
         self._shown = 0
         self._seen = 0
-        self._lively: dict[int, int] = {}
-        """Rows of tasks that have not ended, by id: the only ones that can still change."""
+        self._painted: dict[int, tuple[object, Line]] = {}
+        """The rows as they were painted, by index: what they were made of, and the line."""
 
     @property
     def count(self) -> int:
         return self._shown
+
+    @property
+    def ids(self) -> Sequence[int]:
+        """The tasks shown."""
+        return self._ids
 
     @property
     def unseen(self) -> int:
@@ -56,41 +66,89 @@ class TaskLog(RowView):
         task = self._find(self._ids[index])
         if task is None:
             return Row(str(self._ids[index]), ((f" task {self._ids[index]} is in the journal only", "muted"),))
-        return Row(str(task.id), self.line_of(task, self.row_width))
+        return Row(str(task.id), self.mark(self.line_of(task, self.row_width)))
+
+    def render_line(self, y: int) -> Strip:
+        index = y + self.scroll_offset.y
+        if not 0 <= index < self._shown:
+            return self.paint((), self.size.width)
+        painted = self._painted.get(index)
+        if painted is None:
+            if len(self._painted) > KEPT:  # scrolled through for a while, and nothing new came
+                self._painted.clear()
+            painted = self._painted[index] = self._made_of(index), self.row_at(index).line
+        return self.paint(painted[1], self.size.width, self.ground_of(index))
+
+    def on_resize(self, event: events.Resize) -> None:
+        self._painted.clear()
 
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
-        """Show these tasks. `ids` is the caller's list, which only grows; when it is another one: `restart`."""
-        self._ids = ids
-        old = 0 if restart else self._shown
-        self._shown = len(ids)
-        for index in list(self._lively.values()):
-            self.refresh_line(index)
-        for one in self._missed[len(self._missed_ids) :]:
-            self._missed_ids.add(one)
-            index = bisect_left(ids, one)
-            if index < old and ids[index] == one:
-                self.refresh_line(index)
+        """Show these tasks, ascending. A list that was shown before has only grown at its end, unless `restart`.
+
+        Of another list, what was in view stays in view, and the cursor stays on its task.
+        """
+        self._missed_ids.update(self._missed[len(self._missed_ids) :])
         if restart:
-            self._lively.clear()
-            self.cursor = min(self.cursor, self._shown - 1)
-            self.refresh()
-        self._lively = {one: index for one, index in self._lively.items() if self._lives(one)}
-        self._lively |= {ids[index]: index for index in range(old, self._shown) if self._lives(ids[index])}
-        self.resize_content(Size(self.row_width, self._shown))
+            self._missed_ids = set(self._missed)
+        if restart or ids is not self._ids:
+            self._change(ids)
+        else:
+            self._shown = len(ids)
+            self.resize_content(Size(self.row_width, self._shown))
+        top = self.scroll_offset.y
         if self.following:
             self._to_end()
-        for index in range(max(old, self.scroll_offset.y), min(self._shown, self.scroll_offset.y + self.size.height)):
+        self._repaint_changed(scrolled=self.scroll_offset.y != top)
+
+    def _change(self, ids: Sequence[int]) -> None:
+        """Another list. The one before may have been emptied by its owner."""
+        old, top, unseen = self._ids, self.scroll_offset.y, self.unseen
+        selected = old[self.cursor] if 0 <= self.cursor < min(self._shown, len(old)) else None
+        first = old[top] if 0 <= top < min(self._shown, len(old)) else None
+        self._ids, self._shown = ids, len(ids)
+        self.cursor = -1 if selected is None else min(bisect_left(ids, selected), self._shown - 1)
+        self.resize_content(Size(self.row_width, self._shown))
+        self._seen = max(0, self._shown - unseen)
+        if not self.following and first is not None:
+            self.scroll_to(y=bisect_left(ids, first), animate=False)
+        self._painted.clear()
+        self.refresh()
+
+    def _repaint_changed(self, *, scrolled: bool) -> None:
+        """Only rows that look different cost anything; those are made when they are painted, a few at a time.
+
+        `scrolled`: all of them are painted anyway.
+        """
+        top = self.scroll_offset.y
+        before, self._painted = self._painted, {}
+        gone = [index for index in before if index >= self._shown]
+        for index in range(top, min(self._shown, top + self.size.height)):
+            if index in before and before[index][0] == self._made_of(index):
+                self._painted[index] = before[index]
+            elif not scrolled:
+                self.refresh_line(index)
+        for index in gone:
             self.refresh_line(index)
 
-    def forget_missed(self) -> None:
-        """The caller has emptied its list of missed tasks."""
-        self._missed_ids = set(self._missed)
+    def _made_of(self, index: int) -> object:
+        """All that a row depends on."""
+        id = self._ids[index]
+        task = self._find(id)
+        if task is None:
+            return id
+        looks = task.status, task.reason, task.mark, task.started, task.ended, id in self._missed_ids
+        return id, self.row_width, looks
 
     def action_edge(self, direction: int) -> None:
         if direction > 0:
             self.follow()
         else:
             super().action_edge(direction)
+
+    def go_to(self, index: int) -> None:
+        """Put the cursor on a row, in the middle of the view."""
+        self.move_to(index, by_wizard=False)
+        self.scroll_to(y=max(0, index - self.size.height // 2), animate=False)
 
     def follow(self) -> None:
         """Go to the newest task and stay there."""
@@ -104,10 +162,6 @@ class TaskLog(RowView):
             self._refresh_row(before)
             self._refresh_row(self.cursor)
         self.scroll_to(y=max(0, self._shown - self.size.height), animate=False)
-
-    def _lives(self, id: int) -> bool:
-        task = self._find(id)
-        return task is not None and task.status not in FINAL
 
     def move_to(self, index: int, *, by_wizard: bool = True) -> None:
         super().move_to(index, by_wizard=by_wizard)
@@ -126,22 +180,38 @@ class TaskLog(RowView):
             self._seen = self._shown
             self.post_message(self.FollowChanged())
 
+    def state_of(self, task: TaskView) -> State:
+        return NOT_TAKEN if task.id in self._missed_ids else task_state(task)
+
+    def text_of(self, id: int) -> str | None:
+        """What a filter looks at: all that the widest row could show. None for a task that is in the journal only."""
+        task = self._find(id)
+        if task is None:
+            return None
+        function = FUNCTION_WORDS.get(task.function, task.function)
+        return (
+            f"{clock(task.submitted, tenths=True)} {task.source} {function} {task.calling_type} {task.behavior} "
+            f"{self.state_of(task).word} {marking(task)}{task.reason}"
+        )
+
     def line_of(self, task: TaskView, width: int) -> Line:
         """One task in one line."""
-        state = NOT_TAKEN if task.id in self._missed_ids else task_state(task)
+        state = self.state_of(task)
         function = FUNCTION_WORDS.get(task.function, task.function)
         took = seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
         tone: Tone = "fault" if task.function == "stopAll" else "plain"
         tail: Line = ((f" {state.glyph} ", state.tone), cell(state.word, 9, state.tone))
         reason: Line = ((f"  {task.reason}", state.tone),) if task.reason else ()
         if width < NARROW:
-            head: Line = (cell(f" {clock(task.submitted)}", 10, "muted"), cell(function, 10, tone))
+            what = cell(marking(task), 10, "wait") if task.mark else cell(function, 10, tone)
+            head: Line = (cell(f" {clock(task.submitted)}", 10, "muted"), what)
             return crop((*head, cell(task.behavior, max(6, width - 32)), *tail, *reason), width)
         wide = width >= WIDE
         when = 11 if wide else 9
         rest = width - when - 29 - (7 if wide else 0)
         source = min(20, max(12, rest // 3))
         behavior = min(40, rest - source - (20 if wide else 0))
+        mistake: Line = ((" ", "plain"), cell(marking(task), 8, "wait")) if task.mark else ()
         calling: Line = (cell(CALLING.get(task.calling_type, task.calling_type), 7, "muted"),) if wide else ()
         line: Line = (
             cell(f" {clock(task.submitted, tenths=wide)}", when + 1, "muted"),
@@ -149,9 +219,15 @@ class TaskLog(RowView):
             (" ", "plain"),
             cell(function, 10, tone),
             *calling,
-            cell(task.behavior, behavior),
+            cell(task.behavior, max(6, behavior - (9 if mistake else 0))),
+            *mistake,
             *tail,
             cell(took, 6, right=True),
         )
         room = width - width_of(line)
         return crop((*line, *reason), width) if room >= REASON else line
+
+
+def marking(task: TaskView) -> str:
+    """A mistake that somebody marked, in a word: `! late `."""
+    return f"! {task.mark} " if task.mark else ""

@@ -1,4 +1,7 @@
-"""How the tones of `rise_tui.text` look: one place where meaning becomes colour, by theme variables only."""
+"""How the tones of `rise_tui.text` look: one place where meaning becomes colour, by theme variables only.
+
+Tones and grounds have attributes besides colours (`rise-<name>-style`): all that a theme without colours has.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from textual.color import Color
 from textual.strip import Strip
 from textual.widget import Widget
 
-from rise_tui.text import Line, Tone, clean
+from rise_tui.text import Line, Tone, cells, clean
 
 
 class Look(NamedTuple):
@@ -20,19 +23,19 @@ class Look(NamedTuple):
     color: str
     background: str = ""
     """Empty: that of the widget."""
-    bold: bool = False
 
 
 LOOKS: dict[Tone, Look] = {
     "plain": Look("foreground"),
-    "strong": Look("foreground", bold=True),
+    "strong": Look("foreground"),
     "muted": Look("rise-muted"),
-    "accent": Look("primary", bold=True),
+    "accent": Look("primary"),
     "key": Look("primary"),
     "wait": Look("warning"),
     "fault": Look("error"),
-    "alarm": Look("rise-on-alarm", "error", bold=True),
-    "call": Look("rise-on-alarm", "warning", bold=True),
+    "alarm": Look("rise-on-alarm", "error"),
+    "call": Look("rise-on-alarm", "warning"),
+    "match": Look("foreground"),
 }
 CURSOR, CURSOR_AWAY = "rise-cursor", "rise-cursor-away"
 """The background of the cursor's row, where the keys go and where they do not."""
@@ -61,22 +64,59 @@ class Toned(Widget):
             look, variables = LOOKS[tone], self.app.theme_variables
             background = _color(variables[look.background]) if look.background else self.background_colors[1]
             color = _color(variables[look.color])
-            style = known[tone] = Style(color=color.rich_color, bgcolor=background.rich_color, bold=look.bold or None)
+            style = Style(color=color.rich_color, bgcolor=background.rich_color) + self.styles.text_style
+            known[tone] = style = style + _attributes(variables.get(f"rise-{tone}-style", "none"))
         return style
+
+    def _ground(self, background: str) -> Style | None:
+        """What a row's background adds to the style of its text."""
+        if not background:
+            return None
+        variables = self.app.theme_variables
+        color = _color(variables[background]).rich_color
+        return Style(bgcolor=color) + _attributes(variables.get(f"{background}-style", "none"))
 
     def paint(self, line: Line, width: int, background: str = "") -> Strip:
         """A line in exactly `width` cells, on the background that a theme variable names."""
-        ground = Style(bgcolor=_color(self.app.theme_variables[background]).rich_color) if background else None
-        segments = []
+        ground = self._ground(background)
+        fill = self.style_of("plain")
+        if ground is not None:
+            fill += ground
+        pieces: list[tuple[str, Style]] = []
         for text, tone in line:
             style = self.style_of(tone)
-            segments.append(
-                Segment(clean(text), style + ground if ground is not None and tone not in ("alarm", "call") else style)
-            )
-        fill = self.style_of("plain")
-        return Strip(segments).adjust_cell_length(width, fill + ground if ground is not None else fill)
+            if ground is not None and tone not in ("alarm", "call"):
+                style += ground
+            text = clean(text)
+            if pieces:
+                before, last = pieces[-1]
+                # A change of style costs the terminal 40 bytes, and a blank looks the same in every color of text.
+                if style == last or (not text.strip(" ") and _blank(style) == _blank(last)):
+                    pieces[-1] = before + text, last
+                    continue
+            pieces.append((text, style))
+        if pieces and _blank(pieces[-1][1]) == _blank(fill):
+            fill = pieces[-1][1]
+        rest = width - sum(cells(text) for text, _ in pieces)
+        if rest > 0 and pieces and pieces[-1][1] == fill:
+            pieces[-1] = pieces[-1][0] + " " * rest, fill
+        elif rest > 0:
+            pieces.append((" " * rest, fill))
+        segments = [Segment(text, style) for text, style in pieces]
+        return Strip(segments, width) if rest >= 0 else Strip(segments).adjust_cell_length(width, fill)
 
 
 @lru_cache(64)
 def _color(value: str) -> Color:
     return Color.parse(value)
+
+
+@lru_cache(64)
+def _attributes(definition: str) -> Style:
+    return Style.parse(definition)
+
+
+def _blank(style: Style) -> tuple[object, ...]:
+    """All that can be seen of a blank in this style."""
+    color = style.color if style.reverse or style.underline else None
+    return style.bgcolor, color, style.reverse, style.underline

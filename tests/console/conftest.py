@@ -12,7 +12,7 @@ from textual.widgets import Input
 from rise_tui.app import ConsoleApp
 from rise_tui.panes.pane import Pane
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.settings import Settings
+from rise_tui.start.settings import Settings
 from rise_tui.widgets.rows import RowList
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 

@@ -27,6 +27,7 @@ from rise_engine.link.client import (
     Hello,
     Journaling,
     LinkLost,
+    Pulse,
     Reply,
     Role,
     Update,
@@ -35,8 +36,8 @@ from rise_engine.link.client import (
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import View
-from rise_tui.launch import Launcher, Prepared
-from rise_tui.settings import Settings
+from rise_tui.start.launch import Launcher, Prepared
+from rise_tui.start.settings import Settings
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
 
@@ -121,6 +122,10 @@ class FakeClient:
     def act(self, name: str, status: str = "ACTIVE", **more: Any) -> int:
         return self.task("startCommunicationRobotAct", name, status, **more)
 
+    def task_record(self, id: int, function: str, behavior: str, status: str) -> None:
+        """What becomes of a task."""
+        self.emit(TaskRecord(0, 0.0, "", id, function, behavior, "Blocking", "wizard:anna", status))  # type: ignore[arg-type]
+
     def end_task(self, id: int, name: str, status: str = "SUCCEEDED", reason: str = "") -> None:
         what = "startCommunicationRobotAct"
         self.emit(TaskRecord(0, 0.0, "", id, what, name, "Blocking", "wizard:anna", status, reason))  # type: ignore[arg-type]
@@ -148,6 +153,11 @@ class FakeClient:
         self.journaling = Journaling(durable=self._seq, behind=behind, trouble=trouble)
         if self._attached:
             self._queue.put_nowait([self.journaling])
+
+    def pulse(self, robot_seen: float | None) -> None:
+        """A sign of life."""
+        if self._attached:
+            self._queue.put_nowait([Pulse(robot_seen)])
 
     def cut(self) -> None:
         """Only this connection is cut; what is sent on it waits for ever."""

@@ -13,29 +13,38 @@ import subprocess
 import sys
 import tempfile
 import termios
+from codecs import getincrementaldecoder
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import rmtree
 from time import monotonic
 
+import pyte
+
 ROOT = Path(__file__).parents[2]
 SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
 PATIENCE = 60.0
+STILL = 0.25
+"""Seconds without a byte after which the screen counts as painted."""
+ASKED = re.compile(rb"\x1b\[\?(2026|2048)\$p")
+"""A program asks the terminal which modes it knows."""
+ANSWERS = {b"2026": b"\x1b[?2026;2$y", b"2048": b"\x1b[?2048;0$y"}
+UNKNOWN_TO_PYTE = re.compile(r"\x1b\[[<>=][0-9;]*[a-z]|\x1b\[\?[0-9;]*\$p")
 
 
 class Terminal:
-    """A pty with a console on it. Waits for what it shows, never for time alone.
+    """A pty with a console on it, which answers what terminals answer. Waits for what it shows, never for time alone.
 
     Its sessions live in a folder of their own, `home`; those that still run at the end are ended.
     """
 
-    def __init__(self, *arguments: str, home: str | None = None) -> None:
+    def __init__(self, *arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40)) -> None:
         # Not pytest's folder: the path of a socket has to be short.
         self.home = home or tempfile.mkdtemp(prefix="rise-", dir="/tmp")
         self.environment = environment_of(self.home)
         self.master, slave = pty.openpty()
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
+        self._resize(slave, *size)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "rise_tui.cli", *arguments],
             stdin=slave,
@@ -48,6 +57,14 @@ class Terminal:
         )
         os.close(slave)
         self.shown = b""
+        """What came since the last `until` or `press`."""
+        self.count = 0
+        """Bytes that came in all."""
+        self._screen = pyte.Screen(*size)
+        self._stream = pyte.Stream(self._screen)
+        self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
+        self._unread = ""
+        self._question = b""
 
     def read(self, seconds: float) -> bool:
         """Take in what comes; False at the end."""
@@ -58,16 +75,71 @@ class Terminal:
         except OSError:
             return False
         self.shown += data
+        self.count += len(data)
+        self._unread += self._decode(data)
+        self._question = (self._question + data)[-64:]
+        for asked in ASKED.findall(self._question):
+            os.write(self.master, ANSWERS[asked])
+            self._question = b""
         return bool(data)
 
-    def until(self, text: str) -> None:
-        """Wait until it has shown this since the last call."""
+    def still(self, seconds: float = STILL) -> int:
+        """Wait until nothing has come for so long; returns how many bytes came."""
+        before, end = self.count, monotonic() + PATIENCE
+        while select.select([self.master], [], [], seconds)[0] and self.read(0):
+            assert monotonic() < end, "it goes on painting"
+        return self.count - before
+
+    def cost(self, keys: bytes) -> int:
+        """Bytes that it paints after these keys, until it is still."""
+        before = self.count
+        self.press(keys)
         end = monotonic() + PATIENCE
-        while text not in (plain := SEQUENCE.sub(b"", self.shown).decode(errors="replace")):
-            assert monotonic() < end, f"{text!r} was not shown:\n{plain[-3000:]}"
-            if not self.read(0.2) and text not in SEQUENCE.sub(b"", self.shown).decode(errors="replace"):
-                raise AssertionError(f"it ended without {text!r}:\n{plain[-3000:]}")
+        while self.count == before:
+            assert monotonic() < end, f"{keys!r} changed nothing on the screen"
+            self.read(0.2)
+        self.still()
+        return self.count - before
+
+    @property
+    def lines(self) -> list[str]:
+        """What a terminal shows now."""
+        text, self._unread = UNKNOWN_TO_PYTE.sub("", self._unread), ""
+        self._stream.feed(text)
+        return [line.rstrip() for line in self._screen.display]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def until_screen(self, text: str, *, gone: bool = False) -> None:
+        """Wait until a terminal shows this, or (`gone`) shows it no more."""
+        end = monotonic() + PATIENCE
+        while (text in self.text) is gone:
+            assert monotonic() < end, f"{text!r} is {'still' if gone else 'not'} on the screen:\n{self.text}"
+            assert self.read(0.2) or (text in self.text) is not gone, f"it ended:\n{self.text}"
+
+    def resize(self, columns: int, rows: int) -> None:
+        """Of the window; the program is told by the system."""
+        _ = self.lines
+        self._screen.resize(rows, columns)
+        self._resize(self.master, columns, rows)
+
+    @staticmethod
+    def _resize(descriptor: int, columns: int, rows: int) -> None:
+        fcntl.ioctl(descriptor, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+    def until(self, text: str) -> None:
+        """Wait until it has shown this since the last call, or shows it now: only cells that differ are written."""
+        end = monotonic() + PATIENCE
+        while not self._has_shown(text):
+            assert monotonic() < end, f"{text!r} was not shown:\n{self.text}"
+            if not self.read(0.2) and not self._has_shown(text):
+                raise AssertionError(f"it ended without {text!r}:\n{self.text}")
         self.shown = b""
+
+    def _has_shown(self, text: str) -> bool:
+        return text in SEQUENCE.sub(b"", self.shown).decode(errors="replace") or text in self.text
 
     def press(self, keys: bytes) -> None:
         self.shown = b""
@@ -75,11 +147,7 @@ class Terminal:
 
     def engines(self) -> list[int]:
         """The processes of the sessions that run, or have gone without putting their lock away."""
-        found = []
-        for path in Path(self.home, "run").glob("*.lock"):
-            with suppress(FileNotFoundError, ValueError):  # it is just ending, or just beginning
-                found.append(int(path.read_text()))
-        return found
+        return engines_of(self.home)
 
     @property
     def socket(self) -> Path:
@@ -98,13 +166,19 @@ def environment_of(home: str) -> dict[str, str]:
     run = Path(home, "run")
     run.mkdir(0o700, exist_ok=True)
     own = {"RISE_RUNTIME": str(run), "RISE_SESSIONS": str(Path(home, "sessions"))}
-    return {**os.environ, **own, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
+    own |= {"XDG_CONFIG_HOME": str(Path(home, "config")), "XDG_STATE_HOME": str(Path(home, "state"))}
+    kept = Path(home, "state", "rise-tui", "console.json")
+    if not kept.exists():  # somebody who has seen the tour of the first run
+        kept.parent.mkdir(0o700, parents=True, exist_ok=True)
+        kept.write_text('{"kind": "rise-tui console", "tour": true}')
+    inherited = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    return {**inherited, **own, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
 
 @contextmanager
-def terminal(*arguments: str, home: str | None = None) -> Iterator[Terminal]:
+def terminal(*arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40)) -> Iterator[Terminal]:
     """With `home`, a second terminal for the sessions of a first one, which ends them."""
-    found = Terminal(*arguments, home=home)
+    found = Terminal(*arguments, home=home, size=size)
     try:
         yield found
     finally:
@@ -114,10 +188,23 @@ def terminal(*arguments: str, home: str | None = None) -> Iterator[Terminal]:
         if found.master >= 0:
             os.close(found.master)
         if home is None:
-            for engine in found.engines():
-                with suppress(ProcessLookupError):
-                    os.kill(engine, signal.SIGKILL)
+            kill_engines(found.home)
             rmtree(found.home, ignore_errors=True)
+
+
+def engines_of(home: str) -> list[int]:
+    """The processes of the sessions that run, or have gone without putting their lock away."""
+    found = []
+    for path in Path(home, "run").glob("*.lock"):
+        with suppress(FileNotFoundError, ValueError):  # it is just ending, or just beginning
+            found.append(int(path.read_text()))
+    return [engine for engine in found if engine != os.getpid()]  # a test may be the engine itself
+
+
+def kill_engines(home: str) -> None:
+    for engine in engines_of(home):
+        with suppress(ProcessLookupError):
+            os.kill(engine, signal.SIGKILL)
 
 
 def alive(process: int) -> bool:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_tui import choose
 from rise_tui.cli import main
-from rise_tui.settings import NothingChosenError
+from rise_tui.start import choose
+from rise_tui.start.settings import NothingChosenError
 from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of
 

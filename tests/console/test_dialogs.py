@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from textual import events
 from textual.widgets import Button
 
-from rise_tui.launch import Refused, prepare, shown
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.settings import Choice, SettingsScreen
-from rise_tui.settings import Settings, expanded
+from rise_tui.start.launch import Refused, prepare, shown
+from rise_tui.start.settings import Settings, expanded
 from rise_tui.widgets.editor import Field
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
@@ -150,3 +151,67 @@ def test_what_cannot_be_read_is_not_shown(tmp_path: Path) -> None:
     assert shown(a_scenario(tmp_path / "bad", "robot = ")) is None
     found = shown(a_scenario(tmp_path / "odd", 'robot = "nobody"\nmode = 5\n'))
     assert found is not None and found.robot == "nobody" and "nobody" in found.robots and found.mode == "debug"
+
+
+# --- all of them ----------------------------------------------------------------------------------------------------
+
+OPENINGS = {
+    "help": "question_mark",
+    "palette": "colon",
+    "control": "f8",
+    "leave": "ctrl+c",
+    "jump": "ctrl+d",
+}
+
+
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+async def test_esc_leaves_it_does_nothing_and_a_second_one_finds_the_console(opening: str) -> None:
+    async with console() as it:
+        before = it.app.focused
+        await it.press(opening)
+        await it.until(lambda: it.app.screen is not it.screen)
+        for _ in range(2):  # both are on their way before the first has done anything
+            it.app.post_message(events.Key("escape", "\x1b"))
+        await it.until(lambda: it.app.screen is it.screen)
+        await it.pilot.pause(0.1)
+        assert it.app.screen is it.screen and it.app.focused is before
+        assert it.client.sent == [] and it.client.verbs == [] and it.client.closed == []
+
+
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+async def test_stop_works_in_it_and_leaves_it_open_or_closes_it(opening: str) -> None:
+    async with console() as it:
+        await it.press(opening)
+        await it.until(lambda: it.app.screen is not it.screen)
+        await it.press("f9")
+        await it.sent("stopAll", "")
+
+
+@pytest.mark.parametrize("action", ["settings", "theme", "tour"])
+async def test_what_the_palette_opens_can_be_left_and_stops_too(action: str) -> None:
+    async with console() as it:
+        it.screen.action_do(action)
+        await it.until(lambda: it.app.screen is not it.screen)
+        await it.press("f9")
+        await it.sent("stopAll", "")
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.asked() == [("stopAll", "")]
+
+
+async def test_every_answer_can_be_reached_and_given_by_keys() -> None:
+    async with console() as it:
+        await it.press("ctrl+c")
+        await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
+        buttons = list(it.app.screen.query(Button))
+        seen = set()
+        for _ in buttons:
+            await it.press("right")
+            seen.add(it.app.focused)
+        assert seen == set(buttons)
+        assert isinstance(it.app.screen, Dialog)
+        while it.app.focused is not it.app.screen.query_one("#no"):
+            await it.press("left")
+        await it.press("enter")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == []

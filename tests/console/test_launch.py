@@ -7,12 +7,12 @@ import pytest
 from rise_engine.link import spawn
 from rise_engine.link.client import EngineGone
 from rise_engine.link.socket_client import SocketClient
-from rise_tui import launch_process
 from rise_tui.app import ConsoleApp
-from rise_tui.launch import Launcher, settings_of
-from rise_tui.launch_process import process_launcher
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.settings import Settings, options, scenario_place
+from rise_tui.start import launch_process
+from rise_tui.start.launch import Launcher, settings_of
+from rise_tui.start.launch_process import process_launcher
+from rise_tui.start.settings import Settings, options, scenario_place
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 

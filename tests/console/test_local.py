@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from rise_tui.app import ConsoleApp
-from rise_tui.launch import Launcher, prepare
-from rise_tui.settings import Settings
+from rise_tui.start.launch import Launcher, prepare
+from rise_tui.start.settings import Settings
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 
 def started(settings: Settings) -> ConsoleApp:
     from rise_engine.link.local import start_local
-    from rise_tui.launch import Refused
+    from rise_tui.start.launch import Refused
 
     scenario = prepare(settings)
     assert not isinstance(scenario, Refused)

@@ -25,7 +25,7 @@ async def test_the_present_state_comes_into_view_and_the_reason_stays() -> None:
 
         for n in (30, 3, 39):
             it.client.rule("Long", "entered", f"s{n}", previous=f"s{n - 1}", trigger=f"/e{n - 1}", transition=0)
-            await it.until(lambda n=n: f"● s{n}\n" in in_view() + "\n", f"s{n} is not in view")  # type: ignore[misc]
+            await it.until(lambda n=n: f"● s{n}  here" in in_view(), f"s{n} is not in view")  # type: ignore[misc]
             assert f"waits for event e{n}" in it.text("rule")
         it.screen.panes.go_to("rule")
         before = graph.scroll_offset.y

@@ -9,8 +9,8 @@ from textual.widgets import Input
 
 from rise_engine.kernel.records import EventRecord, MemoryRecord
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
-from rise_tui.explain import raised_by_engine
-from rise_tui.gate import Gate
+from rise_tui.model.explain import raised_by_engine
+from rise_tui.model.gate import Gate
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.text import fit_end, headed, plain, value_text
 from rise_tui.widgets.rows import RowList

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
+from rise_engine.kernel.records import CueRecord, RobotRecord
 from rise_tui.app import ConsoleApp
-from rise_tui.settings import Settings
+from rise_tui.start.settings import Settings
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 
@@ -50,15 +51,16 @@ async def settle(pilot: Pilot[Any], *keys: str) -> None:
 SIZES = {"small": (80, 24), "usual": (120, 40), "wide": (200, 50)}
 
 
+@pytest.mark.parametrize("theme", ["dark", "light", "mono"])
 @pytest.mark.parametrize("size", SIZES)
-def test_the_console(snap_compare: Any, size: str) -> None:
+def test_the_console(snap_compare: Any, size: str, theme: str) -> None:
     async def before(pilot: Pilot[Any]) -> None:
         await settle(pilot)
 
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(theme), terminal_size=SIZES[size], run_before=before)
 
 
-@pytest.mark.parametrize("theme", ["light", "contrast"])
+@pytest.mark.parametrize("theme", ["contrast", "colorblind", "terminal"])
 def test_themes(snap_compare: Any, theme: str) -> None:
     async def before(pilot: Pilot[Any]) -> None:
         await settle(pilot, "f3", "f3")
@@ -93,6 +95,61 @@ def test_help(snap_compare: Any, size: str) -> None:
     assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
 
 
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_the_palette(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "colon", *"filler")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_jumping(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+d")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_saying_something(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+t", *"Well", "space", *"done")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_a_mistake(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.answers = False
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "exclamation_mark")
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_safe_and_waiting_for_an_answer(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.emit(CueRecord(0, 0.0, "", "marked", "wizard:anna"), at=79.2)
+    client.pulse(robot_seen=80.9)
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+x", "f3", "f3", "f3", "f3")
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_everything_about_a_task(snap_compare: Any, size: str) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+d", "l", "enter")
+
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+
+
 # --- several consoles, leaving, trouble ------------------------------------------------------------------------------
 
 
@@ -122,6 +179,17 @@ def test_control_taken(snap_compare: Any, size: str) -> None:
     async def before(pilot: Pilot[Any]) -> None:
         await settle(pilot)
         client.control_record("taken", "wizard:ben", "wizard:ben")
+        await settle(pilot)
+
+    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+
+
+@pytest.mark.parametrize("size", ["small", "usual"])
+def test_the_robot_is_lost(snap_compare: Any, size: str) -> None:
+    client = played()
+    client.emit(RobotRecord(0, 0.0, "", "lost", "no answer from pepper/speech"), at=80.0)
+
+    async def before(pilot: Pilot[Any]) -> None:
         await settle(pilot)
 
     assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)

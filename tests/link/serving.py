@@ -12,7 +12,7 @@ from typing import Any
 from rise_engine.clock import RealClock
 from rise_engine.engine import Engine
 from rise_engine.link import places
-from rise_engine.link.client import Client, EngineGone, Hello, Journaling, Update
+from rise_engine.link.client import Client, EngineGone, Hello, Journaling, Pulse, Update
 from rise_engine.link.places import Claim
 from rise_engine.link.room import Room
 from rise_engine.link.server import Server
@@ -84,6 +84,7 @@ class Follower:
         self.client = client
         self.view = View()
         self.journaling: list[Journaling] = []
+        self.pulses: list[Pulse] = []
         self.error: EngineGone | None = None
         self._changed = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -101,6 +102,8 @@ class Follower:
                 for update in batch:
                     if isinstance(update, Journaling):
                         self.journaling.append(update)
+                    elif isinstance(update, Pulse):
+                        self.pulses.append(update)
                     else:
                         assert update.seq == self.view.seq + 1, "a gap"
                         self.view.apply(update)

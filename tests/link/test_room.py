@@ -52,6 +52,10 @@ class Played:
                 self.room.send(member, Submit(function="stopAll"), answers.append)
             case "frees":
                 self.room.send(member, Submit(function="releaseStop"), answers.append)
+            case "marks":
+                self.room.send(member, Submit(function="markMistake", behavior="1 late"), answers.append)
+            case "cues":
+                self.room.send(member, Submit(function="markCue"), answers.append)
             case "notes":
                 self.room.send(member, Note(text="x", source="wizard:eve"), answers.append)
             case "ends":
@@ -80,6 +84,9 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
     ("an observer does not", "oa attaches, oa acts", "an observer only watches", []),
     ("a program does", "wa attaches, na attaches, na acts", "", [TAKEN]),
     ("everybody notes", "wa attaches, wb attaches, ob attaches, wb notes, ob notes", "", [TAKEN]),
+    ("everybody marks mistakes", "wa attaches, wb attaches, ob attaches, wa acts, wb marks, ob marks", "", [TAKEN]),
+    ("a cue is for who has control", "wa attaches, wb attaches, wa cues, wb cues", "you do not hold control", [TAKEN]),
+    ("or a program", "wa attaches, nb attaches, nb cues", "", [TAKEN]),
     ("an observer stops everything", "wa attaches, oa attaches, oa stops", "", [TAKEN]),
     ("a wizard without control too", "wa attaches, wb attaches, wb stops", "", [TAKEN]),
     ("but does not free", "wa attaches, wb attaches, wb stops, wb frees", "you do not hold control", [TAKEN]),

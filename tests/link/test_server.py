@@ -217,6 +217,21 @@ async def test_what_session_is_this(place: Path) -> None:
         await follower.close()
 
 
+async def test_signs_of_life_come_by_themselves(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serving, "PULSE_SECONDS", 0.02)
+    async with served(place, speed=1.0) as session:
+        follower = await Follower(session.client()).attach()
+        await follower.until(lambda view: len(follower.pulses) > 2)
+        seen = [pulse.robot_seen for pulse in follower.pulses]
+        assert None not in seen and seen == sorted(seen), "the simulated robot is there all the time"
+        assert all(pulse.lag >= 0 for pulse in follower.pulses)
+        monkeypatch.setattr(session.engine, "_robot", object())  # a driver that does not know the question
+        before = len(follower.pulses)
+        await follower.until(lambda view: len(follower.pulses) > before + 1)
+        assert follower.pulses[-1].robot_seen is None
+        await follower.close()
+
+
 async def test_nobody_else_may_connect(place: Path) -> None:
     async with served(place) as session:
         folder = session.path.parent

@@ -275,6 +275,19 @@ def test_a08_killed_and_restarted_while_the_old_one_still_shows() -> None:
     bench.check()
 
 
+def test_a08_a_second_robot_that_does_not_know_the_goal_does_not_let_the_first_one_go_on() -> None:
+    """Both are asked for the result, and the one that does not know answers first."""
+    bench = Bench([LONG])
+    bench.act()
+    bench.run(1)
+    first = bench.speech
+    bench.robot_appears(node="/robot_again")
+    bench.run(8)
+    assert bench.ending(TASK).startswith("lost: server-restarted")
+    assert first.cancels == first.received, "whoever has it is told to stop"
+    bench.check()
+
+
 def test_a08_unknown_is_never_a_success() -> None:
     bench = Bench([Plan(end=0)])
     bench.act()

@@ -264,6 +264,18 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
             "scenario.toml:10:1 binding",
         ],
     ),
+    "fillers": (
+        {"scenario.toml": "[fillers]\noffer_after = -1\nauto_after = 'x'\nafter = 1"},
+        ["scenario.toml:2:15 out-of-range", "scenario.toml:3:14 wrong-type", "scenario.toml:4:1 unknown-key"],
+    ),
+    "fillers without any": ({"scenario.toml": "[fillers]\nauto_after = 4"}, ["scenario.toml:2:1 no-filler"]),
+    "fillers too soon": (
+        {
+            "scenario.toml": "[fillers]\nauto_after = 0.1\noffer_after = true\n[act.A]\nfiller = true",
+            "acts/a.xml": act(SPEECH),
+        },
+        ["scenario.toml:2:14 out-of-range", "scenario.toml:3:15 wrong-type"],
+    ),
     "Latin-1": ({"acts/a.xml": act(SPEECH).replace("Hello", "Grüße").encode("latin-1")}, ["acts/a.xml:2:42 encoding"]),
     "UTF-16": ({"acts/a.xml": act(SPEECH).encode("utf-16")}, ["acts/a.xml:1:1 encoding"]),
     "BOM": ({"acts/a.xml": b"\xef\xbb\xbf" + act(SPEECH).encode()}, []),

@@ -59,6 +59,7 @@ class SimulatedRobot:
         self._links_down = 0
         self._report: Report = _nobody
         self._timers: list[Timer] = []
+        self._seen: float | None = None
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -122,6 +123,11 @@ class SimulatedRobot:
             self.cancel(action)
         # After the cancels that it causes or finds under way, so that the answer is true when it is given.
         self._timers.append(self._after(self._stopping + _TICK, self._answer_stop))
+
+    def seen(self) -> float | None:
+        if not self._links_down:
+            self._seen = self._clock.now()
+        return self._seen
 
     def close(self) -> None:
         self._report = _nobody

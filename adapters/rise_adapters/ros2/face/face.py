@@ -203,7 +203,7 @@ class Face:
 
     def _update(self, update: link.Update) -> None:
         """Every record; in the engine's step."""
-        if self._closed or isinstance(update, link.Journaling):
+        if self._closed or isinstance(update, link.Journaling | link.Pulse):
             return
         if isinstance(update, TaskRecord):
             self._task_changed(update)

@@ -71,6 +71,7 @@ class Ros2Robot:
         self._told: Standing | None = None
         """How the robot stood when that was reported last."""
         self._grace_until = inf
+        self._seen: float | None = None
         self._closed = False
         self._use(transport)
 
@@ -161,6 +162,12 @@ class Ros2Robot:
                     part.say(reset)
         self._stop = stop = StopAll(self.clock, self._parts, self._running_at, self._stopped)
         stop.begin()
+
+    def seen(self) -> float | None:
+        """The middleware renews its word that a server is there within each server's lease; more ROS does not say."""
+        if any(part.presence.count for part in self._parts):
+            self._seen = self.clock.now()
+        return self._seen
 
     def close(self) -> None:
         """What still runs is cancelled, without waiting for an answer."""

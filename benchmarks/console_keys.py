@@ -1,0 +1,198 @@
+"""From a key to its command in the engine, while 1,000 records a second pour into the console's screen.
+
+A console on a pseudo terminal, an engine in a process of its own; the time runs from the write of the key until the
+engine has the command. The floor is the least that any program could need: one that reads a key from a terminal and
+writes a line to a socket, read by the same engine's process, in the same run.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import select
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from console_terminal import Pty, environment_in
+from measure import Report
+
+ROOT = Path(__file__).parents[1]
+KEYS = "abcdehij"
+PRESSES = 200
+GAP = 0.35
+"""Seconds between two keys, longer than what counts as a paste silences the keyboard."""
+
+ENGINE = """
+import asyncio, gc, json, os, sys, time
+from pathlib import Path
+from rise_engine.clock import RealClock
+from rise_engine.engine import Engine
+from rise_engine.kernel.inputs import Submit
+from rise_engine.link.places import claim
+from rise_engine.link.room import Room
+from rise_engine.link.server import Server
+from rise_engine.robots import make_robot
+from rise_engine.scenario import load
+from rise_engine.session.folder import create
+
+arrived, floor = [], []
+
+class Room_(Room):
+    def send(self, member, message, answer):
+        if member.role == "wizard":
+            arrived.append((time.monotonic(), message.behavior))
+        super().send(member, message, answer)
+
+class Floor(asyncio.Protocol):
+    def data_received(self, data):
+        floor.append(time.monotonic())
+
+async def main(root, rate):
+    loop = asyncio.get_running_loop()
+    loaded = load(str(Path(root, "scenario")))
+    scenario = loaded.scenario
+    folder = create(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1, faults=(), versions={})
+    clock = RealClock(loop, 1)
+    engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
+    with claim("keys") as name:
+        room = Room_(engine, str(folder))
+        server = Server(room, name.socket)
+        await server.start()
+        await loop.create_unix_server(Floor, os.path.join(root, "floor.sock"))
+        engine.start()
+        gc.freeze()  # as `rise-engine serve` does
+        reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.readline))
+        print("ready", flush=True)
+        begun, first, number = time.monotonic(), room.view.seq, 0
+        while not reading.done():
+            while room.view.seq - first < (time.monotonic() - begun) * rate:
+                number += 1
+                if number % 3:
+                    engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
+                else:
+                    engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
+                await asyncio.sleep(0)
+            await asyncio.sleep(0.002)
+        seconds = time.monotonic() - begun
+        print(json.dumps({"keys": arrived, "floor": floor, "rate": (room.view.seq - first) / seconds}), flush=True)
+        engine.end_now("done")
+        await server.close()
+
+asyncio.run(main(sys.argv[1], float(sys.argv[2])))
+"""
+
+BARE = """
+import os, socket, sys, tty
+tty.setraw(0)
+link = socket.socket(socket.AF_UNIX)
+link.connect(sys.argv[1])
+os.write(1, b"ready")
+while data := os.read(0, 4096):
+    link.sendall(b'{"type":"send","id":1}\\n')
+"""
+
+
+def scenario(folder: Path) -> None:
+    """The long study's, with keys that raise events: those are always taken."""
+    shutil.copytree(ROOT / "scenarios" / "lablinking", folder)
+    keys = "\n".join(f'{key} = {{ event = "/press_{key}" }}' for key in KEYS)
+    (folder / "scenario.toml").write_text(f'title = "Keys"\nrobot = "pepper"\nmode = "debug"\n[keys]\n{keys}\n')
+
+
+def press(terminal: Pty, others: list[Pty]) -> list[tuple[float, str]]:
+    """Type, one key after the other, at one terminal after the other, and read what is painted meanwhile."""
+    chance = random.Random(1)
+    written = []
+    every = (terminal, *others)
+    for number in range(PRESSES):
+        key = KEYS[number % len(KEYS)]
+        for each in every:
+            until = time.monotonic() + GAP / len(every) * chance.uniform(0.9, 1.1)
+            written.append((time.monotonic(), key))
+            os.write(each.master, key.encode())
+            while (left := until - time.monotonic()) > 0:
+                for other in every:
+                    other.read(0)
+                select.select([other.master for other in every], [], [], left)
+    return written
+
+
+def measure(rate: float) -> tuple[list[float], list[float], float, int]:
+    """Seconds of each key through the console and through the bare program; records a second; bytes painted."""
+    root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    environment = environment_in(root)
+    scenario(Path(root, "scenario"))
+    engine = subprocess.Popen(
+        [sys.executable, "-c", ENGINE, root, str(rate)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment,
+    )  # fmt: skip
+    assert engine.stdin is not None and engine.stdout is not None
+    console = bare = None
+    try:
+        engine.stdout.readline()
+        console = Pty([str(Path(sys.executable).with_name("rise-tui")), "--wizard", "anna"], environment)
+        bare = Pty([sys.executable, "-c", BARE, f"{root}/floor.sock"], environment)
+        console.until(b"LIVE")
+        bare.until(b"ready")
+        console.read_for(3)
+        painted = console.count
+        written = press(console, [bare])
+        painted = console.count - painted
+        console.read_for(0.5)
+        engine.stdin.write("\n")
+        engine.stdin.flush()
+        told = json.loads(engine.stdout.readline())
+    finally:
+        for each in (console, bare):
+            if each is not None:
+                each.close()
+        engine.stdin.close()
+        engine.wait()
+        shutil.rmtree(root, ignore_errors=True)
+    ours = [(at, f"/press_{key}") for at, key in written[::2]]
+    theirs = [at for at, _ in written[1::2]]
+    arrived = iter(told["keys"])
+    at, behavior = next(arrived, (0.0, ""))
+    keys = []
+    for pressed, wanted in ours:
+        if behavior == wanted:
+            keys.append(at - pressed)
+            at, behavior = next(arrived, (0.0, ""))
+    if len(keys) < len(ours):  # two of them came in one read, as a paste does: this machine is too busy
+        raise SystemExit(f"{len(ours)} keys were pressed and {len(keys)} came to the engine")
+    floor = [at - pressed for at, pressed in zip(told["floor"], theirs, strict=True)]
+    return keys, floor, told["rate"], painted
+
+
+def percentile(values: list[float], part: float) -> float:
+    return sorted(values)[min(len(values) - 1, int(len(values) * part))]
+
+
+def main() -> bool:
+    report = Report("From a key to the command in the engine (wall time)")
+    quiet, _, _, _ = measure(0)
+    keys, floor, rate, painted = measure(1000)
+    for name, values in (
+        ("nothing else happens", quiet),
+        (f"{rate:,.0f} records a second", keys),
+        ("floor: a bare program, same run", floor),
+    ):
+        shown = ", ".join(f"{part:.0%} {percentile(values, part) * 1000:.1f}" for part in (0.5, 0.9, 0.99))
+        report.row(name, f"{statistics.median(values) * 1000:.2f} ms", f"{shown}, max {max(values) * 1000:.1f} ms")
+    report.row("painted meanwhile", f"{painted / PRESSES / GAP / 1000:.0f} kB/s")
+    report.target("ms, 99 of 100 keys at 1,000 records/s", percentile(keys, 0.99) * 1000, 5, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    with suppress(KeyboardInterrupt):
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+        sys.exit(not main())

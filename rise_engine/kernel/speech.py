@@ -1,0 +1,41 @@
+"""Which act a task runs: one of the scenario's, or free speech, which is an act of one action made for the moment."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from rise_engine.kernel.core import Task
+from rise_engine.scenario.model import Act, Action, Call, Scenario
+from rise_engine.scenario.template import Template
+
+SAY = "say"
+"""The task's function, and the name of the act and of its only action in records and events (`/say_end`)."""
+SPEECH = "Speech"
+
+
+def act_of(scenario: Scenario, task: Task) -> Act:
+    """What a task of the scheduler runs."""
+    return _spoken(scenario, task.behavior) if task.function == SAY else scenario.acts[task.behavior]
+
+
+def act_name(task: Task) -> str:
+    """How records and events call it."""
+    return SAY if task.function == SAY else task.behavior
+
+
+def cannot_speak(scenario: Scenario) -> str:
+    """Why the scenario's robot cannot say anything, or empty."""
+    spec = scenario.robot.actions.get(SPEECH)
+    if spec is not None and (spec.supported or spec.substitute is not None):
+        return ""
+    return f"{scenario.robot.name} cannot speak"
+
+
+@lru_cache(maxsize=32)
+def _made(channels: tuple[str, ...], text: str) -> Act:
+    message = Template(text, (text,))  # literal: braces in it are to be said, and mean nothing
+    return Act(SAY, (Action(SAY, (Call(SPEECH, {"message": message}),)),), frozenset(channels))
+
+
+def _spoken(scenario: Scenario, text: str) -> Act:
+    return _made(scenario.robot.actions[SPEECH].channels, text)

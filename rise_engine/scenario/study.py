@@ -1,0 +1,20 @@
+"""What a scenario says about its study: the conditions that a session can be run in (`[study]` in scenario.toml)."""
+
+from __future__ import annotations
+
+from rise_engine.scenario.findings import listed, suggestion
+from rise_engine.scenario.model import Scenario
+
+
+def conditions(scenario: Scenario) -> tuple[str, ...]:
+    """The study's conditions, in its order; empty when it lists none."""
+    found = scenario.study.get("conditions")
+    return tuple(one for one in found if isinstance(one, str)) if isinstance(found, list) else ()
+
+
+def condition_problem(scenario: Scenario, condition: str) -> str:
+    """Why a session cannot be run in this condition, or empty. Any is right where the study lists none."""
+    known = conditions(scenario)
+    if not condition or not known or condition in known:
+        return ""
+    return f"this study has no condition {condition!r}{suggestion(condition, known, limit=0)}; it has {listed(known)}"

@@ -1,0 +1,69 @@
+"""An act's graph as lines beside its actions: what has to end before what begins. Pure.
+
+Time runs downwards, one row for each action, level by level. A line is "this action has ended": it begins at its
+action (`╭`, or `┬` behind others) and leads down to all that wait for it (`├ ┼`, and `╰ ┴` at the last one). A line
+that only passes is drawn over the others (`│`). `╶` stands before an action that waits for nothing and that nothing
+waits for.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rise_engine.scenario.model import Act
+from rise_tui.model.graph import levels
+
+_ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (False, False): "┼"}
+"""Where a line meets the row of what waits for it, by: nothing is left of it, it ends here."""
+
+
+class ActRow(NamedTuple):
+    """One action."""
+
+    place: int
+    """In the act."""
+    level: int
+    """Counting from 1: it can begin when the levels before have ended."""
+    first: bool
+    """It is the first of its level."""
+    rails: str
+    """As many cells in every row."""
+    untold: tuple[str, ...] = ()
+    """Ids of actions for which it waits and from which no line leads here, because there are too many."""
+
+
+def act_rows(act: Act, most: int) -> list[ActRow]:
+    """All actions of an act with at most `most` lines beside each other."""
+    places = {action.id: at for at, action in enumerate(act.actions)}
+    waits = [list(dict.fromkeys(places[one] for one in action.wait_for if one in places)) for action in act.actions]
+    open_ends = [sum(at in each for each in waits) for at in range(len(act.actions))]
+    lanes: dict[int, int] = {}
+    """Which action's line is in which lane."""
+    drawn: list[tuple[int, int, bool, dict[int, str], tuple[str, ...]]] = []
+    for number, level in enumerate(levels(act), 1):
+        for at in level:
+            cells = dict.fromkeys(lanes, "│")
+            enters = sorted(lane for lane, owner in lanes.items() if owner in waits[at])
+            free = next(lane for lane in range(len(lanes) + 1) if lane not in lanes)
+            begins = free if open_ends[at] and free < most else -1
+            touched = sorted([*enters, *([begins] if begins >= 0 else [])])
+            untold = tuple(act.actions[one].id for one in waits[at] if one not in lanes.values())
+            for lane in enters:
+                owner = lanes[lane]
+                open_ends[owner] -= 1
+                cells[lane] = _ENTERS[lane == touched[0], not open_ends[owner]]
+                if not open_ends[owner]:
+                    del lanes[lane]
+            if begins >= 0:
+                cells[begins] = "╭" if begins == touched[0] else "┬"
+                lanes[begins] = at
+            for lane in range(touched[0] if touched else most, most):
+                cells.setdefault(lane, "─")
+            drawn.append((at, number, at == level[0], cells, untold))
+    width = 1 + max((lane for row in drawn for lane, cell in row[3].items() if cell != "─"), default=-1)
+    return [ActRow(at, number, first, _text(cells, width), untold) for at, number, first, cells, untold in drawn]
+
+
+def _text(cells: dict[int, str], width: int) -> str:
+    tied = any(cell not in "│─" for cell in cells.values())
+    return "".join(cells.get(lane, " ") for lane in range(width)) + ("─" if tied else "╶")

@@ -1,0 +1,164 @@
+"""What every wizard must know at once: what is wrong, what still works, and what to do, in words. Pure.
+
+An alarm takes three lines. Of several, the worst is told, and the last line names the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from time import monotonic
+from typing import NamedTuple
+
+from rise_tui.actions import key_in_words
+from rise_tui.model.control import short
+from rise_tui.model.store import Store
+from rise_tui.text import Line, Span, age, clock
+
+CUT_SECONDS = 1.0
+"""A connection that is back before this is not worth an alarm that comes and goes."""
+
+
+class Alarm(NamedTuple):
+    """One thing that is wrong."""
+
+    head: Line
+    second: Line = ()
+    third: Line = ()
+    counts: bool = False
+    """Whether it says for how long, so that it changes with every second."""
+
+
+def lines(found: Sequence[Alarm]) -> tuple[Line, ...]:
+    """What is shown: three lines, or none."""
+    if not found:
+        return ()
+    worst, *others = found
+    if not others:
+        return worst.head, worst.second, worst.third
+    # Of two more lines the second tells more; but who has not confirmed a stop is in the third.
+    told = worst.third if any(tone == "fault" for _, tone in worst.third) else worst.second
+    gap: Line = (("  ", "plain"),)
+    named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
+    return worst.head, told, named
+
+
+def alarms(store: Store) -> list[Alarm]:
+    """All of them, the worst first."""
+    if store.gone:
+        return [_gone(store)]
+    if store.cut is not None and (store.unstopped or monotonic() - store.cut >= CUT_SECONDS):
+        return [_cut(store, store.cut)]
+    return [*_stop(store), *_record(store), *_robot(store)]
+
+
+def _gone(store: Store) -> Alarm:
+    leave: Span = (f"   {key_in_words('quit')}", "key")
+    if store.over:
+        return Alarm(
+            ((" ■ SESSION ENDED ", "alarm"), (f"  {store.gone}", "strong")),
+            (("   keys do nothing any more; what is shown is how it ended", "plain"),),
+            (leave, (" leaves", "plain")),
+        )
+    again = "; start rise-tui again: the session can be recovered" if store.hello.folder else ""
+    stop = key_in_words("stop")
+    return Alarm(
+        ((" ✗ ENGINE GONE ", "alarm"), (f"  {store.gone}", "strong")),
+        ((f"   keys do nothing any more, {stop} neither; what is shown is the last known state", "plain"),),
+        (leave, (f" leaves{again}", "plain")),
+    )
+
+
+def _cut(store: Store, since: float) -> Alarm:
+    head = " ✗ STOP NOT SENT " if store.unstopped else " ✗ CONNECTION CUT "
+    return Alarm(
+        ((head, "alarm"), (f"  cut {age(monotonic() - since)} ago; the console is attaching again", "strong")),
+        (("   the session goes on without this console, and no key reaches it", "plain"),),
+        (("   to stop the robot now, use its own switch", "strong"),),
+        counts=True,
+    )
+
+
+def _stop(store: Store) -> Iterator[Alarm]:
+    stop = store.view.stop
+    _, _, told = store.journaling.trouble.partition("; ")
+    if store.journaling.trouble and told:
+        # Asked for while nothing can be recorded: the engine tells it here, and records it later.
+        sent, _, confirmed = told.partition(", ")
+        answer = confirmed.replace("confirmed by ", "") or "the robot has not answered yet"
+        yield Alarm(((" ■ STOP ", "alarm"), (f"  {sent}", "strong")), _labelled("confirmed", answer))
+    elif not stop.latched:
+        if store.stopping:
+            yield Alarm(((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")))
+    elif stop.status == "requested":
+        yield Alarm(
+            ((" ■ STOP requested ", "alarm"), (f"  asked {clock(stop.since)} by {short(stop.source)}", "strong")),
+            (("   waiting for the robot to confirm", "plain"),),
+            (("   if the robot goes on, use its own switch", "plain"),),
+        )
+    else:
+        release: Line = ((f"   {key_in_words('release')} release", "key"),) if store.has_control else ()
+        missing: Line = (("   everything asked has confirmed", "plain"),)
+        if stop.unconfirmed:
+            what = f"   look at the robot; {key_in_words('stop')} asks again"
+            missing = (("   NOT CONFIRMED  ", "fault"), (parts(stop.unconfirmed), "strong"), (what, "plain"))
+        yield Alarm(
+            ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
+            (*_labelled("confirmed", parts(stop.confirmed) or "nobody"), (f"   by {short(stop.source)}", "muted")),
+            missing,
+        )
+
+
+def _labelled(label: str, said: str) -> Line:
+    return (f"   {label:<15}", "plain"), (said, "strong")
+
+
+def _record(store: Store) -> Iterator[Alarm]:
+    why = store.journaling.trouble.partition("; ")[0]
+    if why:
+        yield Alarm(
+            ((" ✗ NOT RECORDING ", "alarm"), (f"  {why}", "strong")),
+            (("   the session is paused: nothing starts until the disk takes records again", "plain"),),
+            ((f"   {key_in_words('stop')}", "key"), (" still stops the robot; make room on the disk", "plain")),
+        )
+
+
+def _robot(store: Store) -> Iterator[Alarm]:
+    robot = store.view.robot
+    if robot is None or robot.status != "lost":
+        return
+    since = f"  for {age(store.now() - robot.t)}"
+    broken = [name for name, act in store.view.acts.items() if act.last is not None and act.last.ended == robot.t]
+    broken += ["the say line"] if _said(store, robot.t) else []
+    until = "acts fail until the robot is back; rules and memory go on"
+    was = f"broken off: {', '.join(broken)}; " if broken else ""
+    switch = f"look at the robot and its network; {key_in_words('stop')} may not reach it, its own switch does"
+    then = "this is a replay: it was so then" if store.hello.replay else switch
+    yield Alarm(
+        ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),
+        ((f"   {was}{until}", "plain"),),
+        ((f"   {then}", "plain"),),
+        counts=True,
+    )
+
+
+def _said(store: Store, at: float) -> bool:
+    """Whether free speech ended at that moment."""
+    latest = next(reversed(store.view.tasks.values()), None)
+    return latest is not None and latest.function == "say" and latest.ended == at
+
+
+def degraded(store: Store) -> str:
+    """What is wrong with a robot that still works, or empty."""
+    robot = store.view.robot
+    if robot is None or robot.status != "degraded":
+        return ""
+    return f"◐ robot degraded since {clock(robot.t)}: {robot.detail or 'it says no more'}"
+
+
+def parts(names: Sequence[str]) -> str:
+    """Parts of robots, each robot named once: `pepper: arms, gaze`."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        robot, _, part = name.rpartition("/")
+        found.setdefault(robot, []).append(part)
+    return "; ".join(f"{robot}: {', '.join(of)}" if robot else ", ".join(of) for robot, of in found.items())

@@ -1,0 +1,57 @@
+"""What the present states of the running rules wait for: the acts, rules and events that are due. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from rise_engine.expression import EvaluationError
+from rise_engine.scenario.model import Scenario, Transition
+from rise_tui.model.explain import ENDINGS, raised_by_rule
+
+
+class Awaited(NamedTuple):
+    """What a wizard would be right to start now."""
+
+    acts: frozenset[str] = frozenset()
+    rules: frozenset[str] = frozenset()
+    events: frozenset[str] = frozenset()
+    """Topics without their slash, those of acts and rules among them."""
+
+
+class Waits:
+    """Knows of each rule of a scenario which events it raises."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._raised = {name: raised_by_rule(rule) for name, rule in scenario.rules.items()}
+
+    def now(self, states: Mapping[str, str | None], memory: Mapping[str, Any]) -> Awaited:
+        """`states`: the running rules with the state in which each is. `memory`: the working memory.
+
+        A transition whose condition does not hold now waits for nothing: its event would be lost.
+        """
+        events = frozenset(
+            transition.event
+            for name, state in states.items()
+            for transition in self._transitions(name, state)
+            if transition.event is not None and _open(transition, memory)
+        )
+        acts = {name for name in self._scenario.acts if any(name + ending in events for ending in ENDINGS)}
+        rules = {name for name, raised in self._raised.items() if name not in states and raised & events}
+        rules |= {name for name in self._scenario.rules if name not in states and f"{name}_end" in events}
+        return Awaited(frozenset(acts), frozenset(rules), events)
+
+    def _transitions(self, name: str, state: str | None) -> tuple[Transition, ...]:
+        rule = self._scenario.rules.get(name)
+        found = rule.states.get(state) if rule is not None and state is not None else None
+        return found.transitions if found is not None else ()
+
+
+def _open(transition: Transition, memory: Mapping[str, Any]) -> bool:
+    if transition.condition is None:
+        return True
+    try:
+        return transition.condition.as_condition(memory)
+    except EvaluationError:
+        return False

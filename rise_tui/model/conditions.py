@@ -1,0 +1,61 @@
+"""The parts of a condition, each as it was written, so that each can be shown with its own truth. Pure."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+from rise_engine.expression import Expression, LanguageError
+from rise_engine.expression.nodes import Logic, explicit
+
+Joint = Literal["and", "or", ""]
+
+_PIECE = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'|[()]|&&|\|\||[^\W\d][\w.]*', re.DOTALL)
+_JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
+
+
+class Parts(NamedTuple):
+    joint: Joint
+    """What stands between them; empty for a condition of one part."""
+    parts: tuple[Expression, ...]
+
+
+@lru_cache(512)
+def parts_of(condition: Expression) -> Parts:
+    """The parts that `and`, or else `or`, joins at the top; `xor` is not taken apart."""
+    root = condition.root
+    if not isinstance(root, Logic) or root.operator not in _JOINTS:
+        return Parts("", (condition,))
+    try:
+        texts = _written(condition.text, _JOINTS[root.operator])
+        found = tuple(Expression.parse(text) for text in texts)
+        if tuple(part.root for part in found) != root.operands:  # written in a way that is not taken apart by eye
+            found = tuple(Expression.parse(explicit(operand)) for operand in root.operands)
+    except LanguageError:
+        return Parts("", (condition,))
+    return Parts("and" if root.operator == "and" else "or", found)
+
+
+def _written(text: str, joints: tuple[str, ...]) -> list[str]:
+    """The text between these words where they stand outside of brackets and quotes."""
+    bare = text.strip()
+    while bare.startswith("(") and _closing(bare) == len(bare) - 1:
+        bare = bare[1:-1].strip()
+    pieces, depth, start = [], 0, 0
+    for found in _PIECE.finditer(bare):
+        depth += {"(": 1, ")": -1}.get(found[0], 0)
+        if not depth and found[0] in joints:
+            pieces.append(bare[start : found.start()].strip())
+            start = found.end()
+    return [*pieces, bare[start:].strip()]
+
+
+def _closing(text: str) -> int:
+    """Where the bracket with which a text begins is closed."""
+    depth = 0
+    for found in _PIECE.finditer(text):
+        depth += {"(": 1, ")": -1}.get(found[0], 0)
+        if not depth:
+            return found.start()
+    return -1

@@ -1,0 +1,204 @@
+"""What is typed after `/`: which rows it lets through, and where it matches in them. Pure.
+
+- Words, in any order: each must be somewhere in the row, as it is typed or with letters left out (`rin2` finds
+  `R_Instruction_2`). A word with a capital minds capitals. `!word`: rows with this word stay out.
+- `/...` or `re:...`: one regular expression; `!/...`: rows that it matches stay out.
+
+A regular expression can take for ever on one row, and while it does the console would answer no key, not even stop.
+Three things bound it: a repetition of something that varies itself is refused (only those take exponential time), a row
+is looked at up to LONGEST characters, and an expression with several repetitions is tried on ever longer beginnings of
+a row, and given up as soon as one takes longer than PATIENCE: the next can then take only a few times as long.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from time import thread_time
+
+LONGEST = 500
+"""Characters of a row that a regular expression sees."""
+PATIENCE = 0.002
+"""Seconds of one attempt on one row."""
+MOST_REPEATS = 6
+"""Repetitions in one regular expression; each can multiply the time for a row by the row's length."""
+LEAST_LETTERS, MOST_LETTERS = 3, 40
+"""How long a word is that may have letters left out: nearly every row has two given letters in their order."""
+
+_PART = r"(?:(?<![^\W_])|(?-i:(?<=[a-z])(?=[A-Z])))"
+"""Where a part of a name begins: `Instruction` in `R_Instruction` and in `RunInstruction`."""
+_REASONS = (
+    ("unterminated character set", "the [ is not closed"),
+    ("unterminated subpattern", "the ( is not closed"),
+    ("unbalanced parenthesis", "this ) closes nothing"),
+    ("nothing to repeat", "there is nothing before this to repeat"),
+    ("multiple repeat", "two repetitions in a row"),
+    ("bad escape", "the \\ stands before something that it means nothing for"),
+    ("bad character range", "this range runs backwards"),
+    ("min repeat greater", "this repetition runs backwards"),
+    ("look-behind", "what is looked back at must have one length"),
+)
+
+
+class BrokenFilter(ValueError):
+    """What is typed is no filter, or not yet; the message says where and why, for a person."""
+
+
+class Filter:
+    """One filter, as it was typed."""
+
+    def __init__(self, text: str) -> None:
+        """Raises BrokenFilter."""
+        self.text = text
+        self._terms: list[tuple[_Word | _Expression, bool]] = []
+        """What a row must have, or, where it is false, must not have."""
+        bare = text.strip()
+        refused = bare.startswith("!")
+        rest = bare.removeprefix("!")
+        for lead in ("re:", "/"):
+            if rest.startswith(lead):
+                at = text.index(lead) + len(lead)
+                found = _expression(rest.removeprefix(lead), at, slash=lead == "/")
+                self._terms += [(found, not refused)] if found is not None else []
+                return
+        words = [(word.removeprefix("!"), not word.startswith("!")) for word in bare.split()]
+        self._terms += [(_Word(word, loose=wanted), wanted) for word, wanted in words if word]
+
+    def __bool__(self) -> bool:
+        """False when nothing is typed yet that could keep a row out."""
+        return bool(self._terms)
+
+    def matches(self, text: str) -> bool:
+        """Whether a row with this text is to be shown. Raises BrokenFilter for an expression that takes too long."""
+        return all(term.found_in(text) == wanted for term, wanted in self._terms)
+
+    def places(self, text: str) -> list[tuple[int, int]]:
+        """Where it matches: characters from and to, in order and apart from each other. Raises as `matches`."""
+        found = sorted(place for term, wanted in self._terms if wanted for place in term.places(text))
+        merged: list[tuple[int, int]] = []
+        for start, end in found:
+            if merged and start <= merged[-1][1]:
+                merged[-1] = merged[-1][0], max(end, merged[-1][1])
+            elif start < end:
+                merged.append((start, end))
+        return merged
+
+
+class _Word:
+    """A word, as it is typed or with letters left out."""
+
+    def __init__(self, word: str, *, loose: bool) -> None:
+        flags = re.NOFLAG if any(letter.isupper() for letter in word) else re.IGNORECASE
+        self._exact = re.compile(re.escape(word), flags)
+        short = not LEAST_LETTERS <= len(word) <= MOST_LETTERS
+        self._loose = re.compile(_PART + "".join(_letters(word)), flags) if loose and not short else None
+
+    def found_in(self, text: str) -> bool:
+        return self._exact.search(text) is not None or (
+            self._loose is not None and self._loose.search(text) is not None
+        )
+
+    def places(self, text: str) -> Iterator[tuple[int, int]]:
+        exact = [found.span() for found in self._exact.finditer(text)]
+        if exact or self._loose is None:
+            yield from exact
+        elif (found := self._loose.search(text)) is not None:
+            yield from (found.span(letter) for letter in range(1, self._loose.groups + 1))
+
+
+def _letters(word: str) -> Iterator[str]:
+    """A pattern for letters in their order within one name. Each gap can be taken in one way only, so it is quick.
+
+    Digits stand together: `topic2` does not find `topic12`.
+    """
+    for at, letter in enumerate(word):
+        if at:
+            yield r"[^\s\d]*" if letter.isdigit() else rf"[^\s{re.escape(letter)}]*"
+        yield f"({re.escape(letter)})"
+
+
+class _Expression:
+    """A regular expression, and the care that it takes."""
+
+    def __init__(self, pattern: re.Pattern[str], *, slow: bool) -> None:
+        self._pattern, self._slow = pattern, slow
+
+    def found_in(self, text: str) -> bool:
+        if self._slow:
+            length = 16
+            while length < min(len(text), LONGEST):
+                # Twice, because anything may come in between once.
+                if self._seconds(text, length) > PATIENCE and self._seconds(text, length) > PATIENCE:
+                    raise BrokenFilter("this regular expression takes too long; use fewer * and +")
+                length *= 2
+        return self._pattern.search(text, 0, LONGEST) is not None
+
+    def _seconds(self, text: str, length: int) -> float:
+        began = thread_time()
+        self._pattern.search(text, 0, length)
+        return thread_time() - began
+
+    def places(self, text: str) -> Iterator[tuple[int, int]]:
+        if self.found_in(text):
+            yield from (found.span() for found in self._pattern.finditer(text, 0, LONGEST))
+
+
+def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
+    """A regular expression that stands at `at` of what is typed. None while nothing of it is typed."""
+    if slash and len(pattern) > 1 and pattern.endswith("/") and not pattern.endswith("\\/"):
+        pattern = pattern[:-1]
+    if not pattern:
+        return None
+    flags = re.NOFLAG if any(each.isupper() for each in re.sub(r"\\.", "", pattern)) else re.IGNORECASE
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            compiled = re.compile(pattern, flags)
+    except re.error as error:
+        reason = next((said for known, said in _REASONS if known in error.msg), error.msg)
+        raise BrokenFilter(f"at {at + (error.pos or 0) + 1}: {reason}") from error
+    except (OverflowError, RecursionError) as error:
+        raise BrokenFilter("this regular expression is too large") from error
+    return _Expression(compiled, slow=_repeats(pattern, at) > 1)
+
+
+_QUANTIFIER = re.compile(r"[*+?]|\{(\d*)(,?)(\d*)\}")
+_CLASS = re.compile(r"\[\^?\]?(?:\\.|[^\]\\])*\]", re.DOTALL)
+
+
+def _repeats(pattern: str, at: int) -> int:
+    """How many things in a valid pattern may be there more or less often. Raises BrokenFilter for nested ones."""
+    varies = [False]
+    """For each open group, whether it can match in more than one way."""
+    atom = False
+    count = index = 0
+    while index < len(pattern):
+        letter = pattern[index]
+        quantifier = _QUANTIFIER.match(pattern, index)
+        if letter == "\\":
+            atom, index = False, index + 2
+        elif letter == "[" and (found := _CLASS.match(pattern, index)) is not None:
+            atom, index = False, found.end()
+        elif letter == "(":
+            varies.append(False)
+            index += 2 if pattern[index + 1 : index + 2] == "?" else 1
+        elif letter == ")":
+            atom = varies.pop()
+            varies[-1] |= atom
+            index += 1
+        elif letter == "|":
+            atom, varies[-1], index = False, True, index + 1
+        elif quantifier is not None and quantifier[0] not in ("{}", "{,}"):
+            once = letter == "?" or quantifier[0] in ("{1}", "{0,1}", "{,1}", "{0}")
+            if atom and not once:
+                raise BrokenFilter(f"at {at + index + 1}: what is repeated here varies itself, which may take for ever")
+            if quantifier[2] or letter != "{":
+                count, varies[-1] = count + 1, True
+            index = quantifier.end()
+            index += pattern[index : index + 1] in ("?", "+")
+        else:
+            atom, index = False, index + 1
+    if count > MOST_REPEATS:
+        raise BrokenFilter(f"at most {MOST_REPEATS} repetitions (* + ? {{}}) in one regular expression")
+    return count

@@ -1,0 +1,190 @@
+"""Why a rule stays where it stands: for each way out what it waits for, what of that is true, and what one can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from math import ceil
+from typing import Any
+
+from rich.cells import cell_len
+
+from rise_engine.expression import Assignment, Env, EvaluationError, Expression, LanguageError, store
+from rise_engine.scenario.model import Rule, State, Transition
+from rise_engine.view import RuleView
+from rise_tui.model.conditions import parts_of
+from rise_tui.model.explain import Raisers, Truth, engine_event, truth_of, waits_for
+from rise_tui.model.states import act_state, newest, rule_state
+from rise_tui.model.store import Store
+from rise_tui.text import Line, Row, Span, clean, crop, duration, seconds, spread, width_of
+
+PART = 8
+"""Cells before a part of a condition."""
+READABLE = 84
+"""Cells beyond which a row's two ends would be too far apart for the eye."""
+
+
+class Reasons:
+    """Makes the rows for the present state of a rule."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._raisers = Raisers(store.scenario)
+
+    def rows(self, rule: Rule, state: State, view: RuleView, width: int) -> list[Row]:
+        """Each way out in the file's order, in which the engine looks at them too."""
+        if not state.transitions:
+            return [Row("", crop(((" no way leads out: the rule ends here", "muted"),), width), selectable=False)]
+        memory = self._store.memory
+        width = min(width, READABLE)
+        rows = []
+        for index, transition in enumerate(state.transitions):
+            rows += self._way(index, transition, view, memory, width)
+            if transition.condition is not None:
+                rows += self._condition(index, transition.condition, memory, width)
+            if other := self._taken_by(rule, state, index, memory):
+                rows.append(Row("", crop(((" " * 4, "plain"), (other, "wait")), width), selectable=False))
+        return rows
+
+    def counts(self, state: State) -> bool:
+        """Whether what is said changes by the clock alone."""
+        for transition in state.transitions:
+            found = engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+            if transition.after is not None or (found is not None and self._store.act(found[0]).running):
+                return True
+        return False
+
+    def _way(
+        self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
+    ) -> list[Row]:
+        waits: Line = ((" waits for ", "muted"), (waits_for(self._store.scenario, transition), "wait"))
+        stands, you = self._stands(transition, view), self._keys(transition)
+        must: Line = (("  you: ", "muted"), (" ".join(you), "key")) if you else ()
+        condition = transition.condition
+        if transition.event is not None and condition is not None and not truth_of(condition, memory).holds:
+            must = (*must, ("  not now", "wait"))
+        target = clean(f"→ {transition.target}" if transition.target else "stays")
+        line: Line = (*waits, *stands, *must)
+        if width_of(line) + cell_len(target) + 3 <= width:
+            return [Row(f"now:{index}", spread(line, ((f"{target} ", "plain"),), width))]
+        more: Line = ((" " * 4, "plain"), (target, "plain"))
+        if width_of(line) > width:
+            line = (*crop(waits, width - width_of(must)), *must)
+            more = spread(more, (*stands, (" ", "plain")), width)
+        return [Row(f"now:{index}", line), Row("", crop(more, width), selectable=False)]
+
+    def _stands(self, transition: Transition, view: RuleView) -> Line:
+        """How far it is: the time left, or what the awaited act does."""
+        now = self._store.now()
+        if transition.after is not None:
+            left = ceil(transition.after - (now - view.since))
+            if left <= 0:
+                return (("  the time is up", "wait"),)
+            return ((f"  {seconds(left) if left >= 60 else f'{left} s'} left", "plain"),)
+        found = engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        if found is None:
+            return ()
+        name, _ = found
+        if name not in self._store.scenario.acts:
+            state = rule_state(self._store, name)
+            return ((f"  {state.glyph} {state.word}", state.tone),)
+        state = act_state(self._store, name)
+        task = newest(self._store, name)
+        took = ""
+        if self._store.act(name).running and task is not None and task.started is not None:
+            typical = self._store.typical(name)
+            took = f" {seconds(self._store.now() - task.started)}"
+            took += f" of {duration(typical)}" if typical is not None else " s"
+        return ((f"  {state.glyph} {state.word}", state.tone), (took, "plain"))
+
+    def _keys(self, transition: Transition) -> list[str]:
+        """The keys by which the wizard can bring the event about; an act that runs already needs none."""
+        keys = list(dict.fromkeys(self._raisers.keys(transition.event)))
+        found = engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
+            functions = ("startCommunicationRobotAct", "startInteractionRule")
+            binding = next((key for one in functions if (key := self._store.key_of(one, found[0])) is not None), None)
+            if binding is not None and not self._store.rule(found[0]).running:
+                keys.append(binding.label)
+        return keys
+
+    def _condition(self, index: int, condition: Expression, memory: Mapping[str, Any], width: int) -> list[Row]:
+        """Each part with the present values, its truth, and the keys that would make it true."""
+        joint, parts = parts_of(condition)
+        truths = [truth_of(part, memory) for part in parts]
+        texts = max(cell_len(clean(truth.text)) for truth in truths)
+        rows = []
+        for number, (part, truth) in enumerate(zip(parts, truths, strict=True)):
+            verdict: Span = (
+                (" error ", "fault") if truth.error
+                else (" true ", "accent") if truth.holds
+                else (" false ", "wait")
+            )  # fmt: skip
+            line: Line = ((f"{joint if number else 'if':>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
+            more: Line = ((truth.values, "muted"),) if truth.values and not _says_it(part, truth) else ()
+            if keys := [] if truth.holds else self._setters(part, memory):
+                more = (*more, ("  you: " if more else "you: ", "muted"), (" ".join(keys), "key"))
+            gap = " " * (texts - cell_len(clean(truth.text)) + 2) if more else ""
+            both: Line = (*line, (gap, "plain"), *more)
+            fits = width_of(both) + width_of((verdict,)) < width
+            rows.append(
+                Row(f"if:{index}:{number}", spread(both if fits else line, (verdict,), width), selectable=False)
+            )
+            if more and not fits:
+                rows.append(Row("", crop(((" " * PART, "plain"), *more), width), selectable=False))
+            if truth.error:
+                rows.append(Row("", crop(((" " * PART, "plain"), (truth.error, "fault")), width), selectable=False))
+        return rows
+
+    def _setters(self, part: Expression, memory: Mapping[str, Any]) -> list[str]:
+        """The scenario's keys that set a value with which this part holds."""
+        found = []
+        heads = {key.partition(".")[0] for key in part.keys}
+        for key in self._store.scenario.keys.values():
+            if key.function != "assignValue":
+                continue
+            assignment = _assignment(key.behavior)
+            if assignment is None or assignment.key.partition(".")[0] not in heads:
+                continue
+            try:
+                value = assignment.evaluate(Env(memory), self._store.scenario.known_keys)
+                changed, value = store(memory, assignment.key, value)
+                if part.as_condition({**memory, changed: value}):
+                    found.append(key.label)
+            except EvaluationError:
+                continue
+        return found
+
+    def _taken_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
+        """Who would take the event instead: one event is taken by one transition of one rule."""
+        known, event = self._store, state.transitions[index].event
+        if event is None:
+            return ""
+        for name in known.view.stack():
+            if name == rule.name:
+                break
+            other = known.scenario.rules.get(name)
+            where = other.states.get(known.rule(name).state or "") if other is not None else None
+            if where is not None and any(_takes(transition, event, memory) for transition in where.transitions):
+                return f"rule {clean(name)} takes this event first: it is higher on the stack"
+        for transition in state.transitions[:index]:
+            if _takes(transition, event, memory):
+                return "the way above takes this event first"
+        return ""
+
+
+def _says_it(part: Expression, truth: Truth) -> bool:
+    """A part that is nothing but a key says with its truth what its value is."""
+    return truth.values in (f"{part.is_bare_key} is true", f"{part.is_bare_key} is false")
+
+
+def _takes(transition: Transition, event: str, memory: Mapping[str, Any]) -> bool:
+    return transition.event == event and (transition.condition is None or truth_of(transition.condition, memory).holds)
+
+
+@lru_cache(256)
+def _assignment(text: str) -> Assignment | None:
+    try:
+        return Assignment.parse(text)
+    except LanguageError:
+        return None

@@ -1,0 +1,323 @@
+"""What the console knows: the engine's view, and what it has asked for that the engine has not yet answered.
+
+A read model without any screen. Panes read it; only `Session` and the screens change it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from secrets import token_hex
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.kernel.records import (
+    ActionRecord,
+    ControlRecord,
+    CueRecord,
+    EventRecord,
+    MemoryRecord,
+    MistakeRecord,
+    NoteRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+    TimingRecord,
+)
+from rise_engine.link.client import Hello, Journaling, Pulse, Update
+from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_engine.view import ActView, RuleView, View
+from rise_tui.model import control
+from rise_tui.model.armed import STARTS, Guard, why_not
+from rise_tui.model.awaited import Awaited, Waits
+from rise_tui.model.deeds import done, news
+from rise_tui.model.graph import estimate
+from rise_tui.model.notice import Notice
+from rise_tui.model.undo import UndoStack
+from rise_tui.model.unheard import Unheard
+
+Topic: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"]
+"""What a batch of records changed; a pane says which of these it shows."""
+
+EVERYTHING: frozenset[Topic] = frozenset({"acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"})
+
+_TOPICS: dict[type, frozenset[Topic]] = {
+    MemoryRecord: frozenset({"memory"}),
+    RuleRecord: frozenset({"rules"}),
+    StopRecord: frozenset({"stop", "status"}),
+    RobotRecord: frozenset({"status"}),
+    SessionRecord: frozenset({"status"}),
+    EventRecord: frozenset(),
+    ActionRecord: frozenset({"acts"}),
+    NoteRecord: frozenset(),
+    ControlRecord: frozenset({"status"}),
+    CueRecord: frozenset({"cue"}),
+    MistakeRecord: frozenset({"tasks", "acts"}),
+    TimingRecord: frozenset(),
+}
+"""Of tasks, and of events that nobody took, `apply` finds it out."""
+_NOTHING: frozenset[Topic] = frozenset()
+_LISTS: frozenset[Topic] = frozenset({"acts", "rules", "memory", "tasks"})
+"""Whatever may show that something was sent."""
+_TASK: dict[str, frozenset[Topic]] = {
+    "startCommunicationRobotAct": frozenset({"tasks", "acts"}),
+    "say": frozenset({"tasks", "acts"}),
+    "startInteractionRule": frozenset({"tasks", "rules"}),
+}
+_OTHER_TASK: frozenset[Topic] = frozenset({"tasks"})
+
+BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
+BACK_STOPPING = "the connection was cut and is back; STOP may not have arrived: press F9 again unless it says STOPPED"
+
+
+class Sent(Struct, frozen=True):
+    """Something asked for, until the engine's record of it arrives (law 3)."""
+
+    function: str
+    behavior: str
+    at: float
+
+
+@dataclass
+class Store:
+    """One console's knowledge of one session."""
+
+    hello: Hello
+    wizard: str
+    now: Callable[[], float]
+    """Session time in seconds."""
+    view: View = field(init=False)
+    refs: str = field(default_factory=lambda: f"{token_hex(3)}-")
+    """How this console's own references begin; a second console of the same wizard has others."""
+    sent: dict[str, Sent] = field(default_factory=dict)
+    """By the console's own reference."""
+    log: list[int] = field(default_factory=list)
+    """Task ids in order of arrival."""
+    notice: Notice | None = None
+    gone: str = ""
+    """Why the session is over or the engine has gone; empty while it lives."""
+    over: bool = False
+    """The session came to its end in order. With `gone` and not this, the engine has gone without one."""
+    cut: float | None = None
+    """Since when this connection has been cut, on a clock of the console's own; None while it holds."""
+    unstopped: bool = False
+    """The stop key was pressed while it could not be sent."""
+    journaling: Journaling = field(init=False)
+    pulse: Pulse = field(default_factory=Pulse)
+    """The last sign of life of the robot and the engine."""
+    guard: Guard = "LIVE"
+    """Whether this console's keys start anything, as far as its wizard is concerned."""
+    taken: control.Taken | None = None
+    """Control was taken from this console, and the wizard has pressed no key since that showed."""
+    reclaims: bool = False
+    """It had control when the connection was cut, and nobody else has it now, but perhaps its own cut connection."""
+    attached: int = 0
+    """How often this console has attached again; lists that were built step by step start anew."""
+    armed: str = ""
+    """The act whose first of two keys was pressed."""
+    said: int = 0
+    """The id of the latest task of free speech."""
+    act_shown: str = ""
+    """The act that started last, or the one that the wizard selected since; empty while free speech is the newest."""
+    rule_shown: str = ""
+    deleted: tuple[str, Any] | None = None
+    """The memory key that the wizard deleted last, and its value."""
+
+    marked: list[int] = field(default_factory=list)
+    """Tasks whose mistake mark was set or taken back since this console has attached."""
+    changes: UndoStack = field(default_factory=UndoStack)
+    """The memory changes of this console, which it can take back."""
+    missed: list[int] = field(default_factory=list)
+    """Tasks that raised an event for which nobody was waiting, in the order in which that came out."""
+
+    _unheard: Unheard = field(init=False)
+    _waits: Waits = field(init=False)
+    _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
+    _estimates: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._unheard, self._waits = Unheard(self.missed), Waits(self.scenario)
+        for key in reversed(self.scenario.keys.values()):  # of several, the first of the file
+            self._keys[key.function, key.behavior.strip().lstrip("/")] = key
+        self._take_in(self.hello)
+        self.act_shown = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
+        self.rule_shown = next(iter(self.view.stack()), "")
+
+    def attach_again(self, hello: Hello) -> None:
+        """The connection was cut and is back: the truth is in the new snapshot."""
+        had, stopping, self.cut, self.unstopped = self.has_control, self.stopping, None, False
+        ghost = self.me
+        self.sent.clear()
+        self.attached += 1
+        self._take_in(hello)
+        self.reclaims = had and not self.has_control and self.view.control in (None, ghost)
+        if had and not self.has_control and not self.reclaims:
+            self.taken = control.Taken(self.view.control, None)
+        self.notice = Notice(BACK_STOPPING, "fault") if stopping else Notice(BACK, "wait")
+
+    def _take_in(self, hello: Hello) -> None:
+        self.hello, self.view, self.journaling = hello, hello.view, hello.journaling
+        self.log[:] = self.view.tasks
+        self.said = next((id for id in reversed(self.log) if self.view.tasks[id].function == "say"), 0)
+        self.missed.clear()
+        self.marked.clear()
+        self.changes.forget()
+        self._unheard.forget()
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.hello.scenario
+
+    @property
+    def memory(self) -> Mapping[str, Any]:
+        """The working memory as expressions and templates read it."""
+        return {key: entry.value for key, entry in self.view.memory.items()}
+
+    @property
+    def stopping(self) -> bool:
+        """True from the press of the stop key on, before the engine has answered."""
+        return any(sent.function == "stopAll" for sent in self.sent.values())
+
+    @property
+    def state(self) -> Guard | Literal["STOPPED"]:
+        """Whether keys start anything. A stop comes before what the wizard has chosen."""
+        return "STOPPED" if self.view.stop.latched or self.stopping else self.guard
+
+    @property
+    def me(self) -> str:
+        """How the session calls this console."""
+        return self.hello.you or f"wizard:{self.wizard}"
+
+    @property
+    def has_control(self) -> bool:
+        """Whether this console may act. An engine that gives no names has one console only."""
+        return not self.hello.you or self.view.control == self.hello.you
+
+    @property
+    def asker(self) -> str | None:
+        """Who waits for this console's answer to the question for control."""
+        return self.view.asked if self.has_control and self.view.asked != self.me else None
+
+    def unavailable(self) -> str:
+        """Why nothing can be asked of the engine now, or empty."""
+        if self.gone:
+            return f"the session is over: {self.gone}" if self.over else f"the engine has gone: {self.gone}"
+        return "the connection is cut; the console is attaching again" if self.cut is not None else ""
+
+    def cannot_tell(self) -> str:
+        """Why not even a note can be sent now, or empty."""
+        return self.unavailable() or ("this is a replay" if self.hello.replay else "")
+
+    def cannot_act(self) -> str:
+        """Why nothing can be changed from here now, or empty."""
+        return self.cannot_tell() or ("" if self.has_control else control.why_not(self.view.control, self.hello.role))
+
+    def cannot_start(self) -> str:
+        """Why nothing can be started now, or empty."""
+        from rise_tui.actions import key_in_words  # which reads the store
+
+        if reason := self.cannot_act():
+            return reason
+        if self.journaling.trouble:
+            return f"NOT RECORDING, the session is paused: {self.journaling.trouble}"
+        if self.state == "STOPPED":
+            return f"STOPPED: {key_in_words('release')} releases the stop"
+        return why_not(self.guard, key_in_words("safe"), key_in_words("lock"))
+
+    def cannot(self, function: str) -> str:
+        """Why a key that asks for this function does nothing now, or empty."""
+        return self.cannot_start() if function in STARTS else self.cannot_act()
+
+    def awaited(self) -> Awaited:
+        """What the running rules wait for now."""
+        states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
+        return self._waits.now(states, self.memory) if states else Awaited()
+
+    def act(self, name: str) -> ActView:
+        return self.view.acts.get(name) or ActView()
+
+    def typical(self, name: str) -> float | None:
+        """How long an act takes: the mean of its runs so far, or an estimate before the first."""
+        measured = self.act(name).typical
+        if measured is None and name in self.scenario.acts:
+            if name not in self._estimates:
+                self._estimates[name] = estimate(self.scenario, self.scenario.acts[name])
+            return self._estimates[name]
+        return measured
+
+    def rule(self, name: str) -> RuleView:
+        return self.view.rules.get(name) or RuleView()
+
+    def key_of(self, function: str, behavior: str) -> KeyBinding | None:
+        """The scenario's key that submits this, if there is one."""
+        return self._keys.get((function, behavior.strip().lstrip("/")))
+
+    def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
+        return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
+
+    def apply(self, updates: Sequence[Update]) -> set[Topic]:
+        """Take a batch in; returns what changed."""
+        changed: set[Topic] = set()
+        noticed = self.notice
+        for record in updates:
+            if isinstance(record, Journaling):
+                changed |= self._journaling(record)
+                continue
+            if isinstance(record, Pulse):
+                self.pulse = record  # the clock's next second shows it
+                continue
+            if isinstance(record, TaskRecord):
+                changed |= self._task(record)
+            holder = self.view.control
+            self.view.apply(record)
+            self.notice = news(record) or self.notice
+            if isinstance(record, StopRecord) and record.status == "released":
+                self.notice = Notice(f"the stop is released: {self.guard}")
+            if isinstance(record, ControlRecord) and self.hello.you:
+                notice, taken = control.told(record, holder, self.hello.you)
+                # A sentence about who had control before would now be wrong.
+                self.notice = notice or (None if taken else self.notice)
+                self.taken = taken or (None if self.has_control else self.taken)
+            if isinstance(record, EventRecord):
+                known = len(self.missed)
+                self.notice = self._unheard.came(record, self.view) or self.notice
+                if len(self.missed) > known:
+                    changed.add("tasks")
+            elif isinstance(record, MemoryRecord) and record.source == self.me:
+                self.changes.took(record)
+            elif isinstance(record, MistakeRecord):
+                self.marked.append(record.task)
+            changed |= _TOPICS.get(type(record), _NOTHING)
+        if self.notice is not noticed:
+            changed.add("notice")
+        return changed
+
+    def _journaling(self, now: Journaling) -> frozenset[Topic]:
+        """How the record stands; nothing is painted for what nobody would see."""
+        before, self.journaling = self.journaling, now
+        if before.trouble and not now.trouble:
+            self.notice = Notice("the disk takes records again: the session goes on")
+        shown = before.trouble != now.trouble or int(before.behind) != int(now.behind)
+        return frozenset({"status"}) if shown else frozenset()
+
+    def _task(self, record: TaskRecord) -> frozenset[Topic]:
+        changed = _TASK.get(record.function, _OTHER_TASK)
+        if record.id not in self.view.tasks:
+            self.log.append(record.id)
+            self.said = record.id if record.function == "say" else self.said
+        if record.ref is not None:
+            if self.sent.pop(record.ref, None) is not None:
+                changed = _LISTS
+            own = record.ref.startswith(self.refs)
+            if own and record.status == "SUCCEEDED" and (text := done(record.function, record.behavior)):
+                self.notice = Notice(text)
+        if record.status == "SUCCEEDED" and record.function == "raiseEventTopic":
+            self._unheard.raised(record)
+        if record.status == "ACTIVE" and record.function in ("startCommunicationRobotAct", "say"):
+            self.act_shown = "" if record.function == "say" else record.behavior
+        elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.rule_shown:
+            self.rule_shown = record.behavior
+        return changed

@@ -1,0 +1,96 @@
+"""The memory changes of this console, to be taken back one by one. Pure: fed with the engine's records, never ahead."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from msgspec import Struct
+
+from rise_engine.kernel.records import MemoryRecord
+from rise_engine.view import MemoryView
+from rise_tui.text import value_text
+
+MOST = 200
+"""Changes that are remembered."""
+
+
+class Change(Struct, frozen=True):
+    """One change of one key."""
+
+    key: str
+    before: Any
+    after: Any
+    created: bool = False
+    deleted: bool = False
+
+
+class Undone(Struct, frozen=True):
+    """What one press of undo comes to."""
+
+    kind: Literal["do", "ask", "nothing"]
+    said: str
+    function: str = ""
+    behavior: str = ""
+
+
+class UndoStack:
+    """The changes, newest last, and the one that is just being taken back."""
+
+    def __init__(self) -> None:
+        self._changes: list[Change] = []
+        self._undoing: Change | None = None
+        self._warned: tuple[Change, Any] | None = None
+        """A change that somebody else has changed since, and to what: undoing it was asked about."""
+
+    def __len__(self) -> int:
+        return len(self._changes)
+
+    def took(self, record: MemoryRecord) -> None:
+        """A change that this console asked for has become true: a new one, or one that takes the last one back."""
+        undoing = self._undoing
+        if undoing is not None and record.key == undoing.key and _restores(record, undoing):
+            self._undoing = None
+            self._changes = [change for change in self._changes if change is not undoing]
+            return
+        self._changes.append(Change(record.key, record.old, record.value, record.created, record.deleted))
+        del self._changes[:-MOST]
+
+    def forget(self) -> None:
+        """What happened meanwhile is not known: nothing can be taken back any more."""
+        self._changes.clear()
+        self._undoing = self._warned = None
+
+    def next(self, memory: Mapping[str, MemoryView]) -> Undone:
+        """What to do for undo now. A value that somebody else has changed since is not overwritten without asking."""
+        if not self._changes:
+            return Undone("nothing", "nothing to undo")
+        change = self._changes[-1]
+        entry = memory.get(change.key)
+        present = (entry.value,) if entry is not None else ()
+        expected = () if change.deleted else (change.after,)
+        asked = self._warned is not None and self._warned[0] is change and _same(self._warned[1], present)
+        if not asked and not _same(present, expected):
+            self._warned = change, present
+            now = f"{value_text(entry.value)}, by {entry.source}" if entry is not None else "deleted"
+            back = "deletes it" if change.created else f"makes it {value_text(change.before)} again"
+            return Undone("ask", f"{change.key} has changed since, to {now}: undo again {back}, or leave it")
+        self._warned, self._undoing = None, change
+        if change.created:
+            if entry is None:
+                self._changes.pop()
+                return Undone("nothing", f"{change.key} is gone already")
+            return Undone("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
+        was = "deleted" if change.deleted else value_text(change.after)
+        said = f"undoing: {change.key} is {value_text(change.before)} again, was {was}"
+        return Undone("do", said, "assignValue", json.dumps({change.key: change.before}, ensure_ascii=False))
+
+
+def _restores(record: MemoryRecord, change: Change) -> bool:
+    return record.deleted if change.created else not record.deleted and _same(record.value, change.before)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Equal also in type: for JSON, 1 is not true, and not 1.0."""
+    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)

@@ -1,0 +1,97 @@
+"""What the terminal shows, cell by cell, so that only cells that differ are sent (law 8). Pure: knows no screen.
+
+Textual paints regions: opening a small dialog sends every cell of the terminal again, 27 kB at 120x40.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from typing import NamedTuple, TypeAlias
+
+from rich.cells import cell_len
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+
+GAP = 8
+"""Equal cells between two that differ cost less than moving the cursor, up to this many."""
+SECOND = "\0"
+"""How the second cell of a wide character begins, so that it differs whenever the character does."""
+
+Cell: TypeAlias = tuple[str, Style | None]
+
+
+class Run(NamedTuple):
+    """Cells to write, beginning at a place."""
+
+    x: int
+    y: int
+    strip: Strip
+
+
+class Frame:
+    """What was written so far. Whoever disturbs the terminal calls `forget`."""
+
+    def __init__(self) -> None:
+        self._rows: list[list[Cell | None]] = []
+
+    def forget(self) -> None:
+        """Nothing is known any more: the next update is written whole."""
+        self._rows = []
+
+    def resize(self, width: int, height: int) -> None:
+        """A window of another size shows who knows what."""
+        if len(self._rows) != height or any(len(row) != width for row in self._rows):
+            self._rows = [[None] * width for _ in range(height)]
+
+    def put(self, x: int, y: int, strip: Strip) -> list[Run]:
+        """Take in what is to stand at a place; returns what has to be written for it."""
+        if not 0 <= y < len(self._rows):
+            return []
+        row = self._rows[y]
+        cells = cells_of(strip)[: max(0, len(row) - x)]
+        before, row[x : x + len(cells)] = row[x : x + len(cells)], cells
+        return [Run(x + start, y, strip_of(cells[start:end])) for start, end in differing(before, cells)]
+
+
+def cells_of(strip: Iterable[Segment]) -> list[Cell]:
+    """One entry for each cell; marks that take none belong to the cell before."""
+    cells: list[Cell] = []
+    for text, style, control in strip:
+        if control:
+            continue
+        if text.isascii():
+            cells += [(character, style) for character in text]
+            continue
+        for character in text:
+            width = cell_len(character)
+            if width:
+                cells.append((character, style))
+                cells += [(SECOND + character, style)] * (width - 1)
+            elif cells:
+                cells[-1] = (cells[-1][0] + character, cells[-1][1])
+    return cells
+
+
+def strip_of(cells: Iterable[Cell]) -> Strip:
+    """Cells as they are written."""
+    return Strip(
+        [
+            Segment("".join(text for text, _ in run if not text.startswith(SECOND)), style)
+            for style, run in groupby(cells, key=lambda cell: cell[1])
+        ]
+    )
+
+
+def differing(before: Sequence[Cell | None], after: Sequence[Cell]) -> list[tuple[int, int]]:
+    """Where two rows differ, from and to; pieces that stand near each other are one."""
+    found: list[tuple[int, int]] = []
+    for x, (old, new) in enumerate(zip(before, after, strict=True)):
+        if old == new:
+            continue
+        if found and x - found[-1][1] <= GAP:
+            found[-1] = found[-1][0], x + 1
+        else:
+            found.append((x, x + 1))
+    return found

@@ -1,0 +1,80 @@
+"""Jump mode: a letter on every list, pane and tab; that letter goes there, and every other key leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from textual import events
+from textual.app import ComposeResult
+from textual.geometry import Region
+
+from rise_tui.quiet import QuietModal
+from rise_tui.screens.arrangement import Arrangement
+from rise_tui.text import Line, Span, crop
+from rise_tui.widgets.line import Lines
+
+LETTERS = {"acts": "a", "rules": "r", "rule": "u", "act": "c", "memory": "m", "log": "l", "scheduler": "s"}
+"""Always the same ones, so that fingers learn them."""
+
+
+class Labels(NamedTuple):
+    """What is written over one title bar."""
+
+    region: Region
+    line: Line
+
+
+def labels(panes: Arrangement) -> Iterator[Labels]:
+    """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
+    for pane in panes.shown():
+        names = tuple(panes.panes) if panes.zoomed else tuple(name for name, _ in pane.title.tabs)
+        titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.PLACE) for name in names]
+        yield Labels(pane.title.region, crop(label_line(titles), pane.title.region.width))
+
+
+def label_line(titles: Sequence[tuple[str, str, bool]]) -> Line:
+    """Letter, title and whether it is the one in front, for each tab. A letter takes one cell more than its spaces."""
+    spans: list[Span] = []
+    for letter, title, front in titles:
+        spans += [(f"[{letter}]", "key"), (title.upper() if front else title.lower(), "strong" if front else "muted")]
+    return tuple(spans)
+
+
+class JumpScreen(QuietModal[str]):
+    """The result is the pane to go to, or empty."""
+
+    DEFAULT_CSS = """
+    JumpScreen { background: transparent; }
+    JumpScreen Lines { position: absolute; background: $rise-bar-focused; }
+    """
+
+    def __init__(self, panes: Arrangement, foot: Region) -> None:
+        """`foot`: where the key hints stand; it is said there what this is."""
+        super().__init__()
+        said: Line = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
+        self._labels = [*labels(panes), Labels(foot, crop(said, foot.width))]
+
+    def compose(self) -> ComposeResult:
+        for region, line in self._labels:
+            bar = Lines()
+            bar.styles.width, bar.styles.height = region.width, 1
+            bar.styles.offset = region.offset
+            bar.show(line)
+            yield bar
+
+    def on_key(self, event: events.Key) -> None:
+        event.stop()
+        event.prevent_default()
+        self.dismiss(next((name for name, letter in LETTERS.items() if letter == event.key), ""))
+
+    def on_click(self) -> None:
+        self.dismiss("")
+
+    def on_mount(self) -> None:
+        self._fits = self.app.size
+        """The size of the terminal for which the labels stand right."""
+
+    def on_resize(self) -> None:
+        if self.app.size != self._fits:
+            self.dismiss("")

@@ -1,0 +1,163 @@
+"""The tour of a first run: five boxes that each point at a part of the console. The session goes on behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from textual import events
+from textual.app import ComposeResult
+from textual.geometry import Offset, Region, Size
+
+from rise_tui.actions import key_in_words
+from rise_tui.model.store import Store
+from rise_tui.quiet import QuietModal
+from rise_tui.text import Line, cell, wrap
+from rise_tui.widgets.line import Lines
+
+FRESH_SECONDS = 60.0
+WIDTH = 60
+FOLLOW_SECONDS = 0.5
+"""How soon a box follows what it points at, when an alarm moves that."""
+
+
+STEPS = (
+    (
+        "status",
+        "The top line",
+        "What is true now: the scenario, DEBUG or REAL, the robot and its link, the time, and whether your keys start "
+        "anything. LIVE: they do. {cue} marks the end of the participant's turn, and the time since then is counted "
+        "here.",
+    ),
+    (
+        "acts",
+        "What you start",
+        "Acts and rules, each with its key and its state in words. Press the key, or choose the row and press Enter. "
+        "{safe} changes between LIVE and SAFE: in SAFE nothing starts while you look around. {lock} locks the keys.",
+    ),
+    (
+        "stop",
+        "Stop",
+        "{stop} stops the robot and everything else at once, also while you type or read this. A red bar says who has "
+        "confirmed it. Nothing starts until {release} releases the stop.",
+    ),
+    (
+        "watching",
+        "What you watch",
+        "Rule shows where the study stands and why: what each way out waits for, and which of your keys brings it "
+        "about. {next-pane} goes to the next pane, {jump} and a letter to any of them.",
+    ),
+    (
+        "hints",
+        "Finding the rest",
+        "This line names the keys of the part you are in. {help} explains all of them, {palette} does anything by its "
+        "name, {quit} leaves: the session goes on without you, or ends if you say so.",
+    ),
+)
+"""Part of the screen, title, and text with the keys of actions."""
+
+
+class Step(NamedTuple):
+    """One box, and the id of the part of the screen at which it points."""
+
+    part: str
+    title: str
+    text: str
+
+
+def steps() -> tuple[Step, ...]:
+    """In the order of a wizard's questions."""
+    keys = {id: key_in_words(id) for id in ("cue", "safe", "lock", "stop", "release", "next-pane", "jump", "help")}
+    keys |= {id: key_in_words(id) for id in ("palette", "quit")}
+    return tuple(Step(part, title, text.format_map(keys)) for part, title, text in STEPS)
+
+
+def offered(store: Store) -> bool:
+    """Whether a first run is the moment for it: a wizard's own session that has only just begun."""
+    quiet = not (store.gone or store.hello.replay or store.view.tasks or store.view.stop.latched)
+    return quiet and store.has_control and store.hello.role == "wizard" and store.now() <= FRESH_SECONDS
+
+
+class TourScreen(QuietModal[None]):
+    """Enter or right goes on, left goes back, Esc ends it. No other key does anything, but stopping and leaving."""
+
+    DEFAULT_CSS = """
+    TourScreen { background: transparent; }
+    TourScreen Lines { position: absolute; background: $rise-bar-focused; }
+    """
+
+    def __init__(self, part_of: Callable[[str], Region], room: Callable[[], Region]) -> None:
+        """`part_of`: where a part stands on the screen. `room`: where a box may stand; an alarm is never covered."""
+        super().__init__()
+        self._part_of, self._room = part_of, room
+        self._steps, self._at = steps(), 0
+        self._box, self._pointer = Lines(), Lines()
+
+    def compose(self) -> ComposeResult:
+        yield self._box
+        yield self._pointer
+
+    def on_mount(self) -> None:
+        self._pointer.styles.width, self._pointer.styles.height = 3, 1
+        self.set_interval(FOLLOW_SECONDS, self._place)
+        self._place()
+
+    @property
+    def text(self) -> str:
+        """The characters of the box."""
+        return self._box.text
+
+    def _place(self) -> None:
+        step = self._steps[self._at]
+        part, room = self._part_of(step.part), self._room()
+        lines = box(step, self._at + 1, len(self._steps), min(WIDTH, room.width))
+        size = Size(min(WIDTH, room.width), len(lines))
+        at, pointer, arrow = placed(part, size, room)
+        self._box.styles.width, self._box.styles.height = size
+        self._box.styles.offset, self._pointer.styles.offset = at, pointer
+        self._box.show(*lines)
+        self._pointer.show(((f" {arrow} ", "call"),))
+
+    def on_key(self, event: events.Key) -> None:
+        event.stop()
+        event.prevent_default()
+        if event.key == "escape" or (event.key in ("enter", "right") and self._at == len(self._steps) - 1):
+            self.dismiss(None)
+        elif event.key in ("enter", "right", "left"):
+            self._at = max(0, self._at + (-1 if event.key == "left" else 1))
+            self._place()
+
+    def on_resize(self) -> None:
+        self._place()
+
+
+def box(step: Step, number: int, of: int, width: int) -> tuple[Line, ...]:
+    """Title, text, and what the keys do, in a frame."""
+    inner = width - 4
+    keys = "enter next · ← back · esc ends the tour" if number < of else "enter ends the tour · ← back"
+    title: Line = (cell(step.title, inner - 7, "accent"), cell(f"{number} of {of}", 7, "muted", right=True))
+    empty: Line = ((" " * inner, "plain"),)
+    texts: list[Line] = [(cell(text, inner),) for text in wrap(step.text, inner)]
+    foot: Line = (cell(keys, inner, "muted"),)
+    framed = [(("│ ", "key"), *line, (" │", "key")) for line in (title, empty, *texts, empty, foot)]
+    edge = "─" * (width - 2)
+    return (((f"╭{edge}╮", "key"),), *framed, ((f"╰{edge}╯", "key"),))
+
+
+def placed(part: Region, size: Size, room: Region) -> tuple[Offset, Offset, str]:
+    """Where the box stands, where its pointer, and which way that points. Both stay within the room.
+
+    Under a part that stands above the room, over one below it, and otherwise beside it or within it.
+    """
+    x = min(max(part.x + 2, room.x), max(room.x, room.right - size.width))
+    tip = min(max(part.x + 4, x), x + size.width - 3)
+    if part.bottom <= room.y:
+        return Offset(x, room.y + 1), Offset(tip, room.y), "▲"
+    if part.y >= room.bottom:
+        return Offset(x, max(room.y, room.bottom - 1 - size.height)), Offset(tip, room.bottom - 1), "▼"
+    y = min(part.y + 3, max(room.y, room.bottom - size.height))
+    if part.right + 3 + size.width <= room.right:
+        return Offset(part.right + 3, y), Offset(part.right, y + 1), "◄"
+    if part.x - 3 - size.width >= room.x:
+        return Offset(part.x - 3 - size.width, y), Offset(part.x - 3, y + 1), "►"
+    return Offset(x, y), Offset(tip, y - 1), "▲"

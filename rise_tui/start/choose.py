@@ -1,0 +1,159 @@
+"""What to attach to, and what becomes of an unfinished session: asked on the plain terminal, before any screen.
+
+Pure but for the `Terminal` that is passed in; knows neither sockets nor Textual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from rise_tui.model.control import short
+from rise_tui.start.settings import NothingChosenError
+from rise_tui.text import age, clean
+
+USAGE = 2
+"""Exit status when nothing could be chosen."""
+
+
+class Running(Protocol):
+    """What a running session says about itself (`rise_engine.link.messages.About`)."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def mode(self) -> str: ...
+    @property
+    def robot(self) -> str: ...
+    @property
+    def t(self) -> float: ...
+    @property
+    def control(self) -> str | None: ...
+    @property
+    def clients(self) -> Sequence[str]: ...
+
+
+class Terminal(Protocol):
+    """Somebody to ask."""
+
+    @property
+    def interactive(self) -> bool: ...
+
+    def say(self, line: str) -> None: ...
+
+    def ask(self, question: str) -> str | None:
+        """None when nobody answers any more."""
+        ...
+
+
+def session(found: Mapping[str, Running | None], terminal: Terminal) -> str:
+    """The name of the running session that is meant: the only one, or the one that is chosen by its number.
+
+    A session whose description is None does not answer; it is shown, because it may be that which somebody looks for.
+    Raises NothingChosenError.
+    """
+    if not found:
+        raise NothingChosenError(
+            USAGE, "no session is running; start one with: rise-tui --config DIR", "DIR is the folder of a scenario"
+        )
+    names = list(found)
+    if len(names) == 1:
+        return names[0]
+    rows = _rows(found)
+    if not terminal.interactive:
+        raise NothingChosenError(USAGE, "several sessions run, and without a terminal nobody can be asked:", *rows)
+    terminal.say("These sessions run on this machine:")
+    terminal.say("")
+    for row in rows:
+        terminal.say(row)
+    terminal.say("")
+    while (answer := terminal.ask(f"Which one? 1 to {len(names)}, or q to leave")) is not None:
+        wanted = answer.strip().lower()
+        if wanted in ("q", "quit"):
+            raise NothingChosenError(0)
+        if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+            return names[int(wanted) - 1]
+    raise NothingChosenError(USAGE, "nothing was chosen")
+
+
+def _rows(found: Mapping[str, Running | None]) -> list[str]:
+    rows: list[tuple[str, ...]] = []
+    for number, (name, about) in enumerate(found.items(), 1):
+        if about is None:
+            rows.append((f"{number}", name, "", "", "", "does not answer"))
+            continue
+        others = f", {len(about.clients)} attached" if len(about.clients) > 1 else ""
+        who = f"{short(about.control)} has control{others}"
+        rows.append((f"{number}", clean(about.title), about.mode.upper(), about.robot, f"for {age(about.t)}", who))
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    return ["  " + "  ".join((*map(str.ljust, row[:5], widths), row[5])).rstrip() for row in rows]
+
+
+def same(name: str, about: Running | None, *, robot: str | None, mode: str | None, new: bool) -> None:
+    """Whether a session that runs is the one that was asked for. Raises NothingChosenError when it is not."""
+    title = clean(about.title) if about is not None else name
+    end = "attach with `rise-tui` and end it first (ctrl+c, e)"
+    if new:
+        raise NothingChosenError(USAGE, f"{title} is running already; to begin a new session, {end}")
+    for what, wanted, is_now in (
+        ("mode", mode, about.mode if about is not None else None),
+        ("robot", robot, about.robot if about is not None else None),
+    ):
+        if wanted is not None and is_now is not None and wanted != is_now:
+            raise NothingChosenError(
+                USAGE, f"{title} is running already, with --{what} {is_now} and not {wanted}; for the other one, {end}"
+            )
+
+
+def recovery(unfinished: Sequence[tuple[str, str]], terminal: Terminal) -> str:
+    """What to do about sessions that did not end: `new`, or the folder of the one to recover.
+
+    `unfinished`: folder and a sentence, the latest first. Raises NothingChosenError.
+    """
+    if not terminal.interactive:
+        raise NothingChosenError(USAGE, WITHOUT_TERMINAL)
+    several = len(unfinished) > 1
+    terminal.say(
+        f"{len(unfinished)} earlier sessions of this scenario did not end:"
+        if several
+        else "An earlier session of this scenario did not end:"
+    )
+    terminal.say("")
+    for number, (folder, sentence) in enumerate(unfinished, 1):
+        terminal.say(f"  {f'{number}  ' if several else ''}{clean(sentence)}")
+        terminal.say(f"  {'   ' if several else ''}{clean(tilde(folder))}")
+    terminal.say("")
+    which = f"recover the latest (1); r2 the second{', and so on' if len(unfinished) > 2 else ''}"
+    for line in (
+        f"  r  {which if several else 'recover it'}. Memory, rules, timers and the stop are as they were.",
+        "     What the robot was doing counts as lost: nothing is repeated to the participant by itself.",
+        "  n  begin a new session. The earlier record stays as it is, and is not offered again.",
+        "  q  quit. Nothing is started, nothing changes.",
+        "",
+    ):
+        terminal.say(line)
+    while (answer := terminal.ask("r, n or q?")) is not None:
+        wanted = answer.strip().lower()
+        if wanted in ("q", "quit"):
+            raise NothingChosenError(0)
+        if wanted in ("n", "new"):
+            return "new"
+        if wanted in ("r", "recover"):
+            return unfinished[0][0]
+        which = wanted.removeprefix("r").strip()
+        if several and which.isdecimal() and 1 <= int(which) <= len(unfinished):
+            return unfinished[int(which) - 1][0]
+    raise NothingChosenError(USAGE, "nothing was chosen, and nothing was started")
+
+
+WITHOUT_TERMINAL = (
+    "an earlier session of this scenario did not end, and without a terminal nobody can be asked: "
+    "say --recover to go on with it, or --new"
+)
+
+
+def tilde(folder: str) -> str:
+    """A path as people write it."""
+    home = f"{Path.home()}/"
+    return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder

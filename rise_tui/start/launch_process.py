@@ -1,0 +1,40 @@
+"""Sessions whose engine is a process of its own: how consoles start them and attach to them."""
+
+from __future__ import annotations
+
+from time import monotonic, sleep
+
+from rise_engine.link.client import Client, EngineGone, Role
+from rise_engine.link.spawn import Refused, start_engine
+from rise_engine.scenario.model import Scenario
+from rise_tui.start.launch import Launcher
+from rise_tui.start.settings import Settings, options, scenario_place
+
+RUNNING = 3
+"""What an engine says when a session of its scenario runs already (`rise_engine.serve`)."""
+LET_GO = 10.0
+"""Seconds that an engine which has just ended may take to put its record away and let go of its name."""
+
+
+def process_launcher(who: str, role: Role) -> Launcher:
+    """For the settings screen: the next session, after the running one has ended."""
+
+    def start(scenario: Scenario, settings: Settings) -> Client:
+        from rise_engine.link.socket_client import SocketClient  # not needed before the engine's process is on its way
+
+        until = monotonic() + LET_GO
+        while True:
+            found = start_engine(options(settings, settings.seed, "ask"))
+            if not isinstance(found, Refused):
+                return SocketClient(found.name, who, role, scenario=scenario)
+            if found.code != RUNNING or monotonic() > until:
+                break
+            sleep(0.1)
+        if found.unfinished:
+            raise EngineGone(
+                "an earlier session of that scenario did not end; "
+                f"to recover it or begin a new one: rise-tui --config {scenario_place(settings)}"
+            )
+        raise EngineGone("; ".join(found.lines))
+
+    return Launcher(start=start, outlives=True)

@@ -1,0 +1,303 @@
+"""Finds or starts the session that the command line asks for, and opens a console on it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.bridge import Transport, Wire
+from rise_tui.start.display import Display, prepare_textual, settled, theme
+from rise_tui.start.settings import NothingChosenError, Settings
+
+if TYPE_CHECKING:
+    from rise_engine.link.client import Client, Role
+    from rise_tui.start.keymap import KeyFile
+    from rise_tui.start.launch import Launcher
+
+REFUSED, USAGE = 1, 2
+"""Exit statuses."""
+
+
+class Asked(Struct, frozen=True, kw_only=True):
+    """What the command line says, by the names of its options."""
+
+    folder: str | None = None
+    robot: str | None = None
+    mode: str | None = None
+    ros: Transport | None = None
+    ros_args: tuple[str, ...] = ()
+    seed: int | None = None
+    participant: str | None = None
+    condition: str | None = None
+    new: bool = False
+    recover: bool = False
+    session: str | None = None
+    observe: bool = False
+    wizard: str = "wizard"
+    replay: str | None = None
+    speed: float = 1.0
+    display: Display = Display()
+    keys: str | None = None
+    fresh: bool = False
+    web: int | None = None
+
+    @property
+    def role(self) -> Role:
+        return "observer" if self.observe else "wizard"
+
+    @property
+    def unfinished(self) -> str:
+        """What to do about an earlier session that did not end."""
+        return "new" if self.new else "recover" if self.recover else "ask"
+
+    @property
+    def settings(self) -> Settings:
+        return Settings(
+            self.folder or "",
+            self.robot,
+            self.mode,
+            wire=Wire(self.ros or "auto", self.ros_args),
+            participant=self.participant or "",
+            condition=self.condition or "",
+        )
+
+
+class PlainTerminal:
+    """Implements `rise_tui.start.choose.Terminal` on the plain terminal."""
+
+    @property
+    def interactive(self) -> bool:
+        return sys.stdin.isatty() and sys.stdout.isatty()
+
+    def say(self, line: str) -> None:
+        click.echo(line)
+
+    def ask(self, question: str) -> str | None:
+        try:
+            return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
+        except click.Abort:
+            click.echo("")
+            return None
+
+
+def start(asked: Asked) -> NoReturn:
+    """Do what is asked; ends the process with its exit status."""
+    try:
+        keys = _keys(asked)
+        if asked.web is not None:
+            _serve(asked)
+        asked = replace(asked, display=settled(asked.display, os.environ))
+        if asked.replay is not None:
+            _replay(asked, keys)
+        elif asked.folder is None:
+            _attach(asked, keys)
+        else:
+            _run(asked, keys)
+    except NothingChosenError as nothing:
+        for line in nothing.lines:
+            click.echo(line, err=True)
+        sys.exit(nothing.code)
+
+
+def _nothing(reason: str) -> NoReturn:
+    raise NothingChosenError(USAGE, reason)
+
+
+def _keys(asked: Asked) -> KeyFile | None:
+    """The user's key file; None when there is none, which needs nothing imported."""
+    from rise_tui.start.paths import key_file
+
+    path = key_file(asked.keys)
+    if path is None:
+        return None
+    from rise_tui.start.keymap import read_keys, refusal
+
+    keys = read_keys(path)
+    if keys.findings:
+        raise NothingChosenError(USAGE, *map(str, keys.findings), refusal(path))
+    return keys
+
+
+def _need_terminal(also: str = "") -> None:
+    if not PlainTerminal().interactive:
+        click.echo("the console needs a terminal; `rise-engine run` and `rise-engine serve` need none", err=True)
+        if also:
+            click.echo(also, err=True)
+        sys.exit(USAGE)
+
+
+def running_session(asked: Asked) -> str:
+    """The name of the running session that is meant. Raises NothingChosenError."""
+    from rise_engine.link.places import PlaceError, abouts, find, running, session_name
+    from rise_tui.start import choose
+    from rise_tui.start.settings import scenario_place
+
+    try:
+        if asked.session is not None:
+            return find(asked.session)
+        if asked.folder is None:
+            return choose.session(abouts(), PlainTerminal())
+        name = session_name(scenario_place(asked.settings))
+        if name in running():
+            return name
+    except PlaceError as error:
+        _nothing(str(error))
+    _nothing(f"no session of {asked.folder} is running")
+
+
+def _serve(asked: Asked) -> NoReturn:
+    """Consoles for browsers, until somebody ends this process."""
+    name = running_session(asked)
+    try:
+        from rise_tui.web.server import WebError, serve
+    except ImportError as error:
+        _nothing(f"--web needs more than is installed ({error.name}): pip install 'rise-tui[web]'")
+    try:
+        serve(name, asked)
+    except WebError as error:
+        _nothing(str(error))
+    sys.exit(0)
+
+
+def _attach(asked: Asked, keys: KeyFile | None) -> NoReturn:
+    """To a session that runs already."""
+    name = running_session(asked)
+    _need_terminal()
+    _open_on(name, None, asked, keys)
+
+
+def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
+    """A session of a scenario: the one that runs, an earlier one recovered, or a new one."""
+    from rise_engine.link.places import PlaceError, running, session_name
+    from rise_tui.start.settings import nothing_in, options, scenario_place
+
+    settings = asked.settings
+    if problem := nothing_in(settings):
+        _refuse([problem], settings.folder)
+    name = session_name(scenario_place(settings))
+    try:
+        if name in running():
+            _join(name, asked, keys)
+    except PlaceError as error:
+        _nothing(str(error))
+    if asked.observe:
+        _nothing(f"no session of {settings.folder} is running, and --observe starts none")
+    if asked.unfinished == "ask" and not PlainTerminal().interactive:
+        from rise_engine.session.folder import unfinished
+        from rise_tui.start.choose import WITHOUT_TERMINAL
+
+        _need_terminal(WITHOUT_TERMINAL if unfinished(str(Path(scenario_place(settings)).absolute())) else "")
+    _need_terminal()
+    if keys is not None:
+        _check_clashes(settings, keys)
+
+    from rise_engine.link.spawn import Refused, Starting, start_engine
+
+    wanted = options(settings, asked.seed, asked.unfinished)
+    starting = Starting(wanted)
+    # Its process takes as long to come up as the console takes to be imported: both at once.
+    prepare_textual(asked.display)
+    import rise_tui.app  # noqa: F401
+    from rise_tui.start.launch_process import RUNNING
+
+    found = starting.wait()
+    if isinstance(found, Refused) and found.unfinished:
+        from rise_tui.start import choose
+
+        found = start_engine(replace(wanted, unfinished=choose.recovery(found.unfinished, PlainTerminal())))
+    if isinstance(found, Refused) and found.code == RUNNING:  # somebody else has just started it
+        _open_on(name, None, asked, keys)
+    if isinstance(found, Refused):
+        _refuse(found.lines, settings.folder, found.code)
+    _open_on(found.name, settings, asked, keys, told="; ".join(found.lines))
+
+
+def _check_clashes(settings: Settings, keys: KeyFile) -> None:
+    """Before an engine is started for a console that would then refuse to open."""
+    from rise_tui.start.keymap import refusal
+    from rise_tui.start.launch import Refused, prepare
+
+    prepared = prepare(settings)
+    if not isinstance(prepared, Refused) and (clashes := keys.clashes(prepared.keys)):
+        raise NothingChosenError(USAGE, *map(str, clashes), refusal(keys.path))
+
+
+def _join(name: str, asked: Asked, keys: KeyFile | None) -> NoReturn:
+    """The session of the scenario that runs already, if it is what was asked for."""
+    from rise_engine.link.places import about
+    from rise_tui.start import choose
+
+    choose.same(name, about(name), robot=asked.robot, mode=asked.mode, new=asked.new)
+    _need_terminal()
+    _open_on(name, None, asked, keys)
+
+
+def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
+    for line in lines:
+        click.echo(line)
+    click.echo(f"{folder} was refused: nothing was started", err=True)
+    sys.exit(code)
+
+
+def _open_on(name: str, settings: Settings | None, asked: Asked, keys: KeyFile | None, *, told: str = "") -> NoReturn:
+    from rise_engine.link.socket_client import SocketClient
+    from rise_tui.start.launch_process import process_launcher
+
+    client = SocketClient(name, asked.wizard, asked.role)
+    _open(client, settings, process_launcher(asked.wizard, asked.role), asked.wizard, asked, keys, told)
+
+
+def _replay(asked: Asked, keys: KeyFile | None) -> NoReturn:
+    from rise_engine.link.replay_client import ReplayClient
+    from rise_engine.session.folder import SessionError
+    from rise_engine.session.reports import find_session
+    from rise_tui.start.launch_process import process_launcher
+    from rise_tui.start.settings import expanded
+
+    try:
+        path = find_session(str(expanded(asked.replay or "")))
+    except SessionError as error:
+        _nothing(str(error))
+    _need_terminal()
+    _open(ReplayClient(path, asked.speed), None, process_launcher("wizard", "wizard"), "replay", asked, keys, "")
+
+
+def _open(
+    client: Client,
+    settings: Settings | None,
+    launcher: Launcher,
+    who: str,
+    asked: Asked,
+    keys: KeyFile | None,
+    told: str,
+) -> NoReturn:
+    found = prepare_textual(asked.display)
+    from rise_tui.app import ConsoleApp
+    from rise_tui.start.keeper import Keeper
+    from rise_tui.start.paths import CONSOLE, state_folder
+    from rise_tui.start.preferences import Preferences, load
+
+    kept, said = (Preferences(), "") if asked.fresh else load(state_folder() / CONSOLE, Preferences)
+    app = ConsoleApp(
+        None,
+        settings,
+        wizard=who,
+        theme=theme(asked.display, found, kept.theme),
+        launcher=launcher,
+        client=client,
+        told=told,
+        keys=keys,
+        keeper=Keeper(kept, fresh=asked.fresh, said=said, keeps=not asked.observe and asked.replay is None),
+    )
+    app.run(mouse=asked.display.mouse)
+    if app.last_words and not app.terminal_gone:
+        with suppress(OSError):  # it may have gone just now
+            click.echo(app.last_words, err=True)
+    sys.exit(app.return_code or 0)

@@ -1,0 +1,220 @@
+"""The server behind `--web`: on this machine's own address only, one console for each browser window, all observers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import socket
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from getpass import getuser
+from pathlib import Path
+from typing import Any
+
+import click
+import textual_serve
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from rise_engine.link.places import PlaceError, about
+from rise_tui.start.starting import Asked
+from rise_tui.text import clean
+from rise_tui.web.guard import Guard
+from rise_tui.web.page import STATIC, headers, page, welcome
+from rise_tui.web.terminal import WebTerminal
+
+ADDRESS = "127.0.0.1"
+MOST = 8
+"""Consoles at one time: each is a process of its own."""
+FONT = (6, 16, 40)
+"""Least, usual and largest size of the letters, in pixels (`/?fontsize=20`)."""
+STATICS = Path(textual_serve.__file__).parent / "static"
+_MOST_TYPED = 100_000
+"""Bytes of one message from a browser."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class WebError(Exception):
+    """Nothing is served; the text says why, for a person."""
+
+
+def serve(name: str, asked: Asked) -> None:
+    """Serve consoles on a running session until SIGINT, SIGTERM or SIGHUP. Raises WebError."""
+    listening = _listen(asked.web or 0)
+    with suppress(KeyboardInterrupt):
+        asyncio.run(Server(name, _title(name), arguments(name, asked)).run(listening))
+
+
+def arguments(name: str, asked: Asked) -> list[str]:
+    """How the console of a browser is started."""
+    display = asked.display
+    given = ["--session", name, "--observe", "--wizard", asked.wizard, "--colors", display.colors]
+    given += ["--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
+    given += ["--theme", display.theme] if display.theme else []
+    given += ["--keys", asked.keys] if asked.keys is not None else []
+    return [*given, "--fresh"] if asked.fresh else given
+
+
+def _listen(port: int) -> socket.socket:
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((ADDRESS, port))
+        listening.listen(64)
+    except OSError as error:
+        listening.close()
+        reason = f"port {port} cannot be used: {error.strerror or error}"
+        raise WebError(f"{reason}; name another one with --web PORT, or any that is free with --web 0") from None
+    return listening
+
+
+def _title(name: str) -> str:
+    try:
+        found = about(name)
+    except PlaceError:
+        found = None
+    return clean(found.title) if found is not None else name
+
+
+class Server:
+    """Pages and consoles of one session."""
+
+    def __init__(self, name: str, title: str, arguments: Sequence[str]) -> None:
+        self.guard = Guard()
+        self._name, self._title, self._arguments = name, title, tuple(arguments)
+        self._open: set[web.WebSocketResponse] = set()
+
+    async def run(self, listening: socket.socket) -> None:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, stop.set)
+        runner = web.AppRunner(self.application(), access_log=None, shutdown_timeout=10.0)
+        await runner.setup()
+        try:
+            await web.SockSite(runner, listening).start()
+            self._say(listening.getsockname()[1])
+            await stop.wait()
+        finally:
+            await runner.cleanup()
+
+    def application(self) -> web.Application:
+        app = web.Application(middlewares=[self._checked])
+        app.add_routes(
+            [
+                web.get("/", self._page),
+                web.get("/ws", self._console),
+                web.static(STATIC, STATICS),
+            ]
+        )
+        app.on_shutdown.append(self._hang_up)
+        return app
+
+    def _say(self, port: int) -> None:
+        for line in (
+            f"{self._title} ({self._name}) in browsers on this machine, to watch, add notes, and stop everything:",
+            "",
+            f"  http://{ADDRESS}:{port}/?token={self.guard.token}",
+            "",
+            "To see it on another computer, leave this running there and open the same address:",
+            "",
+            f"  ssh -N -L {port}:{ADDRESS}:{port} {getuser()}@{socket.gethostname()}",
+            "",
+            "Whoever has the address can watch. ctrl+c ends this; the session goes on.",
+        ):
+            click.echo(line)
+
+    @web.middleware
+    async def _checked(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Nothing is answered before it is certain who asks."""
+        host = request.headers.get("Host")
+        if host is None or not self.guard.is_local(host):
+            return _refused("this address is only for browsers on this machine, or at the end of a tunnel to it")
+        if "token" in request.query:
+            if request.path != "/" or not self.guard.knows(request.query["token"]):
+                return _refused("this is not the token: take the whole address that rise-tui --web has printed")
+            answer = web.Response(text=welcome(_font_size(request)), content_type="text/html", headers=headers(host))
+            answer.set_cookie(self.guard.cookie, self.guard.token, httponly=True, samesite="Strict", path="/")
+            return answer
+        if not self.guard.knows(request.cookies.get(self.guard.cookie)):
+            return _refused("open the whole address, with its token, that rise-tui --web has printed")
+        if request.path == "/ws" and not self.guard.is_ours(request.headers.get("Origin"), host):
+            return _refused("only a page of this server can open a console")
+        try:
+            answer_to = await handler(request)
+        except web.HTTPException as error:
+            error.headers.update(headers(host))
+            raise
+        if not answer_to.prepared:
+            answer_to.headers.update(headers(host))
+        return answer_to
+
+    async def _page(self, request: web.Request) -> web.Response:
+        return web.Response(text=page(self._title, request.host, _font_size(request)), content_type="text/html")
+
+    async def _console(self, request: web.Request) -> web.WebSocketResponse:
+        browser = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MOST_TYPED, compress=True)
+        await browser.prepare(request)
+        if len(self._open) >= MOST:
+            await browser.send_bytes(f"{MOST} consoles are open here already; close one of them\r\n".encode())
+            await browser.close(code=WSCloseCode.TRY_AGAIN_LATER)
+            return browser
+        self._open.add(browser)
+        try:
+            width, height = (_number(request.query.get(side), 0) for side in ("width", "height"))
+            terminal = await WebTerminal.open(self._arguments, width or 80, height or 24)
+            shown = asyncio.create_task(_show(terminal, browser))
+            try:
+                await _take(terminal, browser)
+            finally:
+                shown.cancel()
+                with suppress(asyncio.CancelledError):
+                    await shown
+                await asyncio.shield(terminal.close())
+        finally:
+            self._open.discard(browser)
+        return browser
+
+    async def _hang_up(self, app: web.Application) -> None:
+        for browser in list(self._open):
+            await browser.close(code=WSCloseCode.GOING_AWAY)
+
+
+async def _show(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
+    with suppress(ConnectionError):
+        async for data in terminal.output():
+            await browser.send_bytes(data)
+    await browser.close()
+
+
+async def _take(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
+    """What the browser sends: pairs of a word and a value, as the script of textual-serve makes them."""
+    async for message in browser:
+        if message.type is not WSMsgType.TEXT:
+            continue
+        try:
+            word, *rest = json.loads(message.data)
+        except (ValueError, TypeError):
+            continue
+        match word, rest:
+            case "stdin", [str(typed)]:
+                terminal.type(typed.encode("utf-8", "replace"))
+            case "resize", [{"width": int(width), "height": int(height)}]:
+                terminal.resize(width, height)
+            case "ping", [value]:
+                await browser.send_json(["pong", value])
+
+
+def _font_size(request: web.Request) -> int:
+    least, usual, most = FONT
+    return min(max(_number(request.query.get("fontsize"), usual), least), most)
+
+
+def _number(text: str | None, otherwise: int) -> int:
+    return int(text) if text is not None and text.isdecimal() and len(text) < 6 else otherwise
+
+
+def _refused(why: str) -> web.Response:
+    more: dict[str, Any] = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff"}
+    return web.Response(status=403, text=f"{why}\n", headers=more)

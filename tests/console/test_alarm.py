@@ -1,0 +1,188 @@
+"""What every wizard must know: in words, with what still works and what to do; the worst first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from rise_engine.kernel.records import RobotRecord
+from rise_tui.model.alarms import alarms, degraded, lines, parts
+from rise_tui.model.notice import Notice
+from rise_tui.model.store import Store
+from rise_tui.text import plain, width_of
+from tests.console.conftest import console
+from tests.console.fake import FakeClient, demo
+
+FULL = "no space is left on the disk"
+
+
+def lose(client: FakeClient, detail: str = "no answer for 3 s", *, at: float | None = None) -> None:
+    client.emit(RobotRecord(0, 0.0, "", status="lost", detail=detail), at=at)
+
+
+def store_after(*happenings: Callable[[FakeClient], object], **options: object) -> Store:
+    """What a console knows that attaches after these."""
+    client = FakeClient(demo(), **options)  # type: ignore[arg-type]
+    for happening in happenings:
+        happening(client)
+    return Store(client.hello(), "anna", client.now)
+
+
+def said(store: Store) -> list[str]:
+    return [plain(line) for line in lines(alarms(store))]
+
+
+def test_nothing_is_wrong() -> None:
+    assert said(store_after()) == []
+
+
+def test_a_lost_robot_says_for_how_long_what_was_broken_off_and_what_to_do() -> None:
+    def happened(client: FakeClient) -> None:
+        task = client.act("Greet")
+        lose(client, at=83.0)
+        client.end_task(task, "Greet", "ABORTED", "the link is lost")
+        client.time = 95.4
+
+    first, second, third = said(store_after(happened))
+    assert first == " ✗ ROBOT LOST   for 12 s: no answer for 3 s"
+    assert second == "   broken off: Greet; acts fail until the robot is back; rules and memory go on"
+    assert "look at the robot and its network" in third and "F9 may not reach it, its own switch does" in third
+    assert all(len(line) <= 80 for line in (first, second, third))
+
+
+def test_acts_that_had_ended_before_are_not_broken_off() -> None:
+    def happened(client: FakeClient) -> None:
+        client.end_task(client.act("Greet"), "Greet")
+        client.time = 90.0
+        lose(client)
+
+    assert "Greet" not in said(store_after(happened))[1]
+
+
+def test_free_speech_is_broken_off_too() -> None:
+    def happened(client: FakeClient) -> None:
+        client.task("say", "One moment please", "ABORTED")
+        lose(client, at=client.time)
+
+    store = store_after(happened)
+    assert "broken off: the say line" in said(store)[1]
+
+
+def test_in_a_replay_nobody_is_told_to_do_anything() -> None:
+    told = said(store_after(lose, you="observer:replay", role="observer", replay=True))
+    assert "this is a replay" in told[2] and "switch" not in told[2]
+
+
+def test_a_robot_that_is_back_is_no_alarm() -> None:
+    back = RobotRecord(0, 0.0, "", status="connected", detail="")
+    assert said(store_after(lose, lambda client: client.emit(back))) == []
+
+
+def test_a_degraded_robot_is_said_in_words_and_is_no_red_alarm() -> None:
+    record = RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze")
+    store = store_after(lambda client: client.emit(record))
+    assert alarms(store) == []
+    assert degraded(store) == "◐ robot degraded since 00:01:23: no server for gaze"
+
+
+def stopped(client: FakeClient) -> None:
+    client.stop("latched", ("pepper/speech",), ("pepper/base",))
+
+
+def full(client: FakeClient) -> None:
+    client.journal(trouble=FULL)
+
+
+@pytest.mark.parametrize(
+    ("happenings", "heads"),
+    [
+        ((lose, full, stopped), ["STOPPED", "NOT CONFIRMED  pepper: base", "NOT RECORDING"]),
+        ((lose, full), ["NOT RECORDING", "the session is paused", "ROBOT LOST"]),
+        ((lose, stopped), ["STOPPED", "NOT CONFIRMED", "ROBOT LOST   for 0 s: no answer for 3 s"]),
+        ((full,), ["NOT RECORDING   no space", "the session is paused", "F9 still stops the robot"]),
+        ((stopped,), ["STOPPED", "confirmed      pepper: speech", "look at the robot; F9 asks again"]),
+        ((lambda client: client.stop("requested"),), ["STOP requested", "waiting for the robot", "use its own switch"]),
+    ],
+)
+def test_of_several_the_worst_is_first_and_the_others_are_named(
+    happenings: tuple[Callable[[FakeClient], object], ...], heads: list[str]
+) -> None:
+    told = said(store_after(*happenings))
+    assert len(told) == 3
+    for line, head in zip(told, heads, strict=True):
+        assert head in line, told
+
+
+def test_the_last_line_names_all_the_others() -> None:
+    last = said(store_after(lose, full, stopped))[2]
+    assert "NOT RECORDING" in last and "ROBOT LOST" in last
+
+
+def test_a_stop_that_could_not_be_recorded_is_told_all_the_same() -> None:
+    trouble = f"{FULL}; stop sent to the robot at 83.0 s, confirmed by speech"
+    store = store_after(lambda client: client.journal(trouble=trouble))
+    told = said(store)
+    assert "STOP " in told[0] and "stop sent to the robot at 83.0 s" in told[0]
+    assert "confirmed" in told[1] and "speech" in told[1] and FULL in told[2]
+
+
+def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None:
+    store = store_after(lose, full)
+    store.gone = "its process is not there any more"
+    told = said(store)
+    assert "ENGINE GONE" in told[0] and "F9 neither" in told[1] and "recovered" in told[2]
+    store.over = True
+    assert "SESSION ENDED" in said(store)[0] and "LOST" not in "".join(said(store))
+
+
+def test_everything_fits_in_80_columns() -> None:
+    made = [store_after(*some) for some in ((lose,), (full,), (stopped,), (lose, full), (lose, stopped, full))]
+    gone = store_after()
+    gone.gone = "the engine was killed"
+    for store in (*made, gone):
+        assert all(width_of(line) <= 80 for line in lines(alarms(store))), said(store)
+
+
+def test_parts_of_several_robots() -> None:
+    assert parts(("pepper/arms", "pepper/gaze", "lamp")) == "pepper: arms, gaze; lamp"
+
+
+# --- on the screen --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_a_lost_robot_stays_on_the_screen_until_it_is_back(size: tuple[int, int]) -> None:
+    async with console(size=size) as it:
+        lose(it.client)
+        await it.until(lambda: "ROBOT LOST   for 0 s" in it.screen.alarm.text and it.screen.alarm.display)
+        height = it.screen.alarm.region.height
+        it.client.time += 4
+        await it.until(lambda: "ROBOT LOST   for 4 s" in it.screen.alarm.text)
+        await it.press("down", "escape")
+        assert it.screen.alarm.display and it.screen.alarm.region.height == height == 3
+        it.client.journal(trouble=FULL)
+        await it.until(lambda: "NOT RECORDING" in it.screen.alarm.text)
+        assert it.screen.alarm.region.height == 3
+        it.client.journal()
+        it.client.emit(RobotRecord(0, 0.0, "", status="connected", detail=""))
+        await it.until(lambda: not it.screen.alarm.display)
+
+
+async def test_a_degraded_robot_takes_one_amber_line_also_beside_the_question_for_control() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.emit(RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze"))
+        await it.until(lambda: "no server for gaze" in it.screen.call.text and it.screen.call.region.height == 1)
+        it.client.control_record("asked", "wizard:ben", "wizard:anna")
+        await it.until(lambda: it.screen.call.region.height == 2)
+        assert it.screen.call.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
+        assert not it.screen.alarm.display
+
+
+async def test_an_alarm_is_no_notice_that_a_key_takes_away() -> None:
+    async with console() as it:
+        lose(it.client)
+        await it.until(lambda: it.screen.alarm.display)
+        it.screen.session.tell(Notice("something else"))
+        await it.until(lambda: "something else" in it.notice)
+        assert "ROBOT LOST" in it.screen.alarm.text

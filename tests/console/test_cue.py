@@ -1,0 +1,169 @@
+"""The participant's cue: marked, counted, answered; and the filler that bridges the time."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from rise_engine.kernel.records import CueRecord
+from rise_engine.view import CueView
+from rise_tui.model.cue import cue_line, offer_due, ticks, waiting
+from rise_tui.text import plain
+from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, demo
+
+FILLER = "startCommunicationRobotAct", "Filler"
+
+# --- pure -----------------------------------------------------------------------------------------------------------
+
+
+def cue(answered: float | None = None, filled: float | None = None) -> CueView:
+    return CueView(100.0, "wizard:anna", filled, answered)
+
+
+@pytest.mark.parametrize(
+    ("since", "shown", "brief", "tone"),
+    [
+        (0.0, "◔ cue 0.0 s", "◔ cue 0.0 s", "plain"),
+        (0.94, "◔ cue 0.9 s", "◔ cue 0.9 s", "plain"),
+        (1.0, "◑ cue 1.0 s", "◑ cue 1.0 s", "wait"),
+        (1.94, "◑ cue 1.9 s", "◑ cue 1.9 s", "wait"),
+        (2.0, " ● cue 2.0 s ! ", "cue 2.0 s !", "call"),
+        (12.3, " ● cue 12 s ! ", "cue 12 s !", "call"),
+        (59.9, " ● cue 59 s ! ", "cue 59 s !", "call"),
+    ],
+)
+def test_how_long_the_participant_has_waited(since: float, shown: str, brief: str, tone: str) -> None:
+    line = cue_line(cue(), 100.0 + since)
+    assert plain(line) == shown and {each for _, each in line} == {tone}
+    assert plain(cue_line(cue(), 100.0 + since, short=True)) == brief
+
+
+def test_an_answer_shows_for_a_while_how_long_it_took() -> None:
+    assert plain(cue_line(cue(answered=101.3), 101.3)) == "✓ answered 1.3 s"
+    assert plain(cue_line(cue(answered=101.3), 106.0, short=True)) == "✓ 1.3 s"
+    assert cue_line(cue(answered=101.3), 106.4) == ()
+
+
+def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answers_at_all() -> None:
+    assert cue_line(None, 5.0) == cue_line(cue(), 160.0) == ()
+    assert waiting(None, 5.0) is None and waiting(cue(101.0), 102.0) is None and waiting(cue(), 101.5) == 1.5
+
+
+@pytest.mark.parametrize(
+    ("of", "now", "expected"),
+    [(cue(), 100.5, True), (cue(), 109.9, True), (cue(), 110.1, False), (cue(101.0), 101.5, False), (None, 1.0, False)],
+)
+def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected: bool) -> None:
+    assert ticks(of, now) is expected
+
+
+@pytest.mark.parametrize(
+    ("of", "now", "offer_after", "due"),
+    [
+        (cue(), 101.4, 1.5, None),
+        (cue(), 101.5, 1.5, 1.5),
+        (cue(), 105.0, 0.0, None),  # 0: never
+        (cue(answered=101.0), 105.0, 1.5, None),
+        (cue(filled=102.0), 103.0, 1.5, None),  # a filler bridges some time
+        (cue(filled=102.0), 104.0, 1.5, 4.0),  # and then the next one is due
+        (cue(), 161.0, 1.5, None),
+        (None, 1.0, 1.5, None),
+    ],
+)
+def test_when_a_filler_is_due(of: CueView | None, now: float, offer_after: float, due: float | None) -> None:
+    assert offer_due(of, now, offer_after) == due
+
+
+# --- on the screen --------------------------------------------------------------------------------------------------
+
+
+def mark(it: Console, status: str = "marked") -> None:
+    it.client.emit(CueRecord(0, 0.0, "", status, "wizard:anna"))  # type: ignore[arg-type]
+
+
+async def test_space_marks_the_cue_with_the_time_of_the_key() -> None:
+    async with console() as it:
+        it.client.time = 90.0
+        await it.press("space")
+        await it.sent("markCue", "")
+        pressed = it.client.sent[-1].pressed
+        assert pressed is not None and 89.7 < pressed <= 90.0
+
+
+async def test_a_held_space_bar_is_one_cue() -> None:
+    async with console() as it:
+        for _ in range(6):
+            await it.pilot.press("space")
+            await it.pilot.pause(0.03)
+        await it.pilot.pause(0.1)
+        assert it.client.asked() == [("markCue", "")]
+
+
+async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
+    async with console() as it:
+        mark(it)
+        await it.until(lambda: "◔ cue 0.0 s" in it.screen.status.text)
+        it.client.time += 1.4
+        await it.until(lambda: "◑ cue 1.4 s" in it.screen.status.text)
+        it.client.time += 1.0
+        await it.until(lambda: "● cue 2.4 s !" in it.screen.status.text)
+        mark(it, "answered")
+        await it.until(lambda: "✓ answered 2.4 s" in it.screen.status.text)
+        it.client.time += 6
+        await it.until(lambda: "answered" not in it.screen.status.text)
+
+
+async def test_the_cue_moves_nothing_else_in_the_status_line() -> None:
+    for size in ((80, 24), (120, 40), (200, 50)):
+        async with console(size=size) as it:
+            await it.until(lambda it=it: "LIVE" in it.screen.status.text)  # type: ignore[misc]
+            before = it.screen.status.text
+            mark(it)
+            it.client.time += 0.4
+            await it.until(lambda it=it: "cue 0.4 s" in it.screen.status.text)  # type: ignore[misc]
+            after = it.screen.status.text
+            for word in ("DEBUG", "REC", "LIVE", "anna"):
+                assert before.index(word) == after.index(word)
+
+
+async def test_the_comma_asks_for_the_next_filler_and_its_hint_names_it() -> None:
+    async with console() as it:
+        await it.until(lambda: ", Filler" in it.screen.hints.text)
+        await it.press("comma")
+        await it.sent("nextFiller", "")
+        assert it.client.sent[-1].pressed is not None
+
+
+async def test_a_filler_is_offered_when_it_is_due_and_never_said_by_the_console() -> None:
+    async with console() as it:
+        mark(it)
+        it.client.time += 1.0
+        await it.until(lambda: "cue 1.0 s" in it.screen.status.text)
+        assert "Filler" not in it.notice
+        it.client.time += 1.1
+        await it.until(lambda: "no answer for 2.1 s:  , says Filler" in it.notice)
+        await it.pilot.pause(0.3)
+        assert it.client.asked() == []
+        it.client.act("Greet")
+        mark(it, "answered")
+        await it.until(lambda: "Filler" not in it.notice)
+
+
+async def test_nothing_is_offered_that_could_not_be_said() -> None:
+    async with console() as it:
+        mark(it)
+        it.client.time += 3
+        await it.until(lambda: "says Filler" in it.notice)
+        await it.press("ctrl+x")
+        await it.until(lambda: "SAFE" in it.notice and "says Filler" not in it.notice)
+
+
+async def test_a_scenario_without_fillers_names_none() -> None:
+    client = FakeClient(replace(demo(), act_settings={}))
+    async with console(client=client) as it:
+        await it.until(lambda: "space cue" in it.screen.hints.text)
+        assert ", " not in it.screen.hints.text
+        await it.press("comma")
+        await it.until(lambda: "this scenario has no filler" in it.notice)
+        assert client.asked() == []

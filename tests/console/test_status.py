@@ -1,0 +1,140 @@
+"""The status line: everything where there is room, and what must never give way where there is little."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from textual.geometry import Region
+
+from rise_engine.kernel.records import CueRecord, RobotRecord, SessionRecord
+from rise_engine.link.client import Journaling, Pulse
+from rise_tui.model.status import status_line
+from rise_tui.model.store import Store
+from rise_tui.text import plain, width_of
+from rise_tui.widgets.bars import StatusLine
+from tests.console.conftest import console
+from tests.console.fake import FakeClient, demo
+
+WIDTHS = (60, 80, 100, 120, 200)
+
+
+def made(client: FakeClient | None = None, participant: str = "P07", condition: str = "hesitation") -> Store:
+    client = client or FakeClient(demo())
+    started = SessionRecord(0, 0.0, "", status="started", participant=participant, condition=condition)
+    client.emit(started, at=0.0)
+    return Store(client.hello(), "anna", client.now)
+
+
+def text(store: Store, width: int) -> str:
+    line = status_line(store, width)
+    assert width_of(line) == width
+    return plain(line)
+
+
+def late_cue(store: Store) -> None:
+    store.view.apply(CueRecord(99, store.now() - 2.2, "", status="marked", source="wizard:anna"))
+
+
+def locked(store: Store) -> None:
+    store.guard = "LOCKED"
+
+
+def old(store: Store) -> None:
+    store.pulse = Pulse(store.now() - 4.5)
+
+
+def lost(store: Store) -> None:
+    store.view.apply(RobotRecord(99, 80.0, "", status="lost", detail="no answer"))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("changes", [(), (late_cue,), (late_cue, locked, old), (lost, old), (late_cue, lost, locked)])
+def test_mode_link_and_armed_state_never_give_way(width: int, changes: tuple[Callable[[Store], None], ...]) -> None:
+    store = made()
+    for change in changes:
+        change(store)
+    shown = text(store, width)
+    assert "DEBUG" in shown and "pepper" in shown
+    assert ("✗ lost" if lost in changes else "● ") in shown
+    assert (" LOCKED " if locked in changes else " LIVE ") in shown
+    assert ("cue 2.2 s" in shown) is (late_cue in changes)
+    assert ("4.5 s" in shown) is (old in changes)
+
+
+@pytest.mark.parametrize(
+    ("width", "there", "gone"),
+    [
+        (200, ("Demo study  P07 · hesitation", "pepper (sim) ● connected", "● REC", "00:01:23", "wizard anna"), ()),
+        (120, ("Demo study  P07 · hesitation", "pepper (sim) ● connected", "● REC", "00:01:23", "anna"), ()),
+        (100, ("Demo study  P07 · hesitation", "pepper ● ok", "● REC", "00:01:23", "anna"), ("(sim)",)),
+        (80, ("Demo study  P07 ", "pepper ● ok", "● REC", "00:01:23", "anna"), ("hesitation",)),
+        (60, ("Demo study", "pepper ● ok", "REC", "00:01:23"), ("anna", "hesitation")),
+    ],
+)
+def test_what_gives_way_and_what_stays(width: int, there: tuple[str, ...], gone: tuple[str, ...]) -> None:
+    shown = text(made(), width)
+    assert all(piece in shown for piece in there) and not any(piece in shown for piece in gone), shown
+
+
+def test_a_long_title_is_cut_and_the_participant_stays() -> None:
+    store = made(FakeClient(replace(demo(), title="LabLinking: setting the table")))
+    assert text(store, 120).startswith(" LabLink") and "…  P07 · hesitation" in text(store, 120)
+    assert "…  P07" in text(store, 80)
+
+
+@pytest.mark.parametrize(
+    ("seen", "shown"),
+    [(None, ""), (0.0, " <2 s"), (1.9, " <2 s"), (2.0, " 2.0 s"), (9.94, " 9.9 s"), (75.0, " 1:15")],
+)
+def test_the_age_of_the_robots_last_sign_of_life(seen: float | None, shown: str) -> None:
+    """While all is well the line does not change with it: an idle console costs its clock and nothing else."""
+    store = made()
+    store.pulse = Pulse(None if seen is None else store.now() - seen)
+    assert f"● connected{shown}  ● REC" in text(store, 200)
+
+
+def test_an_old_sign_of_life_is_amber_although_the_link_says_connected() -> None:
+    store = made()
+    store.pulse = Pulse(store.now() - 3.5)
+    assert [tone for piece, tone in status_line(store, 120) if "connected" in piece] == ["wait"]
+
+
+def test_whether_it_is_recorded() -> None:
+    assert "○ NO REC" in text(made(FakeClient(demo(), folder="")), 120)
+    store = made()
+    store.journaling = Journaling(trouble="the disk is full")
+    assert "✗ NOT REC" in text(store, 80) and " PAUSED " in text(store, 80) and "LIVE" not in text(store, 80)
+    store.journaling = Journaling(behind=3.2)
+    assert "disk 3 s behind" in text(store, 80)
+
+
+def test_nobody_was_named() -> None:
+    assert "·" not in text(made(participant="", condition=""), 200)
+    assert "  hesitation" in text(made(participant="", condition="hesitation"), 200)
+
+
+async def test_a_pulse_reaches_the_line_with_the_clock() -> None:
+    client = FakeClient(demo())
+    async with console(client=client) as it:
+        client.pulse(client.time - 5)
+        await it.until(lambda: "connected 5.0 s" in it.screen.status.text)
+
+
+async def test_a_second_repaints_the_clock_and_nothing_else() -> None:
+    async with console() as it:
+        await it.until(lambda: "LIVE" in it.screen.status.text)
+        painted: list[tuple[int, int]] = []
+        refresh = it.screen.status.refresh
+
+        def watched(*regions: Region, **options: Any) -> StatusLine:
+            painted.extend((region.x, region.width) for region in regions)
+            refresh(*regions, **options)
+            return it.screen.status
+
+        it.screen.status.refresh = watched  # type: ignore[method-assign]
+        it.client.time += 1
+        await it.until(lambda: painted)
+        assert painted == [(it.screen.status.text.index("00:01"), 8)]
