@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from rise_engine.kernel.records import CueRecord, RobotRecord
+from rise_engine.kernel.records import RobotRecord
 from rise_tui.app import ConsoleApp
 from rise_tui.start.settings import Settings
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
@@ -131,15 +131,11 @@ def test_a_mistake(snap_compare: Any, size: str) -> None:
 
 
 @pytest.mark.parametrize("size", ["small", "usual"])
-def test_safe_and_waiting_for_an_answer(snap_compare: Any, size: str) -> None:
-    client = played()
-    client.emit(CueRecord(0, 0.0, "", "marked", "wizard:anna"), at=79.2)
-    client.pulse(robot_seen=80.9)
-
+def test_safe(snap_compare: Any, size: str) -> None:
     async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "ctrl+x", "f3", "f3", "f3", "f3")
+        await settle(pilot, "f3", "f3", "f3", "f3", "ctrl+x")
 
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
 
 
 @pytest.mark.parametrize("size", ["small", "usual"])
