@@ -68,8 +68,9 @@ def both(shared: Both) -> Both:
 
 
 def stop(it: Terminal, engine: ScriptedEngine, keys: bytes = STOPS["ctrl+g"]) -> None:
+    before = engine.asked("stopAll")  # the engine may have it before this thread goes on
     it.press(keys)
-    engine.until_sent("stopAll", times=engine.asked("stopAll") + 1)
+    engine.until_sent("stopAll", times=before + 1)
 
 
 @pytest.mark.parametrize("keys", STOPS.values(), ids=STOPS)
