@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from rise_engine import __version__
 from rise_engine.arguments import (
     UnusableError,
     first_tasks,
@@ -125,7 +126,7 @@ class _ExpressionCommand(click.Command):
 
 
 @click.group(cls=_Program, context_settings=_HELP)
-@click.version_option(package_name="rise-tui", prog_name="rise-engine")
+@click.version_option(__version__, prog_name="rise-engine")
 def main() -> None:
     """Check and run human-robot interaction scenarios, without a screen."""
 

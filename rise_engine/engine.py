@@ -17,12 +17,12 @@ import platform
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from typing import TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine import __version__
 from rise_engine.clock import SessionClock
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
@@ -487,11 +487,7 @@ def _stop_words(report: StopReport) -> str:
 
 def versions() -> dict[str, str]:
     """What made a session's records: this program and its Python."""
-    try:
-        own = version("rise-tui")
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        own = "unknown"
-    return {"rise-tui": own, "python": platform.python_version()}
+    return {"rise-tui": __version__, "python": platform.python_version()}
 
 
 def _name(error: Exception) -> str:

@@ -146,7 +146,8 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     """Print what an expression gives, and how it was read; the exit status is 1 when it gives nothing."""
     from random import Random
 
-    from rise_engine.expression import EvaluationError, Expression, ExpressionError, differences
+    from rise_engine.expression import EvaluationError, Expression, ExpressionError
+    from rise_engine.expression.upstream import differences
 
     try:
         expression = Expression.parse(text)

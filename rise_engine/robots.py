@@ -7,10 +7,10 @@ whatever the profile says: no robot moves.
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, entry_points
 from typing import cast
 
 from rise_engine.bridge import Bridge, BridgeError, BridgeOpener, Examiner, Wire
+from rise_engine.entries import Entry, entries
 from rise_engine.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import Mode, RobotProfile
 
@@ -31,7 +31,7 @@ class RobotOptionsError(ValueError):
     """The driver cannot understand the profile's options or a fault. The message is a sentence for a person."""
 
 
-def drivers() -> dict[str, EntryPoint]:
+def drivers() -> dict[str, Entry]:
     """The installed drivers by name."""
     return _entries(GROUP)
 
@@ -41,8 +41,12 @@ def driver_names() -> set[str]:
     return {*_entries(GROUP), *_entries(BRIDGES)}
 
 
-def _entries(group: str) -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=group)}
+def _entries(group: str) -> dict[str, Entry]:
+    """By name; of two with one name, the one that Python finds first."""
+    found: dict[str, Entry] = {}
+    for entry in entries(group):
+        found.setdefault(entry.name, entry)
+    return found
 
 
 def find_driver(name: str) -> Driver:

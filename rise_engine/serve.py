@@ -389,9 +389,3 @@ def _tell_systemd(state: str) -> None:
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
         notify.connect("\0" + address[1:] if address.startswith("@") else address)
         notify.send(state.encode())
-
-
-if __name__ == "__main__":  # as rise_engine.link.spawn starts it, without a command line to understand
-    gc.disable()  # nothing of what starting makes is garbage
-    _, _order, _descriptor = sys.argv
-    sys.exit(serve(msgspec.json.decode(_order, type=Order), to_starter(int(_descriptor))))

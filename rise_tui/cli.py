@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 from getpass import getuser
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from rise_engine import __version__
 from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
 from rise_tui.start.starting import Asked, start
 
@@ -91,7 +91,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     metavar="[PORT]",
     help=f"Show a running session in browsers on this machine; without a port, {WEB_PORT}.",
 )
-@click.version_option(package_name="rise-tui")
+@click.version_option(__version__)
 @click.pass_context
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:
     """Run a study from this terminal.
@@ -104,7 +104,6 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
     if context.invoked_subcommand is not None:
         _check_alone(context)
         return
-    gc.disable()  # until the console is painted: nothing of what starting makes is garbage
     given["wizard"] = given["wizard"].strip() or "wizard"
     display = Display(theme or "", colors, mouse == "on", fps)
     asked = Asked(display=display, ros_args=tuple(context.obj or ()), **given)

@@ -7,7 +7,6 @@ from rise_engine.expression.assignment import Assignment, store
 from rise_engine.expression.environment import Env, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, LanguageError
 from rise_engine.expression.expression import Expression
-from rise_engine.expression.upstream import differences, upstream_reading
 
 __all__ = [
     "Assignment",
@@ -16,8 +15,6 @@ __all__ = [
     "Expression",
     "ExpressionError",
     "LanguageError",
-    "differences",
     "lookup",
     "store",
-    "upstream_reading",
 ]

@@ -38,6 +38,8 @@ class Attach(Struct, tag_field="type", tag="attach", frozen=True):
     version: int
     name: str
     role: Role = "wizard"
+    scenario: bool = False
+    """Whether the scenario is wanted with the state."""
 
 
 class AskAbout(Struct, tag_field="type", tag="about", frozen=True):
@@ -98,7 +100,7 @@ class Welcome(Struct, tag_field="type", tag="hello", frozen=True):
     seed: int
     scenario_hash: str
     folder: str
-    """The session's folder, absolute. The scenario that the session runs is read from the copy in there."""
+    """The session's folder, absolute, which has a copy of the scenario that the session runs."""
     replay: bool
     journaling: Journaling
     t: float
@@ -106,6 +108,13 @@ class Welcome(Struct, tag_field="type", tag="hello", frozen=True):
     speed: float
     """Session seconds in a second."""
     state: State
+
+
+class ScenarioTold(Struct, tag_field="type", tag="scenario", frozen=True):
+    """What the session runs, for one who wanted it; it comes before `ready`, or not at all."""
+
+    scenario: msgspec.Raw
+    """As `rise_engine.scenario.exchange` writes and reads it."""
 
 
 class Tasks(Struct, tag_field="type", tag="tasks", frozen=True):
@@ -195,7 +204,7 @@ class About(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
 
 
 ToClient: TypeAlias = (
-    Welcome | Tasks | Ready | Records | JournalingChanged | PulseTold | Answer | Refused | Ended | About
+    Welcome | ScenarioTold | Tasks | Ready | Records | JournalingChanged | PulseTold | Answer | Refused | Ended | About
 )
 
 _encode = msgspec.json.Encoder().encode

@@ -264,7 +264,7 @@ class Peer(asyncio.BufferedProtocol):
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
-            self._begin_state(*self.server.state_for(self.member))
+            self._begin_state(*self.server.state_for(self.member, scenario=message.scenario))
 
     def _answered(self, id: int, reply: Reply) -> None:
         self._unanswered -= 1

@@ -15,10 +15,11 @@ import socket
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
 
+import msgspec
 from msgspec.structs import replace
 
 from rise_engine.engine import versions
@@ -29,6 +30,7 @@ from rise_engine.link.messages import (
     Ended,
     JournalingChanged,
     PulseTold,
+    ScenarioTold,
     Tasks,
     Welcome,
     line,
@@ -36,6 +38,7 @@ from rise_engine.link.messages import (
 )
 from rise_engine.link.peer import LINGER_SECONDS, Peer, in_pieces
 from rise_engine.link.room import Member, Room
+from rise_engine.scenario.exchange import to_json
 from rise_engine.session.lines import record_bytes
 from rise_engine.view import TaskView
 
@@ -288,20 +291,20 @@ class Server:
         self._audience.add(peer)
         return member
 
-    def state_for(self, member: Member) -> tuple[bytes, Iterator[list[TaskView]]]:
+    def state_for(self, member: Member, *, scenario: bool) -> tuple[bytes, Iterator[list[TaskView]]]:
         """The state at this moment: the greeting with everything that can still change, encoded now; and the tasks that
-        cannot, some at a time."""
+        cannot, some at a time. `scenario`: with what the session runs."""
         room = self.room
-        engine, scenario = room.engine, room.engine.scenario
+        engine, runs = room.engine, room.engine.scenario
         open, all = room.tasks()
         welcome = Welcome(
             version=VERSION,
             you=member.name,
             role=member.role,
-            mode=scenario.mode,
-            robot=scenario.robot.name,
+            mode=runs.mode,
+            robot=runs.robot.name,
             seed=engine.seed,
-            scenario_hash=scenario.hash,
+            scenario_hash=runs.hash,
             folder=room.folder,
             replay=room.replay,
             journaling=engine.journaling,
@@ -309,7 +312,16 @@ class Server:
             speed=getattr(engine.clock, "speed", 1.0),
             state=state_of(room.view),
         )
-        return line(welcome) + line(Tasks(open)), _in_portions(all, {task.id for task in open})
+        first = line(welcome) + (self._scenario_line if scenario else b"") + line(Tasks(open))
+        return first, _in_portions(all, {task.id for task in open})
+
+    @cached_property
+    def _scenario_line(self) -> bytes:
+        """Empty when it cannot be sent; then a client reads the copy in the session's folder."""
+        try:
+            return line(ScenarioTold(msgspec.Raw(to_json(self.room.engine.scenario))))
+        except ValueError:
+            return b""
 
     def forget(self, peer: Peer) -> None:
         """Nothing more goes to `peer`."""

@@ -28,6 +28,7 @@ from rise_engine.link.messages import (
     Ready,
     Records,
     Refused,
+    ScenarioTold,
     Send,
     Tasks,
     ToClient,
@@ -36,8 +37,8 @@ from rise_engine.link.messages import (
     to_client,
     view_of,
 )
+from rise_engine.scenario.exchange import from_json
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import SessionError, load_copy, read_info
 from rise_engine.view import TaskView
 
 READ = 262_144
@@ -76,7 +77,7 @@ class SocketClient:
         await self._cut()
         connection = await _Connection.open(self._path())
         try:
-            connection.write(Attach(VERSION, self._who, self._role))
+            connection.write(Attach(VERSION, self._who, self._role, scenario=self._scenario is None))
             hello = await self._arrive(connection)
         except BaseException:
             await connection.close()
@@ -144,9 +145,9 @@ class SocketClient:
         """The connection goes on being read meanwhile: what comes after the state waits in it."""
         welcome = await connection.welcome
         self._hello = welcome.t, welcome.speed, time.monotonic()
-        scenario, tasks = await asyncio.gather(self._load(welcome), connection.tasks)
+        tasks = await connection.tasks
         return Hello(
-            scenario,
+            await self._runs(welcome, connection.scenario),
             welcome.mode,
             welcome.robot,
             welcome.seed,
@@ -158,20 +159,29 @@ class SocketClient:
             journaling=welcome.journaling,
         )
 
-    async def _load(self, welcome: Welcome) -> Scenario:
+    async def _runs(self, welcome: Welcome, told: bytes) -> Scenario:
+        """What the session runs: as the engine told it, or else read from the copy in the session's folder."""
+        if told:
+            try:
+                self._scenario = from_json(told)
+            except ValueError as error:
+                raise EngineGone(f"the engine sent something that this version does not know: {error}") from None
         if self._scenario is None or self._scenario.hash != welcome.scenario_hash:
             folder = Path(welcome.folder)
-            try:
-                self._scenario = await asyncio.to_thread(_load_copy, folder)
-            except SessionError as error:
-                raise EngineGone(f"the session runs, but what it runs cannot be read: {error}") from None
+            self._scenario = await asyncio.to_thread(_load_copy, folder)
             if self._scenario.hash != welcome.scenario_hash:
                 raise EngineGone(f"{folder} does not hold the scenario that the session runs: it has another hash")
         return self._scenario
 
 
 def _load_copy(folder: Path) -> Scenario:
-    return load_copy(folder, read_info(folder))
+    """Raises EngineGone."""
+    from rise_engine.session.folder import SessionError, load_copy, read_info  # which reads XML: rarely needed
+
+    try:
+        return load_copy(folder, read_info(folder))
+    except SessionError as error:
+        raise EngineGone(f"the session runs, but what it runs cannot be read: {error}") from None
 
 
 class _Connection:
@@ -189,6 +199,8 @@ class _Connection:
         self.welcome: asyncio.Future[Welcome] = loop.create_future()
         self.tasks: asyncio.Future[list[TaskView]] = loop.create_future()
         """Those of the state, once it is complete."""
+        self.scenario = b""
+        """What the session runs, if the engine told it."""
         self._some: list[TaskView] = []
         self._updates: deque[Update] = deque()
         self._arrived = asyncio.Event()
@@ -271,6 +283,8 @@ class _Connection:
                         self._arrived.set()
                     case Welcome() as welcome:
                         self.welcome.set_result(welcome)
+                    case ScenarioTold(scenario=scenario):
+                        self.scenario = bytes(scenario)
                     case Tasks(tasks=tasks):
                         self._some += tasks
                     case Ready():

@@ -87,7 +87,7 @@ class Starting:
             return
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rise_engine.serve", msgspec.json.encode(options).decode(), str(ready)],
+                [sys.executable, "-m", "rise_engine.serve_process", msgspec.json.encode(options).decode(), str(ready)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

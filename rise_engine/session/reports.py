@@ -58,7 +58,7 @@ def play_report(session: str, speed: float) -> int:
     try:
         folder = find_session(session)
         if sys.stdin.isatty() and sys.stdout.isatty() and find_spec("rise_tui") is not None:
-            console = [sys.executable, "-m", "rise_tui.cli", "--replay", str(folder), "--speed", repr(speed)]
+            console = [sys.executable, "-m", "rise_tui", "--replay", str(folder), "--speed", repr(speed)]
             os.execv(sys.executable, console)
         contents = read_journal(folder / JOURNAL)
     except SessionError as error:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from secrets import token_hex
+from os import urandom
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
@@ -90,7 +90,7 @@ class Store:
     now: Callable[[], float]
     """Session time in seconds."""
     view: View = field(init=False)
-    refs: str = field(default_factory=lambda: f"{token_hex(3)}-")
+    refs: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
     """How this console's own references begin; a second console of the same wizard has others."""
     sent: dict[str, Sent] = field(default_factory=dict)
     """By the console's own reference."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from bisect import bisect_left
-from collections.abc import Sequence
+from functools import cached_property
 from time import monotonic
+from typing import TYPE_CHECKING
 
 from textual import on
-from textual.widget import Widget
 
 from rise_engine.kernel.records import FINAL
 from rise_engine.view import TaskView
@@ -19,12 +19,14 @@ from rise_tui.model.filtering import BrokenFilter
 from rise_tui.model.sieve import Sieve
 from rise_tui.model.store import Store
 from rise_tui.model.times import EXAMPLES, NoTime, moment
-from rise_tui.panes.log_out import LogOut
 from rise_tui.panes.pane import Pane
 from rise_tui.text import Line, Tone, clock, marked, plain
 from rise_tui.widgets.ask import AskBar
 from rise_tui.widgets.rows import RowView
 from rise_tui.widgets.task_log import TaskLog
+
+if TYPE_CHECKING:
+    from rise_tui.panes.log_out import LogOut
 
 BREATH = 0.001
 """Seconds that a search leaves to everything else after each of its slices."""
@@ -46,19 +48,21 @@ class LogPane(Pane):
         self.log_view.mark = self._mark
         self.time_bar = AskBar("go to ", EXAMPLES)
         self.save_bar = AskBar("save as ", "name.tsv or name.jsonl")
-        self.out = LogOut(self)
         self._sieve: Sieve | None = None
         self._searching = False
         self._attached = store.attached
         self._later = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
 
+    @cached_property
+    def out(self) -> LogOut:
+        from rise_tui.panes.log_out import LogOut  # not needed to begin
+
+        return LogOut(self)
+
     @property
     def rows(self) -> TaskLog:
         return self.log_view
-
-    def body(self) -> Sequence[Widget]:
-        return [self.rows, self.time_bar, self.save_bar]
 
     def _find(self, id: int) -> TaskView | None:
         return self.store.view.tasks.get(id)
@@ -164,13 +168,13 @@ class LogPane(Pane):
             case "log.details":
                 self.out.details()
             case "log.time":
-                self.time_bar.open()
+                self.ask(self.time_bar)
             case "log.copy":
                 self.out.copy()
             case "log.copy-all":
                 self.out.copy_all()
             case "log.save":
-                self.save_bar.open(self.out.free_name())
+                self.ask(self.save_bar, self.out.free_name())
 
     def escape(self) -> bool:
         for bar in (self.time_bar, self.save_bar):

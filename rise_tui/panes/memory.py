@@ -15,7 +15,6 @@ from rise_tui.messages import TaskAsked, Told
 from rise_tui.model.nested import NoSuchPart, Path, part, parts, removed, replaced, written
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import value_rows
-from rise_tui.panes.keeping import Keeping
 from rise_tui.panes.pane import ListPane
 from rise_tui.text import Line, Row, Span, age, cell, clock, type_word, value_text
 from rise_tui.widgets.editor import Present, RowEditor
@@ -57,7 +56,6 @@ class MemoryPane(ListPane):
     def __init__(self, store: Store) -> None:
         super().__init__(store)
         self.editor = RowEditor()
-        self._keeping = Keeping(self)
         self._unfolded: set[Path] = set()
         self._paths: dict[str, Path] = {}
         """What each row stands for."""
@@ -152,7 +150,9 @@ class MemoryPane(ListPane):
         elif action == "memory.undo":
             self._undo()
         elif action == "memory.save":
-            self._keeping.ask()
+            from rise_tui.panes.keeping import Keeping  # not needed to begin
+
+            Keeping(self).ask()
         elif action == "memory.add" or self.list.current == ADD:
             if action != "memory.delete":
                 self._open((), *(self.store.deleted or ("", None)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from textual import events, on
@@ -92,6 +92,7 @@ class Pane(Vertical):
         self.problem = ""
         """Why what is typed now cannot be used as a filter."""
         self.title = TitleBar(self.PLACE, self.TITLE)
+        self._filled = False
         self.filter_bar = AskBar("find ", "words, !not, /regular expression; esc clears")
 
     @property
@@ -100,9 +101,19 @@ class Pane(Vertical):
         raise NotImplementedError
 
     def compose(self) -> ComposeResult:
+        if self.display:
+            self._filled = True
+            yield from self._contents()
+
+    def fill(self) -> None:
+        """Make what it consists of, unless that has been done: a pane that nobody sees at the start does without."""
+        if not self._filled:
+            self._filled = True
+            self.mount(*self._contents())
+
+    def _contents(self) -> Iterator[Widget]:
         yield self.title
         yield from self.body()
-        yield self.filter_bar
 
     def body(self) -> Sequence[Widget]:
         return [self.rows]
@@ -167,7 +178,13 @@ class Pane(Vertical):
         return ((f"find {self.filter_text}  {shown} of {total}{more}", "wait"),)
 
     def open_filter(self) -> None:
-        self.filter_bar.open(self.filter_text)
+        self.ask(self.filter_bar, self.filter_text)
+
+    def ask(self, bar: AskBar, text: str = "") -> None:
+        """Open a bar at the pane's foot, beginning with `text`."""
+        if not bar.is_attached:
+            self.mount(bar)
+        bar.open(text)
 
     def close_filter(self, *, keep: bool) -> None:
         self.filter_bar.close()

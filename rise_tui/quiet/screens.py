@@ -79,14 +79,14 @@ class QuietScreen(Screen[ScreenResultType], Generic[ScreenResultType]):
             await super()._invoke_and_clear_callbacks()
 
     def _may_paint(self, app: QuietApp) -> bool:
-        return app.screen is self and not app._batch_count
+        return self.is_active and not app._batch_count
 
     def _batch_wait(self, app: QuietApp) -> float:
         """Seconds after which to look again whether a batch of changes is complete.
 
         The stock screen makes a frame in the midst of it, which is then not shown.
         """
-        return BATCH if app._batch_count and app.screen is self else 0.0
+        return BATCH if app._batch_count and self.is_active else 0.0
 
     def _paint(self, app: QuietApp, outlet: Outlet) -> None:
         """Begin a frame, or go on with it, for as long as a key may wait."""

@@ -97,6 +97,14 @@ class Arrangement(Container):
             with self._groups["lower"]:
                 yield from (self.panes[name] for name in reversed(LOWER))
 
+    def on_mount(self) -> None:
+        self.call_after_refresh(self._fill)
+
+    def _fill(self) -> None:
+        """What nobody sees yet is made when the first frame is on the terminal."""
+        for pane in self.panes.values():
+            pane.fill()
+
     def on_resize(self, event: events.Resize) -> None:
         size = self.app.size
         kind = layout_for(size.width, size.height)
@@ -208,6 +216,8 @@ class Arrangement(Container):
         self.set_class(bool(self._zoomed), "-zoom")
         for name, pane in self.panes.items():
             pane.display = self._shows(name)
+            if pane.display and pane.is_mounted:
+                pane.fill()
             pane.title.show_tabs(tuple((tab, self._title(tab)) for tab in self._tabs(name)))
         for group, names in (("control", CONTROL), ("monitoring", MONITORING), ("upper", UPPER), ("lower", LOWER)):
             self._groups[group].display = any(self._shows(name) for name in names)

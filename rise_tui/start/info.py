@@ -92,7 +92,7 @@ def _keys(keys: str | None) -> Rows:
     if path is None:
         yield "key file", "none: the usual keys"
         return
-    from rise_tui.start.keymap import read_keys
+    from rise_tui.start.keyfile import read_keys
 
     found = read_keys(path)
     yield "key file", tilde(str(path))

@@ -13,7 +13,8 @@ import click
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.actions import PLACES, at, key_label, keys_of, use_keys
-from rise_tui.start.keymap import KeyFile, read_keys
+from rise_tui.start.keyfile import read_keys
+from rise_tui.start.keymap import KeyFile
 from rise_tui.start.launch import Refused, prepare
 from rise_tui.start.paths import key_file
 from rise_tui.start.settings import Settings

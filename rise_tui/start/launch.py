@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from msgspec import Struct
 
 from rise_engine.link.client import Client, Hello
-from rise_engine.scenario import Finding, load
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.robots import DEFAULT
 from rise_tui.start.settings import Settings, expanded, folder_of, nothing_in
+
+if TYPE_CHECKING:
+    from rise_engine.scenario import Finding
 
 
 class Refused(Struct, frozen=True):
@@ -34,6 +34,8 @@ Prepared: TypeAlias = "Scenario | Refused"
 
 def prepare(settings: Settings) -> Prepared:
     """Read and check the scenario. Blocking."""
+    from rise_engine.scenario import load  # which reads XML: a console of a session that runs does without
+
     if problem := nothing_in(settings):
         return Refused([], problem)
     loaded = load(settings.folder, robot=settings.robot, mode=settings.mode, places=settings.places)
@@ -83,6 +85,10 @@ class Shown(Struct, frozen=True):
 
 def shown(folder: str) -> Shown | None:
     """None where there is nothing to read. Blocking."""
+    import tomllib
+
+    from rise_engine.scenario.robots import DEFAULT
+
     path = expanded(folder)
     try:
         if not folder.strip() or not folder_of(folder).is_dir():

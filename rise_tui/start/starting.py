@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from contextlib import suppress
@@ -117,7 +118,8 @@ def _keys(asked: Asked) -> KeyFile | None:
     path = key_file(asked.keys)
     if path is None:
         return None
-    from rise_tui.start.keymap import read_keys, refusal
+    from rise_tui.start.keyfile import read_keys
+    from rise_tui.start.keymap import refusal
 
     keys = read_keys(path)
     if keys.findings:
@@ -154,6 +156,7 @@ def running_session(asked: Asked) -> str:
 
 def _serve(asked: Asked) -> NoReturn:
     """Consoles for browsers, until somebody ends this process."""
+    gc.enable()  # which starting had done without
     name = running_session(asked)
     try:
         from rise_tui.web.server import WebError, serve

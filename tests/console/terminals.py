@@ -46,7 +46,7 @@ class Terminal:
         self.master, slave = pty.openpty()
         self._resize(slave, *size)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rise_tui.cli", *arguments],
+            [sys.executable, "-m", "rise_tui", *arguments],
             stdin=slave,
             stdout=slave,
             stderr=slave,

@@ -161,7 +161,7 @@ def test_wrong_usage(arguments: tuple[str, ...], said: str) -> None:
 def run(*arguments: str, home: Path) -> subprocess.CompletedProcess[str]:
     home.mkdir(exist_ok=True)
     return subprocess.run(
-        [sys.executable, "-m", "rise_tui.cli", *arguments],
+        [sys.executable, "-m", "rise_tui", *arguments],
         capture_output=True,
         text=True,
         cwd=ROOT,

@@ -129,7 +129,7 @@ def test_a_session_is_chosen_by_its_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completions(shell: str, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rise_tui.cli", "completions", shell]
+    command = [sys.executable, "-m", "rise_tui", "completions", shell]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0 and "_RISE_TUI_COMPLETE" in done.stdout and done.stderr == ""
     if shell == "bash" and which("bash"):
@@ -147,7 +147,7 @@ def test_completions(shell: str, tmp_path: Path) -> None:
 
 
 def info(home: Path, *arguments: str, **environment: str) -> str:
-    command = [sys.executable, "-m", "rise_tui.cli", "info", *arguments]
+    command = [sys.executable, "-m", "rise_tui", "info", *arguments]
     own = {**environment_of(str(home)), **environment}
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=own, check=False)
     assert done.returncode == 0 and done.stderr == "", done.stderr

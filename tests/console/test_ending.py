@@ -96,7 +96,7 @@ def test_the_watchdog_ends_what_nothing_else_ends(held: str) -> None:
 @pytest.mark.parametrize(("folder", "said"), [("", "name a folder"), ("DIR", "there is no scenario in DIR:")])
 def test_a_folder_that_is_no_scenario_is_refused(folder: str, said: str, tmp_path: Path) -> None:
     place = folder.replace("DIR", str(tmp_path))
-    command = [sys.executable, "-m", "rise_tui.cli", "--config", place]
+    command = [sys.executable, "-m", "rise_tui", "--config", place]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=SECONDS)
     assert done.returncode == 1
     assert said.replace("DIR", str(tmp_path)) in done.stdout

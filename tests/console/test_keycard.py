@@ -26,7 +26,7 @@ def usual_keys() -> Iterator[None]:
 
 
 def run(*arguments: str, home: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rise_tui.cli", "keys", *arguments]
+    command = [sys.executable, "-m", "rise_tui", "keys", *arguments]
     environment = environment_of(str(home))
     return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False)
 

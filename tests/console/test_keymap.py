@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from rise_tui.actions import ACTIONS, BY_ID, key_label, keys_of, use_keys
-from rise_tui.start.keymap import FIXED, KeyFile, for_textual, read_keys
+from rise_tui.start.keyfile import FIXED, read_keys
+from rise_tui.start.keymap import KeyFile, for_textual
 from rise_tui.start.paths import config_folder, key_file
 from tests.console.conftest import console
 from tests.console.fake import DEMO, demo

@@ -127,7 +127,7 @@ def test_a_refused_scenario_is_told_with_all_findings_and_no_console(tmp_path: P
 
 
 def test_without_a_terminal_it_says_what_to_use_instead() -> None:
-    command = [sys.executable, "-m", "rise_tui.cli", "--config", DEMO]
+    command = [sys.executable, "-m", "rise_tui", "--config", DEMO]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, stdin=subprocess.DEVNULL)
     assert done.returncode == 2 and "rise-engine run" in done.stderr
 

@@ -35,7 +35,7 @@ class Tmux:
     def start(self, *arguments: str) -> None:
         """In a server of its own: one that is just ending would take the new window along."""
         self._servers += 1
-        program = shlex.join([sys.executable, "-m", "rise_tui.cli", *arguments])
+        program = shlex.join([sys.executable, "-m", "rise_tui", *arguments])
         self("new-session", "-d", "-x", "80", "-y", "24", "-c", str(ROOT), f"{program}; sleep 600")
 
     def keys(self, *keys: str) -> None:

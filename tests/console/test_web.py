@@ -37,7 +37,7 @@ class Serving:
     def __init__(self, home: str) -> None:
         self.home = home
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rise_tui.cli", "--web", "0", "--wizard", "next door"],
+            [sys.executable, "-m", "rise_tui", "--web", "0", "--wizard", "next door"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -240,7 +240,7 @@ def test_only_this_machine_can_connect() -> None:
 
 def test_without_a_session_and_on_a_taken_port_nothing_is_served(tmp_path: Path) -> None:
     def asked(*arguments: str, home: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "rise_tui.cli", *arguments]
+        command = [sys.executable, "-m", "rise_tui", *arguments]
         environment = environment_of(home)
         return subprocess.run(
             command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False, stdin=subprocess.DEVNULL

@@ -9,7 +9,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.expression import EvaluationError, Expression, ExpressionError, differences, upstream_reading
+from rise_engine.expression import EvaluationError, Expression, ExpressionError
+from rise_engine.expression.upstream import differences, upstream_reading
 
 KEYS = ("a", "b", "c.d", "n", "m", "x")
 JSON = st.recursive(

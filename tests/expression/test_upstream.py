@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rise_engine.expression import Expression, differences, upstream_reading
+from rise_engine.expression import Expression
+from rise_engine.expression.upstream import differences, upstream_reading
 
 READINGS = {
     "a and b or c": "(a and b) or c",

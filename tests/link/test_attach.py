@@ -228,12 +228,40 @@ async def test_the_name_of_the_session_is_enough(place: Path) -> None:
             await client.close()
 
 
-async def test_a_copy_of_the_scenario_that_was_changed_is_not_believed(place: Path) -> None:
+async def test_the_engine_tells_what_it_runs_whatever_became_of_the_copy(place: Path) -> None:
     async with served(place) as session:
+        (session.folder / "scenario" / "memory.json").write_text('{"WorkingMemory": []}')
+        follower = await Follower(session.client()).attach()
+        assert follower.hello.scenario == session.engine.scenario
+
+
+async def test_who_knows_what_runs_is_not_told_again(place: Path) -> None:
+    async with served(place) as session:
+        raw = await Raw.open(session.path)
+        raw.attach()
+        types = [(await raw.read())["type"]]
+        while types[-1] != "ready":
+            types.append((await raw.read())["type"])
+        assert types[0] == "hello" and "scenario" not in types
+        await raw.close()
+
+
+async def test_a_copy_of_the_scenario_that_was_changed_is_not_believed(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Read by clients that the engine cannot tell what it runs."""
+    monkeypatch.setattr(serving, "to_json", _cannot)
+    async with served(place) as session:
+        follower = await Follower(session.client()).attach()
+        assert follower.hello.scenario.acts == session.engine.scenario.acts
         memory = session.folder / "scenario" / "memory.json"
         memory.write_text('{"WorkingMemory": []}')
         with pytest.raises(EngineGone, match="cannot be read"):
-            await session.client().attach()
+            await session.client("bea").attach()
+
+
+def _cannot(scenario: object) -> bytes:
+    raise UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed")
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -26,7 +26,7 @@ def engine() -> None:
 
 def console() -> None:
     """The wizard's console, `rise-tui`. It needs a terminal, so it is not for launch files."""
-    _start("rise_tui.cli", ["rise-tui", *sys.argv[1:]])
+    _start("rise_tui.__main__", ["rise-tui", *sys.argv[1:]])
 
 
 def doctor() -> None:

@@ -1,0 +1,56 @@
+"""A checked scenario as one JSON object, and back: for clients, which need not read and check the files again."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import msgspec
+
+from rise_engine.expression import Assignment, Expression
+from rise_engine.scenario.model import Scenario
+
+
+def to_json(scenario: Scenario) -> bytes:
+    """The fields of `Scenario`; conditions as their texts, assignments as text and key.
+
+    Raises ValueError when there is something in it that JSON cannot carry, such as half a character in a path.
+    """
+    return _encoder().encode(scenario)
+
+
+def from_json(data: bytes | msgspec.Raw) -> Scenario:
+    """What `to_json` was given. Raises ValueError."""
+    try:
+        return _decoder().decode(data)
+    except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
+        raise ValueError(f"this is no scenario of this version: {error}") from None
+
+
+@cache
+def _encoder() -> msgspec.json.Encoder:
+    return msgspec.json.Encoder(enc_hook=_plain)
+
+
+@cache
+def _decoder() -> msgspec.json.Decoder[Scenario]:
+    """Made when it is first used: it takes a few milliseconds."""
+    return msgspec.json.Decoder(Scenario, dec_hook=_own)
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case Expression():
+            return value.text
+        case Assignment():
+            return value.text, value.key
+    raise TypeError(f"a scenario holds no {type(value).__name__}")
+
+
+def _own(kind: type, value: Any) -> Any:
+    if kind is Expression:
+        return Expression.parse(value)
+    if kind is Assignment:
+        text, key = value
+        return next(each for each in Assignment.parse_all(text) if each.key == key)
+    raise TypeError(f"a scenario holds no {kind.__name__}")
