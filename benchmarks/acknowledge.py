@@ -139,7 +139,7 @@ def main() -> bool:
             for process in (serving, echoing, standing):
                 process.terminate()
                 process.wait()
-    report = Report("A command over the socket (wall time)")
+    report = Report("A command over the socket", "wall time")
     for kind, figure in figures.items():
         report.row(kind, f"{figure.median * 1e6:.0f} us")
     own, echoed, written, stood = (figure.median for figure in figures.values())

@@ -85,7 +85,7 @@ def main() -> bool:
         view_of(msgspec.json.decode(state, type=State), msgspec.json.decode(tasks, type=list[TaskView]))
         return time.perf_counter() - begun
 
-    report = Report("Attach to a running session (wall time)")
+    report = Report("Attach to a running session", "wall time")
     root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
     before = os.environ.get("RISE_RUNTIME")
     os.environ["RISE_RUNTIME"] = f"{root}/run"

@@ -33,7 +33,7 @@ def main() -> bool:
                 samples[name].append(time.perf_counter() - start)
             assert done.returncode == 0, done.stdout + done.stderr
     check, floor = (statistics.median(times) for times in samples.values())
-    report = Report("Starting up (wall time)")
+    report = Report("Starting up", "wall time")
     for name, times in samples.items():
         report.row(name, f"{statistics.median(times) * 1000:.0f} ms")
     report.target("times the floor", check / floor, 2, at_least=False)

@@ -81,7 +81,7 @@ def main(scale: float = 0.1) -> bool:
         engine.stdin.close()
         engine.wait()
         shutil.rmtree(root, ignore_errors=True)
-    report = Report("A day at the console (resident memory)")
+    report = Report("A day at the console", "resident memory")
     report.row("focus changes, records", f"{FOCUS_CHANGES * scale:,.0f}, {RECORDS * scale:,.0f}")
     report.row("at the start", f"{sizes[0]:.1f} MB")
     report.row("after each part", ", ".join(f"{size:.1f}" for size in sizes[1:]))

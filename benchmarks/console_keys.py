@@ -177,7 +177,7 @@ def percentile(values: list[float], part: float) -> float:
 
 
 def main() -> bool:
-    report = Report("From a key to the command in the engine (wall time)")
+    report = Report("From a key to the command in the engine", "wall time")
     quiet, _, _, _ = measure(0)
     keys, floor, rate, painted = measure(1000)
     for name, values in (

@@ -84,7 +84,7 @@ def main() -> bool:
             f"bare lines, {GROUP:,} per write": (bare(folder, steps), 0),
         }
         figures = interleave(works, rounds=21)
-    report = Report("Journal throughput (wall time)")
+    report = Report("Journal throughput", "wall time")
     for name, figure in figures.items():
         report.row(name, f"{figure.per_second:,.0f} lines/s")
     mine, floor = figures.values()

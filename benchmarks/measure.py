@@ -47,10 +47,10 @@ def interleave(works: dict[str, tuple[Callable[[], object], int]], rounds: int =
 class Report:
     """Prints rows of figures and remembers whether every target was met."""
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, measured: str = "CPU time") -> None:
         self.met = True
         version = ".".join(map(str, sys.version_info[:3]))
-        print(f"\n{title}  (CPython {version}, CPU time, median of interleaved rounds)")
+        print(f"\n{title}  (CPython {version}, {measured}, median of interleaved rounds)")
 
     def row(self, name: str, value: str, note: str = "") -> None:
         print(f"  {name:<44} {value:>18}  {note}".rstrip())

@@ -223,7 +223,7 @@ def main() -> bool:
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
     os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(1, 100))
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
-    report = Report(f"A task over ROS 2 by {choice} (wall time)")
+    report = Report(f"A task over ROS 2 by {choice}", "wall time")
     with tempfile.TemporaryDirectory(prefix="rise-bench-", dir=memory) as name:
         folder = Path(name)
         environment = {**os.environ, "RISE_SESSIONS": str(folder / "sessions"), "RISE_RUNTIME": str(folder / "run")}

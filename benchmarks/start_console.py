@@ -102,7 +102,7 @@ def main() -> bool:
                     samples[name].append(seconds)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    report = Report("Cold start to a live console (wall time)")
+    report = Report("Cold start to a live console", "wall time")
     for name, each in samples.items():
         report.row(name, f"{statistics.median(each) * 1000:.0f} ms")
     mine, floor = (statistics.median(each) for each in samples.values())

@@ -12,7 +12,7 @@ from textual.screen import Screen
 from textual.strip import Strip
 
 from rise_tui.quiet.difference import Difference, Written, written
-from rise_tui.quiet.driver import read_together
+from rise_tui.quiet.ears import read_together
 from rise_tui.quiet.frame import Frame
 
 

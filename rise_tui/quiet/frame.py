@@ -35,15 +35,16 @@ class Frame:
 
     def __init__(self) -> None:
         self._rows: list[list[Cell | None]] = []
+        self._size = 0, 0
 
     def forget(self) -> None:
         """Nothing is known any more: the next update is written whole."""
-        self._rows = []
+        self._rows, self._size = [], (0, 0)
 
     def resize(self, width: int, height: int) -> None:
         """A window of another size shows who knows what."""
-        if len(self._rows) != height or any(len(row) != width for row in self._rows):
-            self._rows = [[None] * width for _ in range(height)]
+        if self._size != (width, height):
+            self._rows, self._size = [[None] * width for _ in range(height)], (width, height)
 
     def put(self, x: int, y: int, strip: Strip) -> list[Run]:
         """Take in what is to stand at a place; returns what has to be written for it."""

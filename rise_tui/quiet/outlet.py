@@ -41,6 +41,8 @@ class Outlet:
         """Called once, on the writer thread, when a write finds the terminal gone."""
         self._hurried = False
         self._key_at, self._kept_from = float("-inf"), float("inf")
+        self.listening = -1
+        """What keys come from, while somebody reads there."""
         # Counted up by one thread each, so that no lock is needed.
         self._given_writes = self._given_size = self._taken_writes = self._taken_size = 0
 
@@ -55,12 +57,14 @@ class Outlet:
     # --- what painting has to wait for ------------------------------------------------------------------------------
 
     def key_read(self) -> None:
-        """A key has come. Called by the thread that reads."""
+        """A key has come."""
         self._key_at = monotonic()
 
     def key_wait(self) -> float:
         """Seconds for which a key on its way should have the loop; 0 when there is none."""
         now = monotonic()
+        if self.listening >= 0 and select.select((self.listening,), (), (), 0)[0]:
+            self._key_at = now  # it has come, but the loop has not got to it
         left = self._key_at + self.KEY_SECONDS - now
         if left <= 0:
             self._kept_from = float("inf")

@@ -18,7 +18,7 @@ from rise_tui.quiet.outlet import Outlet
 from rise_tui.quiet.slices import SLICE, outlet_of
 
 BATCH = 0.002
-ROWS = 2
+ROWS = 1
 """Rows that are painted between two looks at the clock."""
 
 

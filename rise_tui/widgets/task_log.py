@@ -63,10 +63,13 @@ class TaskLog(RowView):
         return max(0, self._shown - self._seen)
 
     def row_at(self, index: int) -> Row:
+        return self._row(index, self.row_width)
+
+    def _row(self, index: int, width: int) -> Row:
         task = self._find(self._ids[index])
         if task is None:
             return Row(str(self._ids[index]), ((f" task {self._ids[index]} is in the journal only", "muted"),))
-        return Row(str(task.id), self.mark(self.line_of(task, self.row_width)))
+        return Row(str(task.id), self.mark(self.line_of(task, width)))
 
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
@@ -76,7 +79,8 @@ class TaskLog(RowView):
         if painted is None:
             if len(self._painted) > KEPT:  # scrolled through for a while, and nothing new came
                 self._painted.clear()
-            painted = self._painted[index] = self._made_of(index), self.row_at(index).line
+            width = self.row_width
+            painted = self._painted[index] = self._made_of(index, width), self._row(index, width).line
         return self.paint(painted[1], self.size.width, self.ground_of(index))
 
     def on_resize(self, event: events.Resize) -> None:
@@ -119,25 +123,25 @@ class TaskLog(RowView):
 
         `scrolled`: all of them are painted anyway.
         """
-        top = self.scroll_offset.y
+        top, width = self.scroll_offset.y, self.row_width  # which takes longer to find out than all else about a row
         before, self._painted = self._painted, {}
         gone = [index for index in before if index >= self._shown]
         for index in range(top, min(self._shown, top + self.size.height)):
-            if index in before and before[index][0] == self._made_of(index):
+            if index in before and before[index][0] == self._made_of(index, width):
                 self._painted[index] = before[index]
             elif not scrolled:
                 self.refresh_line(index)
         for index in gone:
             self.refresh_line(index)
 
-    def _made_of(self, index: int) -> object:
+    def _made_of(self, index: int, width: int) -> object:
         """All that a row depends on."""
         id = self._ids[index]
         task = self._find(id)
         if task is None:
             return id
         looks = task.status, task.reason, task.mark, task.started, task.ended, id in self._missed_ids
-        return id, self.row_width, looks
+        return id, width, looks
 
     def action_edge(self, direction: int) -> None:
         if direction > 0:

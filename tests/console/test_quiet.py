@@ -5,13 +5,8 @@ from __future__ import annotations
 import asyncio
 import gc
 import os
-import pty
-import select
-import sys
-import threading
-import tty
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
@@ -21,7 +16,6 @@ from textual import events
 from textual._styles_cache import StylesCache
 from textual.app import App, ComposeResult
 from textual.geometry import Region, Size
-from textual.message import Message
 from textual.pilot import Pilot
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
@@ -38,10 +32,8 @@ from rise_tui.quiet import (
     QuietScrollView,
     Slices,
     begin,
-    click_driver,
 )
 from rise_tui.quiet.compositor import RowCompositor
-from rise_tui.quiet.driver import read_together
 from rise_tui.quiet.scrollbar import QuietScrollBar
 
 
@@ -155,29 +147,6 @@ async def test_every_key_is_seen_once_also_those_that_a_text_field_takes() -> No
         assert app.query_one(Input).value == "a"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no such driver")
-def test_the_driver_asks_for_clicks_but_not_for_every_movement() -> None:
-    made = click_driver()
-    assert made is not None
-    written: list[str] = []
-
-    class Quiet(made):  # type: ignore[valid-type, misc]
-        def __init__(self) -> None:
-            self._mouse = True
-
-        def write(self, data: str) -> None:
-            written.append(data)
-
-        def flush(self) -> None:
-            pass
-
-    driver = Quiet()
-    driver._enable_mouse_support()
-    assert "\x1b[?1003h" not in "".join(written) and "\x1b[?1006h" in "".join(written)
-    driver._disable_mouse_support()
-    assert "\x1b[?1002l" in "".join(written) and "\x1b[?1000l" in "".join(written)
-
-
 async def test_a_dialog_that_has_closed_leaves_no_painted_lines() -> None:
     class Asking(QuietModal[None]):
         def compose(self) -> ComposeResult:
@@ -199,96 +168,6 @@ async def test_a_dialog_that_has_closed_leaves_no_painted_lines() -> None:
             assert monotonic() < end
             gc.collect()
             await pilot.pause(0.02)
-
-
-# --- the driver: what a terminal sends -------------------------------------------------------------------
-
-
-class Terminal:
-    """Our driver on a pty, without an app; collects what it says."""
-
-    def __init__(self) -> None:
-        self.master, self.slave = pty.openpty()
-        tty.setraw(self.slave)
-        made = click_driver()
-        assert made is not None
-        self.messages: list[Message] = []
-        self.seen = threading.Event()
-        driver = self.driver = made.__new__(made)
-        driver._debug, driver.fileno, driver.exit_event = False, self.slave, threading.Event()
-        self.outlet = driver.outlet = Outlet(open(self.slave, "w", closefd=False))  # noqa: SIM115
-        driver.process_message = self._arrived  # type: ignore[method-assign]
-        self.thread = threading.Thread(target=driver.run_input_thread, daemon=True)
-        self.thread.start()
-
-    def _arrived(self, message: Message) -> None:
-        self.messages.append(message)
-        self.seen.set()
-
-    def keys(self, data: bytes, count: int) -> list[tuple[str, bool | None]]:
-        self.messages.clear()
-        os.write(self.master, data)
-        end = monotonic() + 20
-        while len(keys := [each for each in self.messages if isinstance(each, events.Key)]) < count:
-            assert monotonic() < end, self.messages
-            self.seen.wait(0.05)
-            self.seen.clear()
-        return [(key.key, read_together(key)) for key in keys]
-
-    def close(self) -> None:
-        self.driver.exit_event.set()
-        self.thread.join(20)
-        os.close(self.outlet.fileno())
-        for descriptor in (self.master, self.slave):
-            os.close(descriptor)
-
-
-@pytest.fixture
-def driver() -> Iterator[Terminal]:
-    made = Terminal()
-    yield made
-    made.close()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no such driver")
-class TestDriver:
-    def test_a_key_alone_is_known_to_be(self, driver: Terminal) -> None:
-        assert driver.keys(b"g", 1) == [("g", False)]
-        assert driver.keys(b"\x1b[20~", 1) == [("f9", False)]
-        assert driver.outlet.key_wait() >= 0
-
-    def test_keys_of_one_read_came_together(self, driver: Terminal) -> None:
-        assert driver.keys(b"gp", 2) == [("g", True), ("p", True)]
-
-    def test_what_no_terminal_brought_is_not_known(self) -> None:
-        assert read_together(events.Key("g", "g")) is None
-
-    @pytest.mark.parametrize(
-        "garbage", [b"\xff\xc3\x28", b"\x1b[99999999u", b"\x1b[<;;M", b"\x1b[<0;9999;-5M"], ids=repr
-    )
-    def test_garbage_ends_nothing(self, garbage: bytes, driver: Terminal) -> None:
-        os.write(driver.master, garbage)
-        end = monotonic() + 20
-        while select.select([driver.slave], [], [], 0)[0]:
-            assert monotonic() < end
-        end = monotonic() + 20
-        while ("f9", False) not in driver.keys(b"\x1b[20~", 1):
-            assert monotonic() < end
-
-    def test_half_a_character_waits_for_its_other_half(self, driver: Terminal) -> None:
-        os.write(driver.master, b"\xc3")
-        end = monotonic() + 20
-        while select.select([driver.slave], [], [], 0)[0]:
-            assert monotonic() < end
-        assert driver.keys(b"\xa4", 1) == [("ä", False)]
-
-    def test_the_stock_driver_still_reads_in_this_way(self) -> None:
-        """What ours replaces, and calls: another release that moves them is noticed here."""
-        from textual._xterm_parser import XTermParser
-        from textual.drivers.linux_driver import LinuxDriver
-
-        assert {"run_input_thread", "process_message", "write"} <= set(LinuxDriver.__dict__)
-        assert [event.key for event in XTermParser().feed("g")] == ["g"]  # type: ignore[attr-defined]
 
 
 # --- painting that waits ---------------------------------------------------------------------------------
@@ -419,6 +298,42 @@ async def test_a_piece_asks_for_its_rows_only_and_every_piece_has_its_turn() -> 
             compositor.paint_piece(2, [], lambda x, y, strip: rows.append(y))
         assert rows == [0, 1, 2, 20] and set(one.asked) == {0, 1, 2} and two.asked == [8]
         assert compositor.has_more
+
+
+async def test_a_look_that_changes_between_two_pieces_is_in_the_second() -> None:
+    """What is looked up once for the pieces of a frame is looked up again when something else becomes due."""
+    app = Wired()
+    async with app.run_test(size=(80, 24)) as pilot:
+        screen = Screenful()
+        await app.push_screen(screen)
+        await pilot.pause()
+        one, compositor = screen.query_one("#one", Numbered), screen._compositor
+        assert isinstance(compositor, RowCompositor)
+        begins: dict[int, str] = {}
+
+        def put(x: int, y: int, strip: Strip) -> None:
+            begins.setdefault(y, strip.text[:3])
+
+        compositor._dirty_regions.add(Region(0, 0, 80, 4))
+        one._styles_cache.clear()
+        compositor.paint_piece(2, [], put)
+        one.styles.padding = (0, 0, 0, 3)
+        compositor.update_widgets({one})
+        while compositor.has_more:
+            compositor.paint_piece(2, [], put)
+        assert [begins[y] for y in range(4)] == ["one", "one", "   ", "   "]
+
+
+async def test_whoever_paints_in_a_way_of_its_own_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    app = Wired()
+    async with app.run_test(size=(80, 24)) as pilot:
+        screen = Screenful()
+        await app.push_screen(screen)
+        await pilot.pause()
+        own = Strip([Segment("own".ljust(80))], 80)
+        monkeypatch.setattr(Numbered, "render_lines", lambda self, crop: [own.crop(0, crop.width)] * crop.height)
+        screen._compositor._dirty_regions.add(Region(0, 0, 80, 2))
+        assert [line[:3] for line in painted_by(screen)[:3]] == ["own", "own", "   "]
 
 
 async def test_painting_gives_way_to_a_key_between_two_pieces_and_is_written_at_once(

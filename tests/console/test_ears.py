@@ -1,0 +1,189 @@
+"""The driver: what it asks a terminal for, and what it hears of it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pty
+import select
+import sys
+import tty
+from collections.abc import AsyncIterator
+from time import monotonic
+
+import pytest
+import pytest_asyncio
+from textual import events
+from textual.message import Message
+
+from rise_tui.quiet import Outlet, click_driver
+from rise_tui.quiet.ears import Ears, read_together
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no such driver")
+
+
+def test_the_driver_asks_for_clicks_but_not_for_every_movement() -> None:
+    made = click_driver()
+    assert made is not None
+    written: list[str] = []
+
+    class Quiet(made):  # type: ignore[valid-type, misc]
+        def __init__(self) -> None:
+            self._mouse = True
+
+        def write(self, data: str) -> None:
+            written.append(data)
+
+        def flush(self) -> None:
+            pass
+
+    driver = Quiet()
+    driver._enable_mouse_support()
+    assert "\x1b[?1003h" not in "".join(written) and "\x1b[?1006h" in "".join(written)
+    driver._disable_mouse_support()
+    assert "\x1b[?1002l" in "".join(written) and "\x1b[?1000l" in "".join(written)
+
+
+class Terminal:
+    """A pty that is listened to; collects what it says."""
+
+    def __init__(self) -> None:
+        self.master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        self.messages: list[Message] = []
+        self.outlet = Outlet(open(self.slave, "w", closefd=False))  # noqa: SIM115
+        self.ears = Ears(self.slave, self.outlet, self.messages.append)
+
+    async def keys(self, data: bytes, count: int) -> list[tuple[str, bool | None]]:
+        self.messages.clear()
+        os.write(self.master, data)
+        await self.until(lambda: len(self.heard) >= count)
+        return [(key.key, read_together(key)) for key in self.heard]
+
+    @property
+    def heard(self) -> list[events.Key]:
+        return [each for each in self.messages if isinstance(each, events.Key)]
+
+    async def taken(self) -> None:
+        """Wait until what was sent has been read."""
+        await self.until(lambda: not select.select([self.slave], [], [], 0)[0])
+
+    async def until(self, holds: object) -> None:
+        assert callable(holds)
+        end = monotonic() + 20
+        while not holds():
+            assert monotonic() < end, self.messages
+            await asyncio.sleep(0.001)
+
+    def close(self) -> None:
+        self.ears.close()
+        os.close(self.outlet.fileno())
+        for descriptor in (self.master, self.slave):
+            if descriptor >= 0:
+                os.close(descriptor)
+
+
+@pytest_asyncio.fixture
+async def terminal() -> AsyncIterator[Terminal]:
+    made = Terminal()
+    yield made
+    made.close()
+
+
+async def test_a_key_alone_is_known_to_be(terminal: Terminal) -> None:
+    assert await terminal.keys(b"g", 1) == [("g", False)]
+    assert await terminal.keys(b"\x1b[20~", 1) == [("f9", False)]
+    assert terminal.outlet.key_wait() > 0
+
+
+async def test_keys_of_one_read_came_together(terminal: Terminal) -> None:
+    assert await terminal.keys(b"gp", 2) == [("g", True), ("p", True)]
+
+
+async def test_what_follows_at_once_came_together(terminal: Terminal) -> None:
+    """The first byte of a paste may be read alone; what comes within a third of a millisecond was not typed."""
+    read = os.read
+
+    def first(descriptor: int, count: int) -> bytes:
+        return read(descriptor, 1)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rise_tui.quiet.ears.os.read", first)
+        assert (await terminal.keys(b"gp", 2))[0] == ("g", True)
+
+
+def test_what_no_terminal_brought_is_not_known() -> None:
+    assert read_together(events.Key("g", "g")) is None
+
+
+async def test_escape_alone_is_a_key_and_is_not_waited_for_long(terminal: Terminal) -> None:
+    began = monotonic()
+    assert await terminal.keys(b"\x1b", 1) == [("escape", None)]
+    assert monotonic() - began > 0.09  # a sequence could have followed
+
+
+@pytest.mark.parametrize(("data", "key"), [(b"\x1b\r", "enter"), (b"\x1b[", "left_square_bracket")])
+async def test_what_came_with_escape_did_not_come_alone(data: bytes, key: str, terminal: Terminal) -> None:
+    assert await terminal.keys(data, 1) == [(key, True)]
+
+
+async def test_a_sequence_in_two_pieces_is_one_key(terminal: Terminal) -> None:
+    terminal.messages.clear()
+    os.write(terminal.master, b"\x1b[2")
+    await terminal.taken()
+    assert await terminal.keys(b"0~", 1) == [("f9", False)]
+
+
+@pytest.mark.parametrize("garbage", [b"\xff\xc3\x28", b"\x1b[99999999u", b"\x1b[<;;M", b"\x1b[<0;9999;-5M"], ids=repr)
+async def test_garbage_ends_nothing(garbage: bytes, terminal: Terminal) -> None:
+    os.write(terminal.master, garbage)
+    await terminal.taken()
+    end = monotonic() + 20
+    while ("f9", False) not in await terminal.keys(b"\x1b[20~", 1):
+        assert monotonic() < end
+
+
+async def test_half_a_character_waits_for_its_other_half(terminal: Terminal) -> None:
+    os.write(terminal.master, b"\xc3")
+    await terminal.taken()
+    assert await terminal.keys(b"\xa4", 1) == [("ä", False)]
+
+
+async def test_a_key_that_the_loop_has_not_got_to_goes_first_all_the_same(terminal: Terminal) -> None:
+    assert terminal.outlet.key_wait() == 0
+    os.write(terminal.master, b"g")
+    select.select([terminal.slave], [], [], 20)
+    assert terminal.outlet.key_wait() > 0 and not terminal.heard
+    await terminal.until(lambda: terminal.heard)
+
+
+async def test_a_terminal_that_has_gone_is_left_alone(terminal: Terminal) -> None:
+    assert await terminal.keys(b"g", 1) == [("g", False)]
+    master, terminal.master = terminal.master, -1
+    os.close(master)
+    await terminal.until(lambda: terminal.outlet.listening < 0)
+    assert terminal.outlet.key_wait() >= 0 and len(terminal.heard) == 1
+
+
+async def test_nobody_blocks_on_what_somebody_else_has_read(terminal: Terminal) -> None:
+    terminal.ears._read()  # as if it were told of something that is not there any more
+    assert terminal.messages == []
+
+
+async def test_once_closed_nothing_is_heard(terminal: Terminal) -> None:
+    terminal.ears.close()
+    os.write(terminal.master, b"g")
+    await asyncio.sleep(0)
+    terminal.ears.close()  # and closing again does no harm
+    assert terminal.outlet.listening < 0 and terminal.messages == []
+
+
+def test_the_stock_driver_still_reads_in_this_way() -> None:
+    """What ours replaces, and calls: another release that moves them is noticed here."""
+    from textual._xterm_parser import XTermParser
+    from textual.driver import Driver
+    from textual.drivers.linux_driver import LinuxDriver
+
+    assert {"run_input_thread", "write", "disable_input", "start_application_mode"} <= set(LinuxDriver.__dict__)
+    assert {"process_message", "send_message"} <= set(Driver.__dict__) | set(LinuxDriver.__dict__)
+    assert [event.key for event in XTermParser().feed("g")] == ["g"]  # type: ignore[attr-defined]
