@@ -191,6 +191,9 @@ class About(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
     control: str | None
     clients: list[str]
     """Who is attached."""
+    participant: str = ""
+    """Who takes part, as the record names them."""
+    condition: str = ""
     replay: bool = False
     trouble: str = ""
     """Why nothing can be recorded; while this is set, the session is paused."""

@@ -173,6 +173,8 @@ class Room:
             stopped=view.stop.latched,
             control=view.control,
             clients=list(self.members),
+            participant=view.session.participant if view.session is not None else "",
+            condition=view.session.condition if view.session is not None else "",
             replay=self.replay,
             trouble=engine.journaling.trouble,
             pid=os.getpid(),

@@ -36,8 +36,10 @@ def short(name: str | None) -> str:
 
 def why_not(holder: str | None, role: Role) -> str:
     """Why a console without control cannot act."""
+    from rise_tui.actions import key_in_words  # which reads the store, which reads this
+
     has = f"{short(holder)} has control"
-    return f"{has} and this console only watches" if role == "observer" else f"{has} (F8)"
+    return f"{has} and this console only watches" if role == "observer" else f"{has} ({key_in_words('control')})"
 
 
 def told(record: ControlRecord, before: str | None, me: str) -> tuple[Notice | None, Taken | None]:
@@ -73,6 +75,8 @@ def taken_words(taken: Taken, asks: str) -> str:
 
 def question(holder: str | None, asker: str | None, me: str) -> tuple[list[str], list[Way]]:
     """The dialog about control: what it says, and what can be done."""
+    from rise_tui.actions import key_in_words  # which reads the store, which reads this
+
     mine = holder == me
     release = Way("release", "r", "Release it")
     if not mine and holder is None:
@@ -82,7 +86,7 @@ def question(holder: str | None, asker: str | None, me: str) -> tuple[list[str],
         return said, [Way("release", "r", "Ask no longer"), Way("take", "t", "Take it")]
     if not mine:
         said = [
-            f"{short(holder)} has control. You watch: F9 stops everything, notes can be added.",
+            f"{short(holder)} has control. You watch: {key_in_words('stop')} stops everything, notes can be added.",
             "Taking it works at once; they are told, and it is recorded.",
         ]
         return said, [Way("ask", "a", "Ask for it"), Way("take", "t", "Take it")]

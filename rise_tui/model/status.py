@@ -88,6 +88,8 @@ def _robot(store: Store) -> list[Cell]:
     status = robot.status if robot is not None else "no link"
     tone: Tone = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
     seen = store.pulse.robot_seen
+    if seen is not None and robot is not None and status == "connected":
+        seen = max(seen, robot.t)  # that it is back is a sign of life, and pulses come once a second
     age = None if seen is None or store.gone or store.cut is not None else max(0.0, store.now() - seen)
     if age is not None and age >= OLD and tone == "plain":
         tone = "wait"

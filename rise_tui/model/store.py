@@ -70,7 +70,13 @@ _TASK: dict[str, frozenset[Topic]] = {
 _OTHER_TASK: frozenset[Topic] = frozenset({"tasks"})
 
 BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
-BACK_STOPPING = "the connection was cut and is back; STOP may not have arrived: press F9 again unless it says STOPPED"
+
+
+def back_stopping() -> str:
+    from rise_tui.actions import key_in_words  # which reads this
+
+    again = f"press {key_in_words('stop')} again unless it says STOPPED"
+    return f"the connection was cut and is back; STOP may not have arrived: {again}"
 
 
 class Sent(Struct, frozen=True):
@@ -156,7 +162,7 @@ class Store:
         self.reclaims = had and not self.has_control and self.view.control in (None, ghost)
         if had and not self.has_control and not self.reclaims:
             self.taken = control.Taken(self.view.control, None)
-        self.notice = Notice(BACK_STOPPING, "fault") if stopping else Notice(BACK, "wait")
+        self.notice = Notice(back_stopping(), "fault") if stopping else Notice(BACK, "wait")
 
     def _take_in(self, hello: Hello) -> None:
         self.hello, self.view, self.journaling = hello, hello.view, hello.journaling

@@ -12,16 +12,15 @@ from textual.widget import Widget
 
 from rise_tui.actions import BY_ID, bindings
 from rise_tui.messages import ActionAsked, PaneAsked, SelectionMoved, StartAsked, TaskAsked, Told
-from rise_tui.model.control import question
 from rise_tui.model.gate import Trigger
 from rise_tui.model.store import Topic
 from rise_tui.quiet import QuietScreen, begin
 from rise_tui.screens import finding
 from rise_tui.screens.acting import CUE, FILLER, Acting
 from rise_tui.screens.arrangement import Arrangement
-from rise_tui.screens.dialog import Answer, Dialog
 from rise_tui.screens.keyboard import Keyboard
 from rise_tui.screens.painting import Painting
+from rise_tui.screens.questions import Questions
 from rise_tui.session import Session
 from rise_tui.widgets.line import Lines
 from rise_tui.widgets.mistake import MistakeLine
@@ -57,7 +56,7 @@ class ConsoleScreen(QuietScreen[None]):
         self.note = NoteLine()
         self._unnoted = ""
         """A note that was typed and not taken."""
-        self._control_shown: tuple[str | None, str | None] = (None, None)
+        self.questions = Questions(self)
         self.acting = Acting(session, self.painting, self.set_timer, self._run)
         self.keyboard = Keyboard(self)
 
@@ -81,8 +80,8 @@ class ConsoleScreen(QuietScreen[None]):
 
     def _changed(self, topics: frozenset[Topic] | set[Topic]) -> None:
         self.painting.changed(topics)
-        if "status" in topics and self._who() != self._control_shown:
-            self._withdraw("-control", "control has just changed: the question about it was closed")
+        if "status" in topics:
+            self.questions.look_again()
 
     def on_resize(self) -> None:
         finding.watch_size(self)
@@ -195,8 +194,8 @@ class ConsoleScreen(QuietScreen[None]):
             "filter": self._filter,
             "settings": lambda: self.post_message(self.SettingsAsked()),
             "theme": lambda: finding.choose_theme(self),
-            "release": self._release,
-            "control": self._control,
+            "release": self.questions.release,
+            "control": self.questions.control,
             "note": self._note,
             "say": self.say_line.open,
             "cue": lambda: self.start(CUE),
@@ -210,67 +209,20 @@ class ConsoleScreen(QuietScreen[None]):
         """The stop key: no question, no condition, from any screen."""
         self.acting.gate.reset()
         self.send("stopAll")
-        self._withdraw("-release", "stopped again: the question whether to release the stop was closed")
+        self.questions.stopped_again()
 
     def switch_lock(self) -> None:
-        """Lock the keyboard, or unlock it.
-
-        Questions and lists above the console close unanswered: one that was forgotten should not be there when
-        somebody unlocks it. What is being typed stays in its field.
-        """
+        """Lock the keyboard, or unlock it."""
         if self.session.store.guard != "LOCKED":
-            while self.app.screen is not self:
-                above = self.app.screen
-                if isinstance(above, Dialog):
-                    above.withdraw()
-                if self.app.screen is above:
-                    above.dismiss()
+            self.questions.close_all()
         self.acting.switch_lock()
-
-    def _withdraw(self, kind: str, said: str) -> None:
-        """Close a question whose matter has changed."""
-        for screen in self.app.screen_stack:
-            if isinstance(screen, Dialog) and screen.has_class(kind) and screen.withdraw():
-                self.say(said)
 
     def _filter(self) -> None:
         pane = self.panes.focused()
         if pane is not None:
             pane.open_filter()
 
-    def _release(self) -> None:
-        stop = self.session.store.view.stop
-        said = [f"Stopped by {stop.source or 'the console'}."]
-        said.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
-        if stop.unconfirmed:
-            said.append(f"NOT confirmed: {', '.join(stop.unconfirmed)}. Look at the robot first.")
-        elif stop.status == "requested":
-            said.append("The robot has not answered yet. Look at it first.")
-        said.append("After this, keys start acts and rules again.")
-        dialog = Dialog("Release the stop?", said, Answer("r", "Release"), no="Stay stopped")
-        dialog.add_class("-release")
-        self.app.push_screen(dialog, lambda yes: self.send("releaseStop") if yes else None)
-
-    # --- several consoles ---------------------------------------------------------------------------------------------
-
-    def _who(self) -> tuple[str | None, str | None]:
-        """Who has control, and who asks for it: what a question about control is about."""
-        view = self.session.store.view
-        return view.control, view.asked
-
-    def _control(self) -> None:
-        store = self.session.store
-        said, ways = question(store.view.control, store.view.asked, store.me)
-        self._control_shown = self._who()
-        verbs = {way.key: way.verb for way in ways}
-        dialog = Dialog("Control", said, *(Answer(way.key, way.title) for way in ways), no="Leave it")
-        dialog.add_class("-control")
-
-        def answered(key: str | None) -> None:
-            if key:
-                self.run_worker(self.session.control(verbs[key]), group="send")
-
-        self.app.push_screen(dialog, answered)
+    # --- lines that open ----------------------------------------------------------------------------------------------
 
     def _note(self) -> None:
         self.notice.display = False

@@ -27,6 +27,10 @@ class Running(Protocol):
     @property
     def robot(self) -> str: ...
     @property
+    def participant(self) -> str: ...
+    @property
+    def condition(self) -> str: ...
+    @property
     def t(self) -> float: ...
     @property
     def control(self) -> str | None: ...
@@ -90,20 +94,27 @@ def _rows(found: Mapping[str, Running | None]) -> list[str]:
     return ["  " + "  ".join((*map(str.ljust, row[:5], widths), row[5])).rstrip() for row in rows]
 
 
-def same(name: str, about: Running | None, *, robot: str | None, mode: str | None, new: bool) -> None:
+def same(
+    name: str,
+    about: Running | None,
+    *,
+    new: bool = False,
+    robot: str | None = None,
+    mode: str | None = None,
+    participant: str | None = None,
+    condition: str | None = None,
+) -> None:
     """Whether a session that runs is the one that was asked for. Raises NothingChosenError when it is not."""
     title = clean(about.title) if about is not None else name
     end = "attach with `rise-tui` and end it first (ctrl+c, e)"
     if new:
         raise NothingChosenError(USAGE, f"{title} is running already; to begin a new session, {end}")
-    for what, wanted, is_now in (
-        ("mode", mode, about.mode if about is not None else None),
-        ("robot", robot, about.robot if about is not None else None),
-    ):
-        if wanted is not None and is_now is not None and wanted != is_now:
-            raise NothingChosenError(
-                USAGE, f"{title} is running already, with --{what} {is_now} and not {wanted}; for the other one, {end}"
-            )
+    asked = {"mode": mode, "robot": robot, "participant": participant, "condition": condition}
+    for what, wanted in asked.items() if about is not None else ():
+        is_now = getattr(about, what)
+        if wanted is not None and wanted != is_now:
+            which = f"with --{what} {clean(is_now)} and not {wanted}" if is_now else f"without --{what}"
+            raise NothingChosenError(USAGE, f"{title} is running already, {which}; for the other one, {end}")
 
 
 def recovery(unfinished: Sequence[tuple[str, str]], terminal: Terminal) -> str:

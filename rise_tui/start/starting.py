@@ -237,7 +237,15 @@ def _join(name: str, asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_engine.link.places import about
     from rise_tui.start import choose
 
-    choose.same(name, about(name), robot=asked.robot, mode=asked.mode, new=asked.new)
+    choose.same(
+        name,
+        about(name),
+        new=asked.new,
+        robot=asked.robot,
+        mode=asked.mode,
+        participant=asked.participant,
+        condition=asked.condition,
+    )
     _need_terminal()
     _open_on(name, None, asked, keys)
 

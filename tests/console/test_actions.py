@@ -21,6 +21,8 @@ from rise_tui.actions import (
     keys_of,
     use_keys,
 )
+from rise_tui.model.control import question, why_not
+from rise_tui.model.store import back_stopping
 from tests.console.conftest import console
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "wizard.md"
@@ -126,10 +128,13 @@ def test_whatever_shows_a_key_shows_the_users_own() -> None:
     stop, theme = BY_ID["stop"], BY_ID["theme"]
     assert (key_for("stop"), stop.all_keys, keys_of(stop)) == ("F9", "F9  ^G", ("f9", "ctrl+g"))
     assert key_for("theme") == ": Choose a theme"
-    use_keys({"stop": ("f12",), "theme": ("f6",)})
+    use_keys({"stop": ("f12",), "theme": ("f6",), "control": ("f7",)})
     try:
         assert (key_for("stop"), stop.key_label, keys_of(stop)) == ("F12", "F12", ("f12",))
         assert key_for("theme") == "F6" and theme.all_keys == "F6"
+        assert why_not("wizard:ben", "wizard") == "ben has control (F7)"
+        assert "F12 stops everything" in question("wizard:ben", None, "wizard:anna")[0][0]
+        assert "press F12 again" in back_stopping()
     finally:
         use_keys({})
     assert key_for("stop") == "F9"

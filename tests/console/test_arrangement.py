@@ -6,7 +6,7 @@ import pytest
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_tui.model.store import Store
-from rise_tui.screens.arrangement import layout_for, too_small
+from rise_tui.screens.arrangement import Arrangement, layout_for, too_small
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.small import SmallScreen, lines_for
 from rise_tui.text import plain, width_of
@@ -41,6 +41,28 @@ async def test_the_layout_is_given_as_plain_words_and_restored() -> None:
         await it.until(lambda: it.pane("memory").rows.has_focus)
         assert {pane.PLACE for pane in it.screen.panes.shown()} == {"acts", "rules", "memory", "scheduler"}
         assert it.screen.panes.layout_state() == state
+
+
+async def test_what_nobody_sees_yet_is_made_after_the_first_frame() -> None:
+    async with console(size=(80, 24)) as it:
+        await it.until(lambda: all(pane.rows.is_mounted for pane in it.screen.panes.panes.values()))
+
+
+@pytest.mark.parametrize("name", ["act", "memory", "scheduler", "log"])
+async def test_who_is_quicker_than_that_sees_the_pane_all_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Arrangement, "_fill", lambda self: None)
+    async with console(size=(80, 24)) as it:
+        panes = it.screen.panes
+        assert [pane.PLACE for pane in panes.panes.values() if pane.children] == ["acts", "rules", "rule"]
+        panes.go_to(name)
+        await it.until(lambda: it.pane(name).rows.has_focus)
+        assert {pane.PLACE for pane in panes.shown()} == {"acts", "rules", name}
+        await it.until(lambda: it.pane(name).rows.size.height > 0)
+        before = len(it.pane(name).children)
+        panes.go_to("rule")
+        panes.go_to(name)
+        await it.pilot.pause()
+        assert len(it.pane(name).children) == before > 1
 
 
 @pytest.mark.parametrize("state", [{}, {"upper": "log", "lower": "acts", "front": "nothing", "focus": "?"}])

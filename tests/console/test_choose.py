@@ -26,6 +26,8 @@ class About:
     t: float = 872.0
     control: str | None = "wizard:anna"
     clients: Sequence[str] = ("wizard:anna",)
+    participant: str = ""
+    condition: str = ""
 
 
 @dataclass
@@ -91,16 +93,21 @@ def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
 
 
 def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
-    choose.same("a", About(), robot=None, mode=None, new=False)
-    choose.same("a", About(), robot="pepper", mode="debug", new=False)
-    choose.same("a", None, robot="floka", mode="real", new=False)
+    choose.same("a", About())
+    choose.same("a", About(), robot="pepper", mode="debug")
+    choose.same("a", About(participant="P07", condition="calm"), participant="P07", condition="calm")
+    choose.same("a", None, robot="floka", mode="real", participant="P08")
     for wanted, said in (
-        ({"robot": "floka", "mode": None, "new": False}, "with --robot pepper and not floka"),
-        ({"robot": None, "mode": "real", "new": False}, "with --mode debug and not real"),
-        ({"robot": None, "mode": None, "new": True}, "to begin a new session"),
+        ({"robot": "floka"}, "with --robot pepper and not floka"),
+        ({"mode": "real"}, "with --mode debug and not real"),
+        ({"participant": "P08"}, "running already, without --participant; for the other one"),
+        ({"condition": "loud"}, "running already, without --condition"),
+        ({"new": True}, "to begin a new session"),
     ):
         with pytest.raises(NothingChosenError, match=said):
             choose.same("a", About(), **wanted)  # type: ignore[arg-type]
+    with pytest.raises(NothingChosenError, match="with --participant P07 and not P08"):
+        choose.same("a", About(participant="P07"), participant="P08")
 
 
 def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:

@@ -6,7 +6,8 @@ import asyncio
 import gc
 import os
 import weakref
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from time import monotonic
 from typing import Any
 
@@ -24,6 +25,7 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from rise_tui.quiet import (
+    EmptyScreen,
     KeyWatch,
     Outlet,
     QuietApp,
@@ -252,6 +254,23 @@ class Numbered(Plain):
         return Strip([Segment(f"{self.word}{y}".ljust(self.size.width, "."))], self.size.width)
 
 
+@asynccontextmanager
+async def screenful() -> AsyncIterator[tuple[Screenful, Pilot[Any]]]:
+    app = Wired()
+    async with app.run_test(size=(80, 24)) as pilot:
+        screen = Screenful()
+        await app.push_screen(screen)
+        await pilot.pause()
+        yield screen, pilot
+
+
+def displayed(app: QuietApp, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is written from now on."""
+    written: list[str] = []
+    monkeypatch.setattr(App, "_display", lambda self, screen, what: written.append(what.render_segments(app.console)))
+    return written
+
+
 def painted_by(screen: QuietScreen[None]) -> list[str]:
     """What a terminal shows after each piece has been written."""
     lines = [[" "] * 80 for _ in range(24)]
@@ -267,11 +286,7 @@ def painted_by(screen: QuietScreen[None]) -> list[str]:
 
 
 async def test_pieces_show_the_same_as_a_whole_frame_of_the_stock_compositor() -> None:
-    app = Wired()
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = Screenful()
-        await app.push_screen(screen)
-        await pilot.pause()
+    async with screenful() as (screen, _):
         stock = [strip.text for strip in screen._compositor.render_strips()]
         screen._compositor._dirty_regions.add(screen.size.region)
         assert painted_by(screen) == stock
@@ -279,11 +294,7 @@ async def test_pieces_show_the_same_as_a_whole_frame_of_the_stock_compositor() -
 
 
 async def test_a_piece_asks_for_its_rows_only_and_every_piece_has_its_turn() -> None:
-    app = Wired()
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = Screenful()
-        await app.push_screen(screen)
-        await pilot.pause()
+    async with screenful() as (screen, _):
         one, two = screen.query_one("#one", Numbered), screen.query_one("#two", Numbered)
         compositor = screen._compositor
         assert isinstance(compositor, RowCompositor)
@@ -302,11 +313,7 @@ async def test_a_piece_asks_for_its_rows_only_and_every_piece_has_its_turn() -> 
 
 async def test_a_look_that_changes_between_two_pieces_is_in_the_second() -> None:
     """What is looked up once for the pieces of a frame is looked up again when something else becomes due."""
-    app = Wired()
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = Screenful()
-        await app.push_screen(screen)
-        await pilot.pause()
+    async with screenful() as (screen, _):
         one, compositor = screen.query_one("#one", Numbered), screen._compositor
         assert isinstance(compositor, RowCompositor)
         begins: dict[int, str] = {}
@@ -325,30 +332,59 @@ async def test_a_look_that_changes_between_two_pieces_is_in_the_second() -> None
 
 
 async def test_whoever_paints_in_a_way_of_its_own_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    app = Wired()
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = Screenful()
-        await app.push_screen(screen)
-        await pilot.pause()
+    async with screenful() as (screen, _):
         own = Strip([Segment("own".ljust(80))], 80)
         monkeypatch.setattr(Numbered, "render_lines", lambda self, crop: [own.crop(0, crop.width)] * crop.height)
         screen._compositor._dirty_regions.add(Region(0, 0, 80, 2))
         assert [line[:3] for line in painted_by(screen)[:3]] == ["own", "own", "   "]
 
 
+async def test_in_the_midst_of_a_batch_no_frame_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with screenful() as (screen, pilot):
+        app = screen.app
+        assert isinstance(app, Wired)
+        await wired(app)
+        written = displayed(app, monkeypatch)
+        one = screen.query_one("#one", Numbered)
+        with app.batch_update():
+            one.word = "new"
+            one.refresh(layout=True)
+            for _ in range(5):
+                await pilot.pause(0.01)
+            assert not written and not app._prepared
+        await until(pilot, lambda: written)
+        assert all(f"new{y}" in "".join(written) for y in range(12))
+
+
+async def test_the_screen_below_the_console_is_painted_only_when_that_has_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+
+    class Below(Wired):
+        def get_default_screen(self) -> Screen[Any]:
+            return EmptyScreen(id="_default")
+
+        def _display(self, screen: Screen[Any], renderable: Any) -> None:
+            shown.append(type(screen).__name__)
+
+    app = Below()
+    async with app.run_test() as pilot:
+        await pilot.pause()
+        assert shown == []
+        await app.push_screen(Screenful())
+        await until(pilot, lambda: "Screenful" in shown)
+        assert "EmptyScreen" not in shown
+        await app.pop_screen()
+        await until(pilot, lambda: "EmptyScreen" in shown)
+
+
 async def test_painting_gives_way_to_a_key_between_two_pieces_and_is_written_at_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    app = Wired()
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = Screenful()
-        await app.push_screen(screen)
-        await pilot.pause()
+    async with screenful() as (screen, pilot):
+        app = screen.app
+        assert isinstance(app, Wired)
         made = await wired(app)
-        written: list[str] = []
-        monkeypatch.setattr(
-            App, "_display", lambda self, screen, what: written.append(what.render_segments(app.console))
-        )
+        written = displayed(app, monkeypatch)
         one = screen.query_one("#one", Numbered)
         one.word = "new"
         one.refresh()
@@ -362,16 +398,11 @@ async def test_painting_gives_way_to_a_key_between_two_pieces_and_is_written_at_
 async def test_nothing_is_painted_while_the_terminal_stalls_and_everything_afterwards(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    app = Wired()
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = Screenful()
-        await app.push_screen(screen)
-        await pilot.pause()
+    async with screenful() as (screen, pilot):
+        app = screen.app
+        assert isinstance(app, Wired)
         made = await wired(app)
-        written: list[str] = []
-        monkeypatch.setattr(
-            App, "_display", lambda self, screen, what: written.append(what.render_segments(app.console))
-        )
+        written = displayed(app, monkeypatch)
         made.given("x" * 20_000)
         screen.query_one("#one", Numbered).word = "late"
         screen.query_one("#one").refresh()

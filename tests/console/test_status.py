@@ -138,3 +138,13 @@ async def test_a_second_repaints_the_clock_and_nothing_else() -> None:
         it.client.time += 1
         await it.until(lambda: painted)
         assert painted == [(it.screen.status.text.index("00:01"), 8)]
+
+
+def test_a_robot_that_has_just_come_back_was_just_heard_of() -> None:
+    store = made()
+    store.pulse = Pulse(store.now() - 42)
+    assert "● connected 42.0 s" in text(store, 200)
+    store.apply([RobotRecord(98, store.now() - 3, "", "lost", "unplugged")])
+    assert "✗ lost 42.0 s" in text(store, 200)
+    store.apply([RobotRecord(99, store.now(), "", "connected", "")])
+    assert "● connected <2 s" in text(store, 200)

@@ -242,7 +242,7 @@ async def test_a29_stop_reaches_the_goals_of_others_too() -> None:
         await until(s.stops)
         assert s.stops()[0].confirmed == ("pepper/look_at", "pepper/speech") and s.stops()[0].unconfirmed == ()
         assert robot.said("cancel", GAZE) == ["00" * 16] and "00" * 16 in robot.said("cancel")
-        assert robot.said("end") == robot.said("begin")
+        await until(lambda: robot.said("end") == robot.said("begin"))  # its own account of it comes by another way
 
 
 async def test_a29_stop_after_the_robot_was_killed() -> None:
