@@ -168,6 +168,7 @@ async def test_a_terminal_that_has_gone_is_left_alone(terminal: Terminal) -> Non
 async def test_nobody_blocks_on_what_somebody_else_has_read(terminal: Terminal) -> None:
     terminal.ears._read()  # as if it were told of something that is not there any more
     assert terminal.messages == []
+    assert await terminal.keys(b"g", 1) == [("g", False)]
 
 
 async def test_once_closed_nothing_is_heard(terminal: Terminal) -> None:

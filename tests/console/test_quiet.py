@@ -331,6 +331,18 @@ async def test_a_look_that_changes_between_two_pieces_is_in_the_second() -> None
         assert [begins[y] for y in range(4)] == ["one", "one", "   ", "   "]
 
 
+@pytest.mark.parametrize("again", ["reflow", "reflow_visible"])
+async def test_a_size_that_changes_between_two_pieces_is_looked_up_again(again: str) -> None:
+    async with screenful() as (screen, _):
+        compositor = screen._compositor
+        assert isinstance(compositor, RowCompositor)
+        compositor._dirty_regions.add(screen.size.region)
+        compositor.paint_piece(2, [], lambda x, y, strip: None)
+        assert compositor._painters
+        getattr(compositor, again)(screen, screen.size)
+        assert not compositor._painters
+
+
 async def test_whoever_paints_in_a_way_of_its_own_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     async with screenful() as (screen, _):
         own = Strip([Segment("own".ljust(80))], 80)
@@ -434,6 +446,9 @@ async def test_a_scrollbar_repaints_only_where_its_thumb_has_moved() -> None:
             view.scroll_to(y=3, animate=False)
             await pilot.pause()
             assert bar not in asked and view.scroll_offset.y == 3
+            view.resize_content(Size(10, 10_001))  # for which Textual asks the bar for a repaint
+            await pilot.pause()
+            assert bar not in asked
             view.scroll_to(y=9_000, animate=False)
             await pilot.pause()
             assert bar in asked
