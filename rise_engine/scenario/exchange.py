@@ -12,7 +12,7 @@ from rise_engine.scenario.model import Scenario
 
 
 def to_json(scenario: Scenario) -> bytes:
-    """The fields of `Scenario`; conditions as their texts, assignments as text and key.
+    """The fields of `Scenario`; conditions and assignments as their texts.
 
     Raises ValueError when there is something in it that JSON cannot carry, such as half a character in a path.
     """
@@ -39,11 +39,8 @@ def _decoder() -> msgspec.json.Decoder[Scenario]:
 
 
 def _plain(value: Any) -> Any:
-    match value:
-        case Expression():
-            return value.text
-        case Assignment():
-            return value.text, value.key
+    if isinstance(value, Expression | Assignment):
+        return value.text
     raise TypeError(f"a scenario holds no {type(value).__name__}")
 
 
@@ -51,6 +48,5 @@ def _own(kind: type, value: Any) -> Any:
     if kind is Expression:
         return Expression.parse(value)
     if kind is Assignment:
-        text, key = value
-        return next(each for each in Assignment.parse_all(text) if each.key == key)
+        return Assignment.parse(value)
     raise TypeError(f"a scenario holds no {kind.__name__}")

@@ -65,11 +65,7 @@ class Questions:
         """
         app = self._console.app
         while app.screen is not self._console:
-            above = app.screen
-            if isinstance(above, Dialog):
-                above.withdraw()
-            if app.screen is above:
-                above.dismiss()
+            app.screen.dismiss()
 
     def _who(self) -> tuple[str | None, str | None]:
         view = self._console.session.store.view

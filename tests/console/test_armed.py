@@ -6,6 +6,7 @@ import pytest
 from textual import events
 
 from rise_tui.model.armed import Guard, after_lock, after_safe, why_not
+from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.help import HelpScreen
 from rise_tui.widgets.say import SayField
@@ -158,3 +159,16 @@ async def test_a_console_that_watches_is_not_called_live() -> None:
     async with console(client=client) as it:
         await it.press("ctrl+x")
         await it.until(lambda: " SAFE " in it.screen.status.text and "WATCHING" in it.screen.status.text)
+
+
+@pytest.mark.parametrize("guard", ["SAFE", "LOCKED"])
+@pytest.mark.parametrize(
+    "function", ["startCommunicationRobotAct", "raiseEventTopic", "assignValue", "say", "nextFiller"]
+)
+def test_what_makes_something_happen_does_not_while_keys_are_safe(guard: Guard, function: str) -> None:
+    client = FakeClient(demo())
+    store = Store(client.hello(), "anna", client.now)
+    assert store.cannot(function) == ""
+    store.guard = guard
+    assert store.cannot(function).startswith(guard)
+    assert store.cannot("markCue") == store.cannot("stopCommunicationRobotAct") == ""

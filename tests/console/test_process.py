@@ -78,6 +78,16 @@ def test_a_console_that_is_killed_changes_nothing() -> None:
             again.until("LIVE")
 
 
+def test_the_session_of_another_participant_is_not_attached_to() -> None:
+    with terminal("--config", DEMO, "--seed", "1", "--participant", "P07") as it:
+        it.until("LIVE")
+        with terminal("--config", DEMO, "--participant", "P08", home=it.home) as other:
+            other.until("is running already, with --participant P07 and not P08")
+            assert other.ended() == 2
+        with terminal("--config", DEMO, "--participant", "P07", home=it.home) as again:
+            again.until("WATCHING")
+
+
 def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
     with terminal("--config", DEMO, "--seed", "1") as it:
         it.until("LIVE")

@@ -131,6 +131,15 @@ async def test_what_is_shown_is_said_in_its_turn_or_at_once(key: str, calling_ty
         assert not it.screen.say_line.is_open
 
 
+async def test_in_safe_nothing_is_said_and_what_was_typed_is_kept() -> None:
+    async with console() as it:
+        await it.press("ctrl+x")
+        await it.until(lambda: it.screen.session.store.guard == "SAFE")
+        await it.press("ctrl+t", *"Hello", "enter")
+        await it.until(lambda: "not said: SAFE" in it.notice)
+        assert said(it.client) == [] and it.screen.say_line.field.value == "Hello"
+
+
 async def test_a_missing_value_says_so_and_is_not_said() -> None:
     async with console() as it:
         await it.press("ctrl+t", *"Hello ", "left_curly_bracket", *"nobody", "right_curly_bracket")

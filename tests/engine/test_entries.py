@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.entries import Entry, entries
+from rise_engine.robots import drivers
 
 GROUPS = ("rise.robots", "rise.drivers", "rise.bridges", "rise.checks", "rise.doctors", "console_scripts", "pytest11")
 
@@ -29,7 +30,7 @@ def test_one_is_loaded_as_python_loads_it() -> None:
 def test_what_is_written_oddly_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "odd-1.0.dist-info"
     folder.mkdir()
-    text = "; x\n[other]\na = b\n[my.group]\n# no entry\n two=os.path : join [extra]\n\nthree = json\n[last]\nc = d\n"
+    text = "; x\n[other]\na = b\n[my.group]\n# four = x\n two=os.path : join [extra]\n\nthree = json\n[last]\nc = d\n"
     (folder / "entry_points.txt").write_text(text)
     monkeypatch.setattr(sys, "path", [str(tmp_path / "nothing"), str(tmp_path)])
     found = list(entries("my.group"))
@@ -38,6 +39,15 @@ def test_what_is_written_oddly_is_read_all_the_same(tmp_path: Path, monkeypatch:
     import os
 
     assert [each.load() for each in found] == [os.path.join, json]
+
+
+def test_of_two_with_one_name_python_finds_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("one", "two"):
+        folder = tmp_path / name / f"{name}-1.0.dist-info"
+        folder.mkdir(parents=True)
+        (folder / "entry_points.txt").write_text(f"[rise.drivers]\nmine = {name}:Robot\n")
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "one"), str(tmp_path / "two"), *sys.path])
+    assert drivers()["mine"].value == "one:Robot" and "simulated" in drivers()
 
 
 @pytest.mark.parametrize(
