@@ -16,7 +16,7 @@ from textual.app import App
 
 from rise_tui.quiet.outlet import Outlet
 
-SLICE = 0.001
+SLICE = 0.0006
 """Seconds after which a piece of work gives way to what else there is to do."""
 
 
