@@ -24,6 +24,11 @@ READABLE = 84
 """Cells beyond which a row's two ends would be too far apart for the eye."""
 
 
+def whose(store: Store) -> str:
+    """Who can press a key that is named: `you`, or whoever has control (`key`)."""
+    return "key" if store.cannot_act() else "you"
+
+
 class Reasons:
     """Makes the rows for the present state of a rule."""
 
@@ -59,7 +64,7 @@ class Reasons:
     ) -> list[Row]:
         waits: Line = ((" waits for ", "muted"), (waits_for(self._store.scenario, transition), "wait"))
         stands, you = self._stands(transition, view), self._keys(transition)
-        must: Line = (("  you: ", "muted"), (" ".join(you), "key")) if you else ()
+        must: Line = ((f"  {whose(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
         condition = transition.condition
         if transition.event is not None and condition is not None and not truth_of(condition, memory).holds:
             must = (*must, ("  not now", "wait"))
@@ -123,7 +128,7 @@ class Reasons:
             line: Line = ((f"{joint if number else 'if':>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
             more: Line = ((truth.values, "muted"),) if truth.values and not _says_it(part, truth) else ()
             if keys := [] if truth.holds else self._setters(part, memory):
-                more = (*more, ("  you: " if more else "you: ", "muted"), (" ".join(keys), "key"))
+                more = (*more, (f"{'  ' if more else ''}{whose(self._store)}: ", "muted"), (" ".join(keys), "key"))
             gap = " " * (texts - cell_len(clean(truth.text)) + 2) if more else ""
             both: Line = (*line, (gap, "plain"), *more)
             fits = width_of(both) + width_of((verdict,)) < width

@@ -12,7 +12,7 @@ from rise_tui.actions import bindings
 from rise_tui.messages import StartAsked, Told
 from rise_tui.model.explain import raised_by_engine
 from rise_tui.model.gate import Trigger
-from rise_tui.model.reasons import Reasons
+from rise_tui.model.reasons import Reasons, whose
 from rise_tui.model.state_drawing import HERE, Now, draw
 from rise_tui.model.state_graph import Layout, lay_out
 from rise_tui.model.states import rule_state
@@ -117,8 +117,9 @@ class RulePane(ListPane):
         else:
             if view.reason:
                 line = ((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),)
-            if (key := self.store.key_of("startInteractionRule", rule.name)) is not None:
-                line = (*line, ("  you: ", "muted"), (key.label, "key"), (" starts it", "muted"))
+            key = self.store.key_of("startInteractionRule", rule.name)
+            if key is not None and not self.store.gone:
+                line = (*line, (f"  {whose(self.store)}: ", "muted"), (key.label, "key"), (" starts it", "muted"))
         return [*rows, Row("", crop(line, width), selectable=False)] if line else rows
 
     # --- the graph --------------------------------------------------------------------------------------------------

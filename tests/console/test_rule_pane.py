@@ -157,3 +157,13 @@ async def test_a_rule_that_does_not_run_says_with_which_key_it_starts() -> None:
         key = demo().keys
         label = next(one.label for one in key.values() if one.behavior == "Main")
         assert f"you: {label} starts it" in it.text("rule")
+
+
+async def test_who_only_watches_is_not_told_that_they_can_do_it() -> None:
+    client = FakeClient(demo(), you="observer:bob", role="observer")
+    async with console(client=client) as it:
+        await it.until(lambda: "starts it" in it.text("rule"))
+        assert "key: m starts it" in it.text("rule") and "you:" not in it.text("rule")
+        client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
+        await it.until(lambda: "waits for event next" in it.text("rule"))
+        assert "waits for event next  key: n" in it.text("rule") and "you:" not in it.text("rule")

@@ -264,6 +264,15 @@ def _cannot(scenario: object) -> bytes:
     raise UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed")
 
 
+async def test_an_engine_of_another_release_may_describe_what_it_runs_otherwise(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving, "to_json", lambda scenario: b'{"title":"Greeting","stages":[]}')
+    async with served(place) as session:
+        follower = await Follower(session.client()).attach()
+        assert follower.hello.scenario.rules == session.engine.scenario.rules
+
+
 @pytest.mark.parametrize("seed", range(3))
 async def test_who_comes_in_the_middle_of_everything_sees_the_same(
     place: Path, monkeypatch: pytest.MonkeyPatch, seed: int
