@@ -167,3 +167,10 @@ async def test_who_only_watches_is_not_told_that_they_can_do_it() -> None:
         client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
         await it.until(lambda: "waits for event next" in it.text("rule"))
         assert "waits for event next  key: n" in it.text("rule") and "you:" not in it.text("rule")
+
+
+async def test_after_the_end_no_key_starts_anything_and_none_is_named() -> None:
+    async with console() as it:
+        await it.until(lambda: "starts it" in it.text("rule"))
+        it.client.end_in_order("ended by wizard:anna")
+        await it.until(lambda: "starts it" not in it.text("rule"))
