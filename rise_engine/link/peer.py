@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, cast
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.link.client import Reply
+from rise_engine.link.early import Early
 from rise_engine.link.messages import (
     LINE_LIMIT,
     MESSAGE_LIMIT,
@@ -85,6 +86,10 @@ class Peer(asyncio.BufferedProtocol):
         self._waiting = 0
         self._backlog = ARRIVAL_BACKLOG
         self._answers: list[bytes] = []
+        self._early: Early | None = None
+        """An answer that may leave without a turn of the loop, until that is where it is given."""
+        self._held: Early | None = None
+        """The same while it is not known how much of it has left: nothing else can be sent before."""
         self._arriving = False
         self._pieces: deque[bytes] = deque()
         self._portions: Iterator[list[TaskView]] = iter(())
@@ -118,6 +123,9 @@ class Peer(asyncio.BufferedProtocol):
         self._closing = True
         if self._timer is not None:
             self._timer.cancel()
+        for early in (self._early, self._held):
+            if early is not None:
+                early.close()
         self._queue.clear()
         self._pieces.clear()
         self._in.clear()
@@ -144,7 +152,7 @@ class Peer(asyncio.BufferedProtocol):
         with suppress(RuntimeError):
             self._transport.pause_reading()
         self._timer = self._loop.call_later(LINGER_SECONDS, self.abort)
-        if not self._queue:
+        if not self._queue and self._held is None:
             self._transport.close()
 
     def abort(self) -> None:
@@ -227,6 +235,7 @@ class Peer(asyncio.BufferedProtocol):
             self.refuse(str(problem))
             return
         member, room = self.member, self.server.room
+        room.engine.catch_up()  # whoever has been answered early finds that everybody knows of it
         match message:
             case Attach():
                 self._attach(message)
@@ -240,7 +249,10 @@ class Peer(asyncio.BufferedProtocol):
                 self._answer(message.id, Reply(False, f"{MAX_OPEN} of your messages are not answered yet; wait"))
             case Send():
                 self._unanswered += 1
-                room.send(member, message.message, partial(self._answered, message.id))
+                answer = partial(self._answered, message.id)
+                room.send(member, message.message, answer)
+                if self._clear:
+                    self.server.hasten(self, message.id, answer)
             case Control():
                 self._unanswered += 1
                 room.control(member, message.verb, partial(self._answered, message.id))
@@ -271,6 +283,11 @@ class Peer(asyncio.BufferedProtocol):
         self._answer(id, reply)
 
     def _answer(self, id: int, reply: Reply) -> None:
+        early = self._early
+        if early is not None and early.id == id:
+            self._early = None
+            if self._has_left(early):
+                return
         if not self._closing:
             self._answers.append(line(Answer(id, reply.accepted, reply.reason, reply.task)))
             self.server.has_answer(self)
@@ -285,6 +302,33 @@ class Peer(asyncio.BufferedProtocol):
         answers, self._answers = self._answers, []
         return b"".join(answers)
 
+    @property
+    def _clear(self) -> bool:
+        """Nothing waits to be sent."""
+        waits = self._full or self._arriving or self._queue or self._closing or self._early or self._held
+        return not waits and self._transport.get_write_buffer_size() == 0
+
+    def early(self, id: int, records: int, data: bytes) -> Early:
+        """Its next bytes, for whoever is first to send them. Only while nothing else waits for it."""
+        self._early = Early(self._transport, id, records, data)
+        return self._early
+
+    def _has_left(self, early: Early) -> bool:
+        """Whether it has, or is leaving now; if not, it goes the usual way."""
+        if not early.left():
+            return False
+        if self._held is None:
+            self._finish(early)
+        return True
+
+    def _finish(self, early: Early) -> None:
+        if early.finish():
+            self._held = None
+            self._send_waiting()
+        else:
+            self._held = early
+            self._loop.call_soon(self._finish, early)
+
     def push(self, data: bytes) -> None:
         """Send this when the client takes it; drop a client for whom too much waits."""
         if self._closing or self._transport.is_closing():
@@ -296,7 +340,9 @@ class Peer(asyncio.BufferedProtocol):
         self._write(data)
 
     def _write(self, data: bytes) -> None:
-        if self._full or self._arriving or self._queue:
+        if self._early is not None:
+            self._has_left(self._early)
+        if self._full or self._arriving or self._queue or self._held is not None:
             self._queue.append(data)
             self._waiting += len(data)
         else:
@@ -314,7 +360,7 @@ class Peer(asyncio.BufferedProtocol):
 
     def _send_waiting(self) -> None:
         queue = self._queue
-        while queue and not self._full and not self._transport.is_closing():
+        while queue and not self._full and self._held is None and not self._transport.is_closing():
             piece = [queue.popleft()]
             size = len(piece[0])
             while queue and size + len(queue[0]) <= PIECE:

@@ -13,7 +13,7 @@ import asyncio
 import os
 import socket
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cached_property, partial
 from pathlib import Path
@@ -22,11 +22,15 @@ from time import perf_counter
 import msgspec
 from msgspec.structs import replace
 
+from rise_engine.engine import Answer as Callback
 from rise_engine.engine import versions
-from rise_engine.link.client import Journaling, Pulse, Role, Update
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.link.client import Journaling, Pulse, Reply, Role, Update
+from rise_engine.link.early import Early
 from rise_engine.link.messages import (
     VERSION,
     About,
+    Answer,
     Ended,
     JournalingChanged,
     PulseTold,
@@ -106,6 +110,8 @@ class Server:
         self._all_gone = asyncio.Event()
         self._pending: list[bytes] = []
         self._answered: list[Peer] = []
+        self._early: tuple[Peer, Early] | None = None
+        """What may have gone to one client already of the records that are pending next."""
         self._flushing = False
         self.buffer = memoryview(bytearray(READ))
         """What a client says arrives here; a new buffer for each message would cost more than taking the message."""
@@ -228,6 +234,18 @@ class Server:
             self._flush_records()
             self._broadcast(line(PulseTold(pulse)))
 
+    def hasten(self, peer: Peer, id: int, answer: Callback) -> None:
+        """`peer`, for whom nothing waits, has sent the message `id`: let it have the answer as early as can be."""
+
+        def prepare(records: list[AnyRecord], reply: Reply) -> Callable[[], None]:
+            data = _records_line(list(map(record_bytes, records)))
+            early = peer.early(id, len(records), data + line(Answer(id, reply.accepted, reply.reason, reply.task)))
+            self._early = (peer, early)
+            return early.send
+
+        if not (self._pending or self._answered):
+            self.room.engine.hasten(answer, prepare)
+
     def has_answer(self, peer: Peer) -> None:
         self._answered.append(peer)
         self._flush_soon()
@@ -254,13 +272,24 @@ class Server:
             self._flush()
 
     def _flush_records(self, asker: Peer | None = None) -> None:
-        if self._pending:
-            records, self._pending = self._pending, []
-            self._broadcast(b'{"type":"records","records":[' + b",".join(records) + b"]}\n", asker)
+        if not self._pending:
+            return
+        records, self._pending = self._pending, []
+        if self._early is not None:
+            (peer, early), self._early = self._early, None
+            if early.left():
+                first, records = records[: early.records], records[early.records :]
+                self._broadcast(_records_line(first), without=peer)
+        if records:
+            self._broadcast(_records_line(records), asker)
+        elif asker is not None:
+            asker.send_answers()
 
-    def _broadcast(self, data: bytes, asker: Peer | None = None) -> None:
+    def _broadcast(self, data: bytes, asker: Peer | None = None, *, without: Peer | None = None) -> None:
         pieces = in_pieces(data)
         for peer in tuple(self._audience):
+            if peer is without:
+                continue
             for piece in pieces[:-1]:
                 peer.push(piece)
             peer.push(pieces[-1] + asker.take_answers() if peer is asker else pieces[-1])
@@ -335,6 +364,10 @@ class Server:
             self.room.leave(peer.member)
         if not self.peers and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
+
+
+def _records_line(records: list[bytes]) -> bytes:
+    return b'{"type":"records","records":[' + b",".join(records) + b"]}\n"
 
 
 def _in_portions(tasks: list[TaskView], without: set[int]) -> Iterator[list[TaskView]]:

@@ -63,6 +63,7 @@ class Journal:
         self._retry = retry
         self._size = size
         self._queue: SimpleQueue[list[bytes] | None] = SimpleQueue()
+        self._prompt: tuple[int, Callable[[], None]] | None = None
         self._waiting_since: float | None = None
         self._looked = 0.0
         """When the file was last seen in its place."""
@@ -81,12 +82,21 @@ class Journal:
             self._waiting_since = time.monotonic()
         self._appended.append(lines)
         if self._later is None:
-            self._hand_over()
+            self.hand_over()
         elif len(self._appended) == 1:
-            self._later(self._hand_over)
+            self._later(self.hand_over)
         return self.appended
 
-    def _hand_over(self) -> None:
+    def promptly(self, position: int, call: Callable[[], None]) -> None:
+        """Call this on the writer's thread before `changed`, once `durable` has reached `position`.
+
+        One call at a time; and none when that is reached already, or when the writer is at this very place: who asks
+        for it looks at `durable` anyway.
+        """
+        self._prompt = (position, call)
+
+    def hand_over(self) -> None:
+        """Let the writer have what was appended, without waiting for the end of the turn."""
         with self._handing:  # `close` may be called on another thread while a turn ends
             if self._appended:
                 appended, self._appended = self._appended, []
@@ -105,7 +115,7 @@ class Journal:
 
     def close(self, timeout: float = 5.0) -> bool:
         """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
-        self._hand_over()
+        self.hand_over()
         self._queue.put(None)
         self._thread.join(timeout)
         self._hurry.set()
@@ -132,6 +142,10 @@ class Journal:
                 self._beat()
             if batch and self._commit(b"".join(batch)):
                 self.durable += len(batch)
+                prompt = self._prompt
+                if prompt is not None and prompt[0] <= self.durable:
+                    self._prompt = None
+                    prompt[1]()
                 self.changed()
         with suppress(OSError):
             self._stay_in_place()
