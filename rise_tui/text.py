@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len, set_cell_size
@@ -42,6 +43,7 @@ def cells(text: str) -> int:
     return len(text) if text.isascii() else cell_len(text)
 
 
+@lru_cache(2048)  # columns of a list repeat themselves
 def fit(text: str, width: int, *, right: bool = False) -> str:
     """The text in exactly `width` cells; what does not fit ends in `…`."""
     if width <= 0:

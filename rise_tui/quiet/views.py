@@ -50,7 +50,27 @@ class QuietScrollView(ScrollView):
             self.app._start_widget(self, bar)
         return self._vertical_scrollbar
 
+    _widths: tuple[object, int, int] | None = None
+
+    def _measured(self) -> tuple[object, int, int]:
+        """Working this out takes as long as painting a row, and it is asked for at each."""
+        of = self._size, self.show_vertical_scrollbar
+        widths = self._widths
+        if widths is None or widths[0] != of:
+            widths = self._widths = of, self.size.width, self.scrollable_content_region.width
+        return widths
+
+    def notify_style_update(self) -> None:
+        """The theme or a class changed."""
+        self._widths = None
+        super().notify_style_update()
+
+    @property
+    def painted_width(self) -> int:
+        """Cells of a painted line."""
+        return self._measured()[1]
+
     @property
     def row_width(self) -> int:
         """Cells of one row, without the scrollbar."""
-        return self.scrollable_content_region.width
+        return self._measured()[2]

@@ -81,7 +81,7 @@ class RowView(QuietScrollView, Toned, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
-        width = self.size.width
+        width = self.painted_width
         if not 0 <= index < self.count:
             return self.paint((), width)
         return self.paint(self.row_at(index).line, width, self.ground_of(index))

@@ -74,14 +74,14 @@ class TaskLog(RowView):
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
         if not 0 <= index < self._shown:
-            return self.paint((), self.size.width)
+            return self.paint((), self.painted_width)
         painted = self._painted.get(index)
         if painted is None:
             if len(self._painted) > KEPT:  # scrolled through for a while, and nothing new came
                 self._painted.clear()
             width = self.row_width
             painted = self._painted[index] = self._made_of(index, width), self._row(index, width).line
-        return self.paint(painted[1], self.size.width, self.ground_of(index))
+        return self.paint(painted[1], self.painted_width, self.ground_of(index))
 
     def on_resize(self, event: events.Resize) -> None:
         self._painted.clear()
@@ -228,8 +228,7 @@ class TaskLog(RowView):
             *tail,
             cell(took, 6, right=True),
         )
-        room = width - width_of(line)
-        return crop((*line, *reason), width) if room >= REASON else line
+        return crop((*line, *reason), width) if reason and width - width_of(line) >= REASON else line
 
 
 def marking(task: TaskView) -> str:

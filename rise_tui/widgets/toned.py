@@ -41,6 +41,14 @@ CURSOR, CURSOR_AWAY = "rise-cursor", "rise-cursor-away"
 """The background of the cursor's row, where the keys go and where they do not."""
 
 
+class Ink(NamedTuple):
+    """A style that is ready for use. Of one widget, equal styles are the same object."""
+
+    style: Style
+    blank: tuple[object, ...]
+    """All that can be seen of a blank in this style; also the same object where it is equal."""
+
+
 class Toned(Widget):
     """A widget that paints lines of toned text.
 
@@ -48,62 +56,70 @@ class Toned(Widget):
     was a third of the time that a console took to appear.
     """
 
-    _styles_of_tones: dict[Tone, Style] | None = None
+    _inks: dict[str, dict[Tone, Ink]] | None = None
+    """By the ground, then by the tone."""
 
     def notify_style_update(self) -> None:
         """The theme or a class changed."""
-        self._styles_of_tones = None
+        self._inks = None
         super().notify_style_update()
 
     def style_of(self, tone: Tone) -> Style:
-        known = self._styles_of_tones
+        return self._inks_on("")[tone].style
+
+    def _inks_on(self, ground: str) -> dict[Tone, Ink]:
+        """How each tone looks on the background that a theme variable names; empty: the widget's own."""
+        known = self._inks
         if known is None:
-            known = self._styles_of_tones = {}
-        style = known.get(tone)
-        if style is None:
-            look, variables = LOOKS[tone], self.app.theme_variables
+            known = self._inks = {}
+        inks = known.get(ground)
+        if inks is None:
+            inks = known[ground] = self._make_inks(ground)
+        return inks
+
+    def _make_inks(self, ground: str) -> dict[Tone, Ink]:
+        variables = self.app.theme_variables
+        styles: dict[Style, Style] = {}
+        blanks: dict[tuple[object, ...], tuple[object, ...]] = {}
+        inks: dict[Tone, Ink] = {}
+        for tone, look in LOOKS.items():
             background = _color(variables[look.background]) if look.background else self.background_colors[1]
             color = _color(variables[look.color])
             style = Style(color=color.rich_color, bgcolor=background.rich_color) + self.styles.text_style
-            known[tone] = style = style + _attributes(variables.get(f"rise-{tone}-style", "none"))
-        return style
-
-    def _ground(self, background: str) -> Style | None:
-        """What a row's background adds to the style of its text."""
-        if not background:
-            return None
-        variables = self.app.theme_variables
-        color = _color(variables[background]).rich_color
-        return Style(bgcolor=color) + _attributes(variables.get(f"{background}-style", "none"))
+            style += _attributes(variables.get(f"rise-{tone}-style", "none"))
+            if ground and tone not in ("alarm", "call"):
+                style += Style(bgcolor=_color(variables[ground]).rich_color)
+                style += _attributes(variables.get(f"{ground}-style", "none"))
+            blank = _blank(style)
+            inks[tone] = Ink(styles.setdefault(style, style), blanks.setdefault(blank, blank))
+        return inks
 
     def paint(self, line: Line, width: int, background: str = "") -> Strip:
         """A line in exactly `width` cells, on the background that a theme variable names."""
-        ground = self._ground(background)
-        fill = self.style_of("plain")
-        if ground is not None:
-            fill += ground
-        pieces: list[tuple[str, Style]] = []
+        inks = self._inks_on(background)
+        fill = inks["plain"]
+        segments: list[Segment] = []
+        so_far, ink, rest = "", fill, width
         for text, tone in line:
-            style = self.style_of(tone)
-            if ground is not None and tone not in ("alarm", "call"):
-                style += ground
-            text = clean(text)
-            if pieces:
-                before, last = pieces[-1]
-                # A change of style costs the terminal 40 bytes, and a blank looks the same in every color of text.
-                if style == last or (not text.strip(" ") and _blank(style) == _blank(last)):
-                    pieces[-1] = before + text, last
-                    continue
-            pieces.append((text, style))
-        if pieces and _blank(pieces[-1][1]) == _blank(fill):
-            fill = pieces[-1][1]
-        rest = width - sum(cells(text) for text, _ in pieces)
-        if rest > 0 and pieces and pieces[-1][1] == fill:
-            pieces[-1] = pieces[-1][0] + " " * rest, fill
-        elif rest > 0:
-            pieces.append((" " * rest, fill))
-        segments = [Segment(text, style) for text, style in pieces]
-        return Strip(segments, width) if rest >= 0 else Strip(segments).adjust_cell_length(width, fill)
+            if not text.isprintable():
+                text = clean(text)
+            rest -= cells(text)
+            new = inks[tone]
+            # A change of style costs the terminal 40 bytes, and a blank looks the same in every color of text.
+            if new.style is ink.style or (new.blank is ink.blank and so_far and not text.strip(" ")):
+                so_far += text
+            elif text:
+                if so_far:
+                    segments.append(Segment(so_far, ink.style))
+                so_far, ink = text, new
+        if rest > 0:
+            if so_far and ink.blank is not fill.blank:
+                segments.append(Segment(so_far, ink.style))
+                so_far, ink = "", fill
+            so_far += " " * rest
+        if so_far:
+            segments.append(Segment(so_far, ink.style))
+        return Strip(segments, width) if rest >= 0 else Strip(segments).adjust_cell_length(width, fill.style)
 
 
 @lru_cache(64)
