@@ -181,7 +181,8 @@ ACTIONS: tuple[Action, ...] = (
            "Stops the robot, all acts and all rules at once, without asking, and stays stopped until it is released.",
            "STOP", _stoppable),
     Action("quit", "Leave", ("ctrl+c",), "everywhere",
-           "Asks first: detach, and the session goes on without this console; or end it, and the robot is stopped."),
+           "Asks first: detach, and the session goes on without this console; or end it, and the robot is stopped. "
+           "When the engine has gone: start it again and go on with the session."),
     Action("cue", "Mark the participant's cue", ("space",), "console",
            "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
            "cue", _acting),

@@ -16,6 +16,7 @@ from textual import events, on
 from textual.screen import Screen
 
 from rise_engine.link.client import Client, EngineGone
+from rise_engine.link.places import PlaceError
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
 from rise_tui import themes
@@ -210,6 +211,27 @@ class ConsoleApp(KeyWatch):
             await self.pop_screen()
         await self._begin(scenario, settings)
 
+    def _recoverable(self, session: Session) -> bool:
+        store = session.store
+        return bool(store.gone and not store.over and store.hello.folder and self._launcher.recover)
+
+    async def _recover(self, session: Session) -> None:
+        """Start the engine of this session again and attach to it."""
+        recover = self._launcher.recover
+        if recover is None:
+            return
+        session.tell(Notice("the session is being recovered", "wait"))
+        try:
+            recovered = await asyncio.to_thread(recover, session.store.hello)
+        except (EngineGone, PlaceError) as error:
+            session.tell(Notice(f"it is not recovered: {error}", "fault"))
+            return
+        await self._close(session, end=False)
+        while isinstance(self.screen, ConsoleScreen):
+            await self.pop_screen()
+        self._told = recovered.told or "the session goes on where it was"
+        await self._enter(recovered.client)
+
     def _may_end(self, session: Session) -> bool:
         """Ending needs control, which may have gone while the question was open."""
         if reason := session.store.cannot_act():
@@ -254,14 +276,20 @@ class ConsoleApp(KeyWatch):
         if isinstance(self.screen, Dialog) and self.screen.has_class("-quit"):
             return
         session = self._session
-        if session is None or session.store.gone or session.store.hello.replay:
+        recoverable = session is not None and self._recoverable(session)
+        if session is None or session.store.hello.replay or (session.store.gone and not recoverable):
             await self._leave(0)
             return
-        dialog = leaving.question(session.store, outlives=self._launcher.outlives)
+        if recoverable:
+            dialog = leaving.question_of_gone(session.store)
+        else:
+            dialog = leaving.question(session.store, outlives=self._launcher.outlives)
         dialog.add_class("-quit")
 
         def answered(key: str | None) -> None:
-            if key == "d" or (key == "e" and self._may_end(session)):
+            if key == "r":
+                self.run_worker(self._recover(session), exclusive=True, group="restart")
+            elif key in ("d", "l") or (key == "e" and self._may_end(session)):
                 self.run_worker(self._leave(0, end=key == "e"))
 
         self.push_screen(dialog, answered)

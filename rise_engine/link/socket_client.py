@@ -325,7 +325,7 @@ class _Connection:
             await asyncio.sleep(0.02)
         if not lock.exists() and await _answers(self._path):  # one that runs without a lock
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
-        return EngineGone("the engine has gone: its process is not there any more")
+        return EngineGone("its process is not there any more")
 
     async def batches(self) -> AsyncIterator[Sequence[Update]]:
         while True:

@@ -59,12 +59,14 @@ def _gone(store: Store) -> Alarm:
             (("   keys do nothing any more; what is shown is how it ended", "plain"),),
             (leave, (" leaves", "plain")),
         )
-    again = "; start rise-tui again: the session can be recovered" if store.hello.folder else ""
+    again = "recovers the session, or leaves" if store.hello.folder else "leaves"
+    if store.hello.role == "observer":
+        again = "watches again once it is recovered, or leaves"
     stop = key_in_words("stop")
     return Alarm(
         ((" ✗ ENGINE GONE ", "alarm"), (f"  {store.gone}", "strong")),
-        ((f"   keys do nothing any more, {stop} neither; what is shown is the last known state", "plain"),),
-        (leave, (f" leaves{again}", "plain")),
+        ((f"   no key reaches the robot, {stop} neither: its own switch stops it", "plain"),),
+        (leave, (f" {again}; shown is the last known state", "plain")),
     )
 
 

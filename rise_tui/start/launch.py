@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from msgspec import Struct
 
@@ -42,6 +42,14 @@ def prepare(settings: Settings) -> Prepared:
     return Refused(list(loaded.findings)) if loaded.scenario is None else loaded.scenario
 
 
+class Recovered(NamedTuple):
+    """A session that goes on."""
+
+    client: Client
+    told: str = ""
+    """What there is to say about it."""
+
+
 @dataclass(frozen=True)
 class Launcher:
     """How sessions are started; tests give others."""
@@ -51,6 +59,8 @@ class Launcher:
     prepare: Callable[[Settings], Prepared] = prepare
     outlives: bool = False
     """Whether the engine goes on when this process ends."""
+    recover: Callable[[Hello], Recovered] | None = None
+    """Goes on with a session whose engine has gone. May block. Raises EngineGone with the reason."""
 
 
 def settings_of(hello: Hello) -> Settings:

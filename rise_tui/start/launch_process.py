@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from time import monotonic, sleep
 
-from rise_engine.link.client import Client, EngineGone, Role
-from rise_engine.link.spawn import Refused, start_engine
+from rise_engine.link.client import Client, EngineGone, Hello, Role
+from rise_engine.link.places import running, session_name
+from rise_engine.link.spawn import Options, Refused, Started, start_engine
 from rise_engine.scenario.model import Scenario
-from rise_tui.start.launch import Launcher
+from rise_tui.start.launch import Launcher, Recovered
 from rise_tui.start.settings import Settings, options, scenario_place
 
 RUNNING = 3
@@ -17,7 +18,7 @@ LET_GO = 10.0
 
 
 def process_launcher(who: str, role: Role) -> Launcher:
-    """For the settings screen: the next session, after the running one has ended."""
+    """For the next session, after the running one has ended; and for this one, after its engine has gone."""
 
     def start(scenario: Scenario, settings: Settings) -> Client:
         from rise_engine.link.socket_client import SocketClient  # not needed before the engine's process is on its way
@@ -37,4 +38,18 @@ def process_launcher(who: str, role: Role) -> Launcher:
             )
         raise EngineGone("; ".join(found.lines))
 
-    return Launcher(start=start, outlives=True)
+    def recover(hello: Hello) -> Recovered:
+        from rise_engine.link.socket_client import SocketClient
+
+        folder = hello.scenario.folder
+        name = session_name(folder)
+        found = start_engine(Options(folder, unfinished=hello.folder)) if role == "wizard" else None
+        if isinstance(found, Started):
+            return Recovered(SocketClient(found.name, who, role), "; ".join(found.lines))
+        if found is not None and found.code != RUNNING:
+            raise EngineGone("; ".join(found.lines))
+        if name not in running():
+            raise EngineGone("nobody has recovered it yet")
+        return Recovered(SocketClient(name, who, role))  # somebody else has
+
+    return Launcher(start=start, outlives=True, recover=recover)

@@ -6,6 +6,12 @@ from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Answer, Dialog
 from rise_tui.start.choose import tilde
 
+GONE_ON = (
+    "the engine starts again, and the session goes on.",
+    "What the robot was doing counts as lost:",
+    "nothing is repeated to the participant by itself.",
+)
+
 
 def question(store: Store, *, outlives: bool) -> Dialog:
     """What can be done when leaving: a session can be ended only by who has control.
@@ -21,6 +27,15 @@ def question(store: Store, *, outlives: bool) -> Dialog:
         return Dialog("Leave?", said, Answer("d", "Detach"), no="Stay", first="d")
     said = [*detach, "End     the robot is stopped; it cannot be continued."]
     return Dialog("Leave?", said, Answer("d", "Detach"), Answer("e", "End the session"), no="Stay", first="d")
+
+
+def question_of_gone(store: Store) -> Dialog:
+    """What can be done when the engine has gone in the midst of a session."""
+    said = [f"Recover  {line}" if line is GONE_ON[0] else f"         {line}" for line in GONE_ON]
+    if store.hello.role == "observer":
+        said = ["Watch    goes on, once somebody has recovered the session."]
+    ways = Answer("r", "Watch" if store.hello.role == "observer" else "Recover"), Answer("l", "Leave")
+    return Dialog("The engine has gone", said, *ways, no="Stay")
 
 
 def last_words(store: Store, *, end: bool, in_time: bool, patience: float, by: str = "") -> str:

@@ -18,6 +18,8 @@ from rise_tui.text import Line, Span, Tone, crop, fit, width_of
 from rise_tui.widgets.line import Lines
 
 NARROW = 100
+GONE_ACTIONS = ("quit", "filter", "next-pane", "help")
+"""What there is to do besides when nothing runs any more."""
 FILLER = 18
 """Cells for the name of the next filler among the hints."""
 
@@ -61,6 +63,9 @@ class KeyHints(Lines):
     def draw(self, own: Sequence[Action], common: Sequence[Action], store: Store) -> None:
         if store.guard == "LOCKED":
             own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
+        if store.gone:
+            own = [action for action in own if not action.unavailable(store)]  # what is left is to read
+            common = [BY_ID[id] for id in GONE_ACTIONS]
         pieces = [
             (_hint(action, store, word), action.id)
             for action in dict.fromkeys((*common[:1], *own, *common[1:]))
@@ -145,7 +150,7 @@ def _word(action: Action, store: Store, width: int) -> str:
     if action.id == "lock":
         return "unlock" if store.guard == "LOCKED" else "lock"
     if action.id == "quit":
-        return "leave" if store.guard == "LOCKED" else ""
+        return "leave" if store.guard == "LOCKED" or store.gone else ""
     return action.hint
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from rise_engine.link.client import (
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import View
-from rise_tui.start.launch import Launcher, Prepared
+from rise_tui.start.launch import Launcher, Prepared, Recovered
 from rise_tui.start.settings import Settings
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
@@ -249,7 +249,13 @@ class FakeClient:
 class FakeLauncher(Launcher):
     """Gives prepared clients, and remembers what it was asked to start."""
 
-    def __init__(self, *clients: FakeClient, prepared: Prepared | None = None, outlives: bool = True) -> None:
+    def __init__(
+        self,
+        *clients: FakeClient,
+        prepared: Prepared | None = None,
+        outlives: bool = True,
+        recover: Callable[[Hello], Recovered] | None = None,
+    ) -> None:
         self.clients = list(clients)
         self.started: list[Settings] = []
         self.prepared_with: list[Settings] = []
@@ -262,4 +268,4 @@ class FakeLauncher(Launcher):
             self.started.append(settings)
             return self.clients[min(len(self.started), len(self.clients)) - 1]
 
-        super().__init__(start, prepare, outlives)
+        super().__init__(start, prepare, outlives, recover)

@@ -131,7 +131,7 @@ def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None
     store = store_after(lose, full)
     store.gone = "its process is not there any more"
     told = said(store)
-    assert "ENGINE GONE" in told[0] and "F9 neither" in told[1] and "recovered" in told[2]
+    assert "ENGINE GONE" in told[0] and "F9 neither" in told[1] and "recovers" in told[2]
     store.over = True
     assert "SESSION ENDED" in said(store)[0] and "LOST" not in "".join(said(store))
 

@@ -7,7 +7,10 @@ import signal
 import pytest
 from textual.widgets import Button
 
+from rise_engine.link.client import EngineGone, Hello
+from rise_tui.screens.console import ConsoleScreen
 from rise_tui.screens.dialog import Dialog
+from rise_tui.start.launch import Recovered
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, FakeLauncher, demo
 
@@ -96,6 +99,49 @@ async def test_an_engine_in_this_process_is_ended_and_not_detached_from() -> Non
         await it.press("escape")
         it.app._signalled(signal.SIGTERM)
         await it.until(lambda: client.closed == [True])
+
+
+async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> None:
+    client, again = FakeClient(demo()), FakeClient(demo())
+    asked: list[str] = []
+    ways = iter([EngineGone("the disk is full"), Recovered(again, "3 actions were lost")])
+
+    def recover(hello: Hello) -> Recovered:
+        asked.append(hello.folder)
+        way = next(ways)
+        if isinstance(way, EngineGone):
+            raise way
+        return way
+
+    async with console(client=client, launcher=FakeLauncher(client, recover=recover)) as it:
+        gone = it.screen
+        client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        assert "recovers the session, or leaves" in it.screen.alarm.text
+        assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
+        await it.press("r")
+        await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
+        assert it.screen is gone
+        await leaving(it)
+        await it.press("r")
+        await it.until(lambda: it.screen is not gone and not it.screen.alarm.text)
+        await it.until(lambda: "3 actions were lost" in it.notice)
+        assert asked == [client.hello().folder] * 2 and client.closed == [False]
+        assert sum(isinstance(screen, ConsoleScreen) for screen in it.app.screen_stack) == 1
+        it.client = again
+        await it.press("ctrl+g")
+        await it.until(lambda: again.asked() == [("stopAll", "")])
+
+
+async def test_who_does_not_recover_leaves() -> None:
+    client = FakeClient(demo(), you="observer:ben", role="observer")
+    async with console(client=client, launcher=FakeLauncher(client, recover=lambda hello: Recovered(client))) as it:
+        client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        assert "watches again once it is recovered, or leaves" in it.screen.alarm.text
+        assert await leaving(it) == ["Stay (esc)", "Watch (r)", "Leave (l)"]
+        await it.press("l")
+        await it.until(lambda: not it.app.is_running)
 
 
 async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:

@@ -116,7 +116,7 @@ async def test_an_engine_that_has_gone_says_that_the_session_can_be_recovered() 
         it.client.end("its process is not there any more")
         await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
         assert "its process is not there any more" in it.screen.alarm.text
-        assert "start rise-tui again: the session can be recovered" in it.screen.alarm.text
+        assert "ctrl+c recovers the session, or leaves" in it.screen.alarm.text
         assert "GONE" in it.screen.status.text
 
 

@@ -96,6 +96,8 @@ def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
         os.kill(it.engines()[0], signal.SIGKILL)
         it.until("ENGINE GONE")
         it.press(b"\x03")
+        it.until("Leave (l)")
+        it.press(b"l")
         it.until("to recover the session: rise-tui --config ")
         assert it.ended() == 0
         with terminal("--config", DEMO, home=it.home) as again:
@@ -104,6 +106,33 @@ def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
             assert again.ended() == 0
         with terminal("--config", DEMO, "--recover", home=it.home) as again:
             again.until("failed")  # the act that the robot was doing counts as lost
+
+
+def test_consoles_go_on_with_a_session_whose_engine_was_killed() -> None:
+    with terminal("--config", DEMO, "--seed", "1") as it:
+        it.until("LIVE")
+        with terminal("--observe", home=it.home) as watching:
+            watching.until("WATCHING")
+            it.press(b"p")
+            it.until("running")
+            os.kill(it.engines()[0], signal.SIGKILL)
+            watching.until("ENGINE GONE")
+            watching.press(b"\x03")
+            watching.until("Watch (r)")
+            watching.press(b"r")
+            watching.until("nobody has recovered it yet")
+            it.until("ENGINE GONE")
+            it.press(b"\x03")
+            it.until("Recover (r)")
+            it.press(b"r")
+            it.until("LIVE")
+            it.until("failed")  # the act that the robot was doing counts as lost
+            it.press(b"p")
+            it.until("running")
+            watching.press(b"\x03")
+            watching.until("Watch (r)")
+            watching.press(b"r")
+            watching.until("has control")
 
 
 def test_two_consoles_take_control_from_one_another() -> None:

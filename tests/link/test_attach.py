@@ -173,7 +173,7 @@ async def test_a_cut_connection_is_told_from_an_engine_that_has_gone(place: Path
             peer.abort()
         session.server._server.close()  # type: ignore[union-attr]
         error = await first.over()
-        assert isinstance(error, EngineGone) and not isinstance(error, LinkLost) and "has gone" in str(error)
+        assert isinstance(error, EngineGone) and not isinstance(error, LinkLost) and "is not there" in str(error)
         await second.over()
 
 

@@ -81,9 +81,11 @@ async def asked(session: Served, disk: Held) -> Asker:
     await asyncio.to_thread(asker.attach)
     asker.send(type="send", id=0, message=NOTE)
     assert (await asyncio.to_thread(asker.answered))[1]["id"] == 0
-    disk.hold()
-    asker.send(type="send", id=1, message=NOTE)
     async with asyncio.timeout(10):
+        while not all(peer._clear for peer in session.server.peers):  # it is told before the loop knows
+            await asyncio.sleep(0)
+        disk.hold()
+        asker.send(type="send", id=1, message=NOTE)
         await disk.waits.wait()
     return asker
 
