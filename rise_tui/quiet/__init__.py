@@ -8,13 +8,13 @@ What no other module may touch, `tests/console/test_private.py` looks for.
 - `difference`: of what is painted, only the cells that differ are written.
 - `slices`: long work on the loop, in short pieces, and none while a key is on its way.
 - `eager`: what a key asks for is sent at once.
-- `app`: an app that sees every key first.
+- `app`: an app that sees every key first, and at once when nothing is before it.
 - `driver`, `outlet`: the terminal: what is read together is told, and a terminal that takes nothing holds nothing up.
 """
 
 from __future__ import annotations
 
-from rise_tui.quiet.app import KeyWatch, QuietApp
+from rise_tui.quiet.app import KeyWatch, QuietApp, is_busy
 from rise_tui.quiet.driver import click_driver
 from rise_tui.quiet.eager import begin
 from rise_tui.quiet.outlet import Outlet
@@ -33,5 +33,6 @@ __all__ = [
     "Slices",
     "begin",
     "click_driver",
+    "is_busy",
     "outlet_of",
 ]

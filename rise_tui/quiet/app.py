@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from rich.console import RenderableType
 from textual import events
 from textual._compositor import ChopsUpdate, LayoutUpdate
 from textual.app import App
+from textual.message import Message
+from textual.message_pump import MessagePump
+from textual.messages import Prompt, Update
 from textual.screen import Screen
 from textual.strip import Strip
 
 from rise_tui.quiet.difference import Difference, Written, written
 from rise_tui.quiet.ears import read_together
 from rise_tui.quiet.frame import Frame
+
+_SEEN = "_seen_first"
+_NO_MATTER = (Update, Prompt)
+"""Only to paint, or to look whether there is something to do."""
+
+
+def is_busy(pump: MessagePump) -> bool:
+    """Whether anything waits for a widget, or for the app, that a key must not overtake."""
+    waiting: Iterable[Message | None] = pump._message_queue.values
+    return any(not isinstance(message, _NO_MATTER) for message in waiting)
 
 
 class QuietApp(App[Any]):
@@ -63,6 +77,9 @@ class KeyWatch(QuietApp):
     `App.on_event` receives an input event once from the driver and again when it bubbles up; only the first counts.
     """
 
+    _dispatching = 0
+    """Messages in the midst of which the app is."""
+
     def key_arrived(self, event: events.Key, together: bool | None) -> None:
         """Called for each key before anything acts on it.
 
@@ -77,10 +94,39 @@ class KeyWatch(QuietApp):
         """Carry out a key at once that nothing else could want; False: it takes its usual way."""
         return False
 
+    def key_read(self, event: events.Key) -> bool:
+        """A key straight from the terminal; whether nothing is left to do about it.
+
+        Its way through the app's queue takes a turn of the loop, in which others have theirs. It need not go there when
+        nothing is before it.
+        """
+        if not self._running or self._dispatching or is_busy(self):
+            return False
+        event.__dict__[_SEEN] = True
+        try:
+            return self._is_done_with(event)
+        except Exception as error:  # as Textual does about those in its own turns
+            self._handle_exception(error)
+            return True
+
+    def _is_done_with(self, event: events.InputEvent | events.Paste) -> bool:
+        if isinstance(event, events.Key):
+            self.key_arrived(event, read_together(event))
+        return not self.passes(event) or (isinstance(event, events.Key) and self.takes(event))
+
     async def on_event(self, event: events.Event) -> None:
-        if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
-            if isinstance(event, events.Key):
-                self.key_arrived(event, read_together(event))
-            if not self.passes(event) or (isinstance(event, events.Key) and self.takes(event)):
-                return
+        if (
+            isinstance(event, events.InputEvent | events.Paste)
+            and not event.is_forwarded
+            and _SEEN not in event.__dict__
+            and self._is_done_with(event)
+        ):
+            return
         await super().on_event(event)
+
+    async def _dispatch_message(self, message: Message) -> None:
+        self._dispatching += 1
+        try:
+            await super()._dispatch_message(message)
+        finally:
+            self._dispatching -= 1

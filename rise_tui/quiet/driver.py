@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+from textual import events
 from textual.driver import Driver
 from textual.message import Message
 
@@ -58,6 +59,9 @@ def click_driver() -> type[Driver] | None:
             super().disable_input()
 
         def send_message(self, message: Message) -> None:
+            key_read = getattr(self._app, "key_read", None)
+            if key_read is not None and isinstance(message, events.Key) and key_read(message):
+                return
             self._app.post_message(message)  # the stock one comes from a thread
 
         def _enable_mouse_support(self) -> None:

@@ -9,6 +9,7 @@ from textual.widgets import Input
 
 from rise_tui.actions import BY_ID, key_in_words, keys_of
 from rise_tui.model.armed import LOCKED_ACTIONS, why_not
+from rise_tui.quiet import is_busy
 from rise_tui.widgets.mistake import MistakeLine
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Keyboard:
         if console.app.screen is not console or isinstance(console.focused, Input | MistakeLine):
             return False
         way = (node for node in (console.focused or console).ancestors_with_self if node is not console.app)
-        if any(node.message_queue_size for node in way):
+        if any(map(is_busy, way)):
             return False
         if opener:
             console.action_do(opener)

@@ -17,6 +17,7 @@ from textual import events
 from textual._styles_cache import StylesCache
 from textual.app import App, ComposeResult
 from textual.geometry import Region, Size
+from textual.messages import Update
 from textual.pilot import Pilot
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
@@ -34,6 +35,7 @@ from rise_tui.quiet import (
     QuietScrollView,
     Slices,
     begin,
+    is_busy,
 )
 from rise_tui.quiet.compositor import RowCompositor
 from rise_tui.quiet.scrollbar import QuietScrollBar
@@ -147,6 +149,60 @@ async def test_every_key_is_seen_once_also_those_that_a_text_field_takes() -> No
         await pilot.press("a", "f9", "x", "enter", "up")
         assert app.seen == ["a", "f9", "x", "enter", "up"]
         assert app.query_one(Input).value == "a"
+
+
+async def test_a_key_from_the_terminal_needs_no_turn_of_the_loop_when_nothing_is_before_it() -> None:
+    class Watching(KeyWatch):
+        def __init__(self) -> None:
+            super().__init__()
+            self.seen: list[str] = []
+            self.taken: list[str] = []
+
+        def key_arrived(self, event: events.Key, together: bool | None) -> None:
+            self.seen.append(event.key)
+
+        def passes(self, event: events.Event) -> bool:
+            return not (isinstance(event, events.Key) and event.key == "n")
+
+        def takes(self, event: events.Key) -> bool:
+            self.taken.append(event.key)
+            return event.key == "x"
+
+        async def on_event(self, event: events.Event) -> None:
+            if isinstance(event, events.Key) and event.key == "i":
+                assert not self.key_read(events.Key("x", "x")), "it is in the midst of a key"
+            await super().on_event(event)
+
+    app = Watching()
+    async with app.run_test() as pilot:
+        await pilot.pause()
+        assert app.key_read(events.Key("x", "x")) and app.key_read(events.Key("n", "n"))
+        assert (app.seen, app.taken) == (["x", "n"], ["x"])
+        other = events.Key("o", "o")
+        assert not app.key_read(other)
+        app.post_message(other)
+        assert not app.key_read(events.Key("x", "x")), "something is before it"
+        await pilot.pause()
+        assert (app.seen, app.taken) == (["x", "n", "o"], ["x", "o"])
+        await pilot.press("i")
+        assert app.seen[3:] == ["i"]
+        app.screen.post_message(Update(app.screen))
+        app.screen.check_idle()
+        assert app.screen.message_queue_size and not is_busy(app.screen), "only to paint"
+        app.screen.post_message(events.Click(None, 0, 0, 0, 0, 1, False, False, False))
+        assert is_busy(app.screen)
+
+
+async def test_an_error_while_a_key_is_seen_ends_the_app_as_any_other() -> None:
+    class Broken(KeyWatch):
+        def key_arrived(self, event: events.Key, together: bool | None) -> None:
+            raise ValueError(event.key)
+
+    app = Broken()
+    with pytest.raises(ValueError, match="y"):
+        async with app.run_test() as pilot:
+            await pilot.pause()
+            assert app.key_read(events.Key("y", "y"))
 
 
 async def test_a_dialog_that_has_closed_leaves_no_painted_lines() -> None:

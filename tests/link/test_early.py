@@ -81,13 +81,21 @@ async def asked(session: Served, disk: Held) -> Asker:
     await asyncio.to_thread(asker.attach)
     asker.send(type="send", id=0, message=NOTE)
     assert (await asyncio.to_thread(asker.answered))[1]["id"] == 0
+    await nothing_waits(session)
+    disk.hold()
+    asker.send(type="send", id=1, message=NOTE)
     async with asyncio.timeout(10):
-        while not all(peer._clear for peer in session.server.peers):  # it is told before the loop knows
-            await asyncio.sleep(0)
-        disk.hold()
-        asker.send(type="send", id=1, message=NOTE)
         await disk.waits.wait()
     return asker
+
+
+async def nothing_waits(session: Served) -> None:
+    """Until the loop knows of what was answered early."""
+    for _ in range(10_000):
+        if all(peer._clear for peer in session.server.peers):
+            return
+        await asyncio.sleep(0.001)
+    raise TimeoutError
 
 
 async def test_an_answer_needs_no_turn_of_the_loop(place: Path) -> None:
