@@ -207,9 +207,13 @@ class ConsoleApp(KeyWatch):
             if closed == "late":
                 self._session.tell(Notice("the session did not end in time: nothing new was started", "fault"))
             return
-        while isinstance(self.screen, ConsoleScreen):
-            await self.pop_screen()
+        await self._take_away()
         await self._begin(scenario, settings)
+
+    async def _take_away(self) -> None:
+        """The screen of the session that was, and whatever has been opened above it meanwhile."""
+        while self.console_screen is not None:
+            await self.pop_screen()
 
     def _recoverable(self, session: Session) -> bool:
         store = session.store
@@ -227,8 +231,7 @@ class ConsoleApp(KeyWatch):
             session.tell(Notice(f"it is not recovered: {error}", "fault"))
             return
         await self._close(session, end=False)
-        while isinstance(self.screen, ConsoleScreen):
-            await self.pop_screen()
+        await self._take_away()
         self._told = recovered.told or "the session goes on where it was"
         await self._enter(recovered.client)
 

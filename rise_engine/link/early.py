@@ -26,7 +26,7 @@ class Early:
         self._transport = transport
         self._descriptor: int = transport.get_extra_info("socket").fileno()
         self._data = data
-        self._claims = [self]
+        self._claims = [None]
         """Whoever takes this out has it."""
         self._left: bool | None = None
         self._sent: int | None = None

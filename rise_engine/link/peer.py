@@ -236,6 +236,8 @@ class Peer(asyncio.BufferedProtocol):
             return
         member, room = self.member, self.server.room
         room.engine.catch_up()  # whoever has been answered early finds that everybody knows of it
+        if self._closing:  # it took too little of that
+            return
         match message:
             case Attach():
                 self._attach(message)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from threading import Event
 
 import pytest
 from textual.widgets import Button
@@ -106,8 +107,12 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
     asked: list[str] = []
     ways = iter([EngineGone("the disk is full"), Recovered(again, "3 actions were lost")])
 
+    going = Event()
+    going.set()
+
     def recover(hello: Hello) -> Recovered:
         asked.append(hello.folder)
+        going.wait(10)
         way = next(ways)
         if isinstance(way, EngineGone):
             raise way
@@ -123,7 +128,11 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
         assert it.screen is gone
         await leaving(it)
+        going.clear()
         await it.press("r")
+        await it.press("question_mark")  # a screen above it, while the engine starts
+        await it.until(lambda: it.app.screen is not gone)
+        going.set()
         await it.until(lambda: it.screen is not gone and not it.screen.alarm.text)
         await it.until(lambda: "3 actions were lost" in it.notice)
         assert asked == [client.hello().folder] * 2 and client.closed == [False]
