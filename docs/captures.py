@@ -6,13 +6,17 @@ The real console over the real engine, at ten times the speed, in the middle of 
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from rise_engine.link.local import start_local
+from rise_engine.link.client import EngineGone
+from rise_engine.link.socket_client import SocketClient
+from rise_engine.link.spawn import Options, Refused, start_engine
 from rise_engine.scenario.model import Scenario
 from rise_tui.app import ConsoleApp
-from rise_tui.start.launch import Launcher, Refused, prepare
+from rise_tui.start.launch import Launcher, prepare
 from rise_tui.start.settings import Settings
 
 IMAGES = Path(__file__).parent / "images"
@@ -23,13 +27,16 @@ STUDY = str(Path(__file__).parent.parent / "scenarios" / "lablinking")
 def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
     settings = Settings(STUDY, seed=1, participant="P07", condition="hesitation")
     scenario = prepare(settings)
-    assert not isinstance(scenario, Refused)
+    assert isinstance(scenario, Scenario)
 
-    def start(scenario: Scenario, settings: Settings) -> object:
+    def start(scenario: Scenario, settings: Settings) -> SocketClient:
         who = {"participant": settings.participant, "condition": settings.condition}
-        return start_local(scenario, seed=settings.seed, speed=SPEED, who="anna", faults=faults, **who)
+        found = start_engine(Options(STUDY, seed=settings.seed, speed=SPEED, faults=faults, unfinished="new", **who))
+        if isinstance(found, Refused):
+            raise EngineGone("; ".join(found.lines))
+        return SocketClient(found.name, "anna", "wizard", scenario=scenario)
 
-    launcher = Launcher(start=start)  # type: ignore[arg-type]
+    launcher = Launcher(start=start, outlives=True)
     return ConsoleApp(scenario, settings, wizard="anna", theme=theme, launcher=launcher)
 
 
@@ -68,6 +75,8 @@ async def capture(
         await until(lambda: wait in console.console_screen.alarm.text if console.console_screen else False)
         await pilot.pause(0.3)
         console.save_screenshot(f"{name}.svg", path=str(IMAGES))
+        assert console.console_screen is not None
+        await console.console_screen.session.leave(end_session=True)
 
 
 async def main() -> None:
@@ -82,4 +91,6 @@ async def main() -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main())
+    with TemporaryDirectory() as place:
+        os.environ |= {"RISE_SESSIONS": f"{place}/sessions", "RISE_RUNTIME": f"{place}/run"}
+        asyncio.run(main())

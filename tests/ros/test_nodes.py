@@ -122,6 +122,7 @@ async def test_a_session_that_dies_leaves_nobody_waiting(tmp_path: Path) -> None
     async with lab(tmp_path) as it:
         rule = asyncio.ensure_future(it.client.submit("startInteractionRule", "Conversation"))
         await it.until_in("Conversation", "Listening")
+        await it.client.raise_event("/nobody-waits-for-it")  # after its answer, that about the rule has come too
         it.wire.forget("/rise")
         with pytest.raises(SessionGoneError, match="ended before the task did"):
             await rule

@@ -94,7 +94,7 @@ class ServerGoal:
     """A goal that a client has sent. Made by the server."""
 
     __slots__ = ("_cancels", "_deciding", "_expires", "_info", "_result", "_results", "_send", "_server", "data", "id",
-                 "message", "nanoseconds", "status")  # fmt: skip
+                 "message", "nanoseconds", "status", "told")  # fmt: skip
 
     def __init__(self, server: ActionServer, id: bytes, message: Message, send: Reply | None) -> None:
         self.id = id
@@ -104,6 +104,8 @@ class ServerGoal:
         self.status = UNKNOWN
         self.data: object = None
         """For the caller's use."""
+        self.told = False
+        """Whether somebody has got its result; clients ask for that only when they know that it was accepted."""
         self.nanoseconds = time.time_ns()
         """When it came, since 1970: by that, requests to cancel what is older than some time find it."""
         self._server = server
@@ -346,6 +348,7 @@ class ActionServer:
             self._answer_result(goal, reply)
 
     def _answer_result(self, goal: ServerGoal, reply: Reply) -> None:
+        goal.told = True
         if not self._answer(reply, goal._result) and goal._result["result"]:
             # A result that does not fit its type would leave the client waiting; what happened is not known then.
             goal.status = ABORTED

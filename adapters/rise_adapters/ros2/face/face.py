@@ -55,6 +55,9 @@ OPEN = 1000
 """Acts and rules that goals have started and that have not ended, at most."""
 GOODBYE_SECONDS = 1.0
 """For what is still to be published at the end."""
+FETCH_SECONDS, FETCH_LOOK = 0.5, 0.01
+"""For which results of goals that end with the session wait to be asked for."""
+GONE = "the session is not on ROS any more"
 
 
 class _Asked(Struct):
@@ -88,6 +91,8 @@ class Face:
         """By id, those that are submitted and not accepted yet."""
         self._running: dict[int, ServerGoal] = {}
         """By task, those whose task has not ended."""
+        self._parting: list[ServerGoal] = []
+        """Those that have ended because the session, or this, has."""
         self._refused = 0
         self._dropped = 0
         self._closed = False
@@ -115,7 +120,8 @@ class Face:
         self._lag.close()
         self._portions.finish(GOODBYE_SECONDS)
         self._publish_diagnostics()
-        self._server.close({"status": "ABORTED", "reason": "the session is not on ROS any more"})
+        await self._let_results_be_fetched()
+        self._server.close({"status": "ABORTED", "reason": GONE})
         await asyncio.sleep(0)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
@@ -130,7 +136,9 @@ class Face:
         )
         stop = function == "stopAll"
         waiting = len(self._goals) + len(self._submitted)
-        if len(function) + len(behavior) + len(calling_type) > MESSAGE_LIMIT:
+        if self._closed:
+            self._refuse(goal, GONE)
+        elif len(function) + len(behavior) + len(calling_type) > MESSAGE_LIMIT:
             message.update(function_type=function[:100], domain_task_behavior=behavior[:100], calling_type="")
             self._refuse(goal, f"a task may have {MESSAGE_LIMIT:,} characters at most")
         elif waiting >= (2 * UNDECIDED if stop else UNDECIDED):
@@ -339,6 +347,13 @@ class Face:
 
     # --- the end ------------------------------------------------------------------------------------------------
 
+    async def _let_results_be_fetched(self) -> None:
+        """Whoever has just heard that a goal was accepted is only about to ask for its result."""
+        for _ in range(round(FETCH_SECONDS / FETCH_LOOK)):
+            if all(goal.told for goal in self._parting):
+                return
+            await asyncio.sleep(FETCH_LOOK)
+
     def _over(self) -> None:
         """The session has ended, or the face goes: no goal waits for what never comes."""
         engine = self._room.engine
@@ -347,7 +362,7 @@ class Face:
         elif engine.ended:
             reason = f"the session has ended: {self._room.end_reason}".removesuffix(": ")
         else:
-            reason = "the session is not on ROS any more"
+            reason = GONE
         while self._moves:
             self._tell_one()
         while self._goals:
@@ -360,6 +375,7 @@ class Face:
             if not goal.decided:
                 self._refuse(goal, reason)
             else:
+                self._parting.append(goal)
                 goal.abort({"status": "ABORTED", "reason": reason, "task": _asked(goal).id})
 
 
