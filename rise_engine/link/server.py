@@ -261,8 +261,8 @@ class Server:
         answered, self._answered = self._answered, []
         if len(answered) == 1 and self._pending:  # the usual case: one console asked for something
             self._flush_records(answered[0])
-            return
-        self._flush_records()
+        else:
+            self._flush_records()
         for peer in answered:
             peer.send_answers()
 
@@ -282,8 +282,6 @@ class Server:
                 self._broadcast(_records_line(first), without=peer)
         if records:
             self._broadcast(_records_line(records), asker)
-        elif asker is not None:
-            asker.send_answers()
 
     def _broadcast(self, data: bytes, asker: Peer | None = None, *, without: Peer | None = None) -> None:
         pieces = in_pieces(data)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from time import monotonic, sleep
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from rise_engine.kernel.inputs import Note
+from rise_engine.link import early as link_early
 from rise_engine.link import server as serving
 from rise_engine.link.early import Early
 from rise_engine.session.disk import Disk
@@ -89,6 +94,14 @@ async def asked(session: Served, disk: Held) -> Asker:
     return asker
 
 
+def stand_still(until: Callable[[], bool]) -> None:
+    """Hold the loop up, so that whatever happens is done by others."""
+    end = monotonic() + 10
+    while not until():
+        assert monotonic() < end
+        sleep(0.001)
+
+
 async def nothing_waits(session: Served) -> None:
     """Until the loop knows of what was answered early."""
     for _ in range(10_000):
@@ -135,24 +148,24 @@ async def test_nothing_leaves_before_it_is_durable(place: Path) -> None:
         asker.close()
 
 
-async def test_what_else_there_is_comes_after_what_has_left(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("room", [1 << 20, 10], ids=["all of it", "a part of it"])
+async def test_what_else_there_is_comes_after_what_has_left(
+    place: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    """`room`: bytes that the socket takes from the journal's thread."""
     monkeypatch.setattr(serving, "PULSE_SECONDS", 3600.0)
+    monkeypatch.setattr(link_early, "os", SimpleNamespace(write=lambda to, data: os.write(to, data[:room])))
     disk = Held()
     async with served(place, disk=disk) as session:
         asker = await asked(session, disk)
-        got: list[dict[str, Any]] = []
-
-        def read() -> None:
-            got.extend(asker.read() for _ in range(2))
-
-        reading = threading.Thread(target=read)
-        reading.start()
+        assert session.server._early is not None
+        early = session.server._early[1]
         disk.let.set()
-        reading.join(10)  # on the loop
+        stand_still(lambda: early._sent is not None)
         session.server._beat()
         session.server._pulse.cancel()
-        assert [message["type"] for message in got] == ["records", "reply"]
-        assert (await asyncio.to_thread(asker.read))["type"] == "pulse"
+        got = [await asyncio.to_thread(asker.read) for _ in range(3)]
+        assert [message["type"] for message in got] == ["records", "reply", "pulse"]
         asker.close()
 
 

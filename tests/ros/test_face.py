@@ -8,6 +8,7 @@ import json
 import threading
 from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -251,6 +252,16 @@ async def test_a_face_that_closes_ends_its_goals_and_says_goodbye(tmp_path: Path
         assert session.room.members == {} and node.client.servers() == 0
         session.engine.accept(Submit(function="raiseEventTopic", behavior="x"))
         assert session.room.view.tasks[1].status == "ACTIVE"
+
+
+async def test_a_face_that_waits_for_its_last_results_to_be_fetched_takes_no_more_goals(tmp_path: Path) -> None:
+    async with session_and_node(tmp_path) as (session, node, _):
+        session.face._parting.append(SimpleNamespace(told=False))  # type: ignore[arg-type]
+        closing = asyncio.ensure_future(session.face.close())
+        await asyncio.sleep(0)
+        late = node.ask(START_ACT, "Story")
+        assert not await late.decided() and not session.room.view.tasks
+        await closing
 
 
 # --- the disk -----------------------------------------------------------------------------------------------------
