@@ -53,9 +53,9 @@ PULSE_SECONDS = 1.0
 """Between two signs of life."""
 TURN_SECONDS = 0.005
 TURN_BYTES = 65_536
+"""For which, and up to which, messages are taken in one turn of the loop: what comes of them has to go out too."""
 READ = 262_144
 """Bytes that are read from one client at once."""
-"""For which, and up to which, messages are taken in one turn of the loop: what comes of them has to go out too."""
 
 
 class LagMeter:

@@ -18,6 +18,8 @@ class QuietScrollView(ScrollView):
     """
 
     virtual_size: Reactive[Size] = Reactive(Size(0, 0), repaint=False)
+    _widths: tuple[object, int, int] | None = None
+    """What they were measured for, and those of a painted line and of a row."""
 
     def resize_content(self, size: Size) -> None:
         """Give the content its size: moves the scrollbar and nothing else."""
@@ -49,8 +51,6 @@ class QuietScrollView(ScrollView):
             bar.display = False
             self.app._start_widget(self, bar)
         return self._vertical_scrollbar
-
-    _widths: tuple[object, int, int] | None = None
 
     def _measured(self) -> tuple[object, int, int]:
         """Working this out takes as long as painting a row, and it is asked for at each."""

@@ -29,6 +29,10 @@ def steady_cursor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Input, "__init__", init)
 
 
+class NoConsole(AssertionError):
+    """The app is between two sessions: no console is shown."""
+
+
 class Console:
     """A console under test: its pilot, its engine, and what is on the screen."""
 
@@ -43,8 +47,8 @@ class Console:
 
     @property
     def screen(self) -> ConsoleScreen:
-        screen = self.app.console_screen
-        assert screen is not None
+        if (screen := self.app.console_screen) is None:
+            raise NoConsole
         return screen
 
     def pane(self, name: str) -> Pane:
@@ -70,8 +74,16 @@ class Console:
             await self.pilot.pause(0.06)
 
     async def until(self, holds: Callable[[], object], what: str = "") -> None:
+        """What is asked of a console does not hold as long as there is none."""
+
+        def held() -> bool:
+            try:
+                return bool(holds())
+            except NoConsole:
+                return False
+
         end = monotonic() + 10
-        while not holds():
+        while not held():
             assert monotonic() < end, what or "did not happen in time"
             await self.pilot.pause(0.02)
 

@@ -126,6 +126,7 @@ def test_consoles_go_on_with_a_session_whose_engine_was_killed() -> None:
             it.until("Recover (r)")
             it.press(b"r")
             it.until("LIVE")
+            it.until("what the robot was doing counts as lost")
             it.until("failed")  # the act that the robot was doing counts as lost
             it.press(b"p")
             it.until("running")
