@@ -120,7 +120,7 @@ class Session:
             return False
         ref = f"{store.refs}{next(self._numbers)}"
         store.sent[ref] = Sent(function, behavior, store.now())
-        self.changed(EVERYTHING)
+        asyncio.get_running_loop().call_soon(self.changed, EVERYTHING)  # once it has been sent
         message = Submit(
             function=function, behavior=behavior, calling_type=calling_type, source=store.me, ref=ref, pressed=pressed
         )

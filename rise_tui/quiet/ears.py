@@ -79,6 +79,7 @@ class Ears:
             return
         except OSError:
             data = b""
+        came = perf_counter()
         if not data:  # the terminal has gone
             self._stop()
             return
@@ -86,16 +87,16 @@ class Ears:
         for character in self._decode(data):
             messages += self._parsed(character)
         if mark_together(messages, more=False):
-            mark_together(messages, more=self._more_comes())
+            mark_together(messages, more=self._more_comes(came))
             self._outlet.key_read()
         self._say(messages)
         if self._look is not None:
             self._look.cancel()
         self._look = self._loop.call_later(constants.ESCAPE_DELAY + LATER, self._look_again)
 
-    def _more_comes(self) -> bool:
+    def _more_comes(self, came: float) -> bool:
         """Not asleep: on a busy machine others would run meanwhile, for milliseconds."""
-        until = perf_counter() + ALONE
+        until = came + ALONE
         while perf_counter() < until:
             if select.select((self._fileno,), (), (), 0)[0]:
                 return True

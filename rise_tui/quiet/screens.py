@@ -95,8 +95,10 @@ class QuietScreen(Screen[ScreenResultType], Generic[ScreenResultType]):
             self._in_frame, self.paint_seconds = True, 0.0
         self._rows.update_widgets(self._dirty_widgets)
         self._dirty_widgets.clear()
-        while self._rows.has_more and perf_counter() < began + SLICE and not outlet.key_wait():
+        took = 0.0
+        while self._rows.has_more and (at := perf_counter()) + took < began + SLICE and not outlet.key_wait():
             self._rows.paint_piece(ROWS, app._background_screens, app.prepare)
+            took = perf_counter() - at
         if self._rows.has_more:
             self._go_on()
         else:

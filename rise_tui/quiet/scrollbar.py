@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Self
 
 from rich.segment import Segment
@@ -43,7 +44,7 @@ class QuietScrollBar(ScrollBar):
         """Look soon, and once, however many of its values change at a step."""
         if not self._following:
             self._following = True
-            self.call_later(self._look)
+            asyncio.get_running_loop().call_soon(self._look)
 
     def _look(self) -> None:
         """Repaint the rows that look different."""

@@ -17,7 +17,10 @@ from textual.app import App
 from rise_tui.quiet.outlet import Outlet
 
 SLICE = 0.0006
-"""Seconds after which a piece of work gives way to what else there is to do."""
+"""Seconds after which a piece of work gives way to what else there is to do.
+
+None is begun that would take longer than what is left, if it takes as long as the one before it.
+"""
 
 
 class Slices:
@@ -43,7 +46,7 @@ class Slices:
             while self._jobs:
                 self._jobs.popleft()()
         elif self._due is None and self._jobs:
-            self._go_on()
+            self._due = asyncio.get_running_loop().call_soon(self._go_on)
 
     def _go_on(self) -> None:
         self._due = None
@@ -54,8 +57,10 @@ class Slices:
             self._due = loop.call_later(wait, self._go_on)
             return
         began = perf_counter()
-        while self._jobs and perf_counter() < began + SLICE:
+        took = 0.0
+        while self._jobs and (at := perf_counter()) + took < began + SLICE:
             self._jobs.popleft()()
+            took = perf_counter() - at
         self.spent += perf_counter() - began
         if self._jobs:
             self._due = loop.call_soon(self._go_on)

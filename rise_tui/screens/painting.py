@@ -104,12 +104,16 @@ class Painting:
             self._cue_timer = self._later(TENTH, self._tick_cue)
 
     def key_pressed(self) -> None:
-        """A notice has been read when the next key is pressed; so has the line that control was taken."""
+        """A notice has been read when the next key is pressed; so has the line that control was taken.
+
+        They go with the next frame: what the key asks for comes first.
+        """
         if self._store.taken is not None and self._taken_at and monotonic() - self._taken_at > NOTICE_LEAST:
             self._store.taken = None
-            self._draw_call()
+            self.changed({"status"})
         if self._noticed is not None and self.notice.display and monotonic() - self._noticed_at > NOTICE_LEAST:
-            self.clear_notice()
+            self._store.notice = None
+            self.changed({"notice"})
 
     def clear_notice(self) -> None:
         self._store.notice = None
