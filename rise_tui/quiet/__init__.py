@@ -1,6 +1,7 @@
 """Cheap and quick (law 8): every detail of Textual 8.2.8 that is not documented, in one package, each with a test.
 
-A new release of Textual that changes one of them fails `tests/console/test_quiet.py`, and nothing else needs reading.
+A new release of Textual that changes one of them fails `tests/console/test_quiet.py` or `test_pieces.py` beside it, and
+nothing else needs reading.
 What no other module may touch, `tests/console/test_private.py` looks for.
 
 - `views`, `scrollbar`: lists that repaint rows and not themselves, and the bars beside them.

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 from textual import events
 
+from rise_engine.link.client import ClientInput, Reply
+from rise_tui.quiet import begin
 from tests.console.conftest import console
 
 GREET = ("startCommunicationRobotAct", "Greet")
@@ -50,6 +54,35 @@ async def test_no_key_starts_anything_while_a_dialog_is_open(opening: str) -> No
         await it.until(lambda: it.app.screen is not it.screen)
         await it.press("g", "m", "n", "p")
         assert it.client.sent == []
+
+
+async def test_a_command_is_sent_before_anything_is_repainted(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with console() as it:
+        order: list[str] = []
+        send = it.client.send
+
+        async def sends(message: ClientInput) -> Reply:
+            order.append("sent")
+            await asyncio.sleep(0)
+            return await send(message)
+
+        monkeypatch.setattr(it.client, "send", sends)
+        monkeypatch.setattr(it.screen.session, "changed", lambda topics: order.append("painted"))
+        work = it.screen.session.submit("raiseEventTopic", "/next")
+        rest = begin(work)
+        assert order == ["sent"] and rest is not None
+        await asyncio.sleep(0)
+        assert order == ["sent", "painted"]  # that it is on its way is to be seen before the answer
+        await rest
+
+
+async def test_a_key_takes_the_notice_away() -> None:
+    async with console() as it:
+        it.screen.say("read me")
+        await it.until(lambda: "read me" in it.notice)
+        it.screen.painting._noticed_at -= 2  # it has been there long enough to be read
+        await it.press("down")
+        await it.until(lambda: not it.notice)
 
 
 async def test_stopped_keys_start_nothing_and_say_why() -> None:
