@@ -54,16 +54,11 @@ class QuietScrollView(ScrollView):
 
     def _measured(self) -> tuple[object, int, int]:
         """Working this out takes as long as painting a row, and it is asked for at each."""
-        of = self._size, self.show_vertical_scrollbar
+        of = self._size, self.show_vertical_scrollbar, self.styles._cache_key
         widths = self._widths
         if widths is None or widths[0] != of:
             widths = self._widths = of, self.size.width, self.scrollable_content_region.width
         return widths
-
-    def notify_style_update(self) -> None:
-        """The theme or a class changed."""
-        self._widths = None
-        super().notify_style_update()
 
     @property
     def painted_width(self) -> int:

@@ -344,6 +344,17 @@ async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
         assert "the engine has gone" in it.notice
 
 
+async def test_without_an_engine_hints_name_what_is_left_to_do() -> None:
+    async with console() as it:
+        it.screen.panes.go_to("memory")
+        await it.until(lambda: "del delete" in it.screen.hints.text)
+        it.client.end("its process is not there any more")
+        await it.until(lambda: it.screen.hints.text.startswith(" ^C leave"))
+        hints = it.screen.hints.text
+        assert "unfold" in hints and "find" in hints
+        assert not any(word in hints for word in ("STOP", "edit", "add", "delete", "undo", "say", "cue"))
+
+
 async def test_a_send_that_fails_does_not_end_the_console() -> None:
     async with console() as it:
         it.client.gone = "the process was killed"

@@ -99,6 +99,29 @@ async def test_growing_content_asks_for_no_layout_and_moves_the_scrollbar() -> N
         assert view.virtual_size.height == 200 and view.max_scroll_y == 180
 
 
+async def test_the_widths_of_a_list_follow_its_style_and_its_size() -> None:
+    class One(App[None]):
+        CSS = "Plain { scrollbar-size-vertical: 1; }"
+
+        def compose(self) -> ComposeResult:
+            yield Plain(id="one")
+
+    app = One()
+    async with app.run_test(size=(40, 10)) as pilot:
+        view = app.query_one(Plain)
+        await pilot.pause()
+        assert (view.painted_width, view.row_width) == (40, 40)
+        view.resize_content(Size(10, 100))
+        await pilot.pause()
+        assert (view.painted_width, view.row_width) == (40, 39)  # one for the scrollbar
+        view.styles.padding = (0, 2)
+        await pilot.pause()
+        assert (view.painted_width, view.row_width) == (36, 35)
+        await pilot.resize_terminal(30, 10)
+        await pilot.pause()
+        assert (view.painted_width, view.row_width) == (26, 25)
+
+
 async def test_the_focus_repaints_no_whole_list_and_is_still_known() -> None:
     class Two(App[None]):
         def compose(self) -> ComposeResult:

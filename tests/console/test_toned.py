@@ -13,7 +13,7 @@ from textual.app import App
 from textual.strip import Strip
 
 from rise_tui import themes
-from rise_tui.text import Line, clean, plain
+from rise_tui.text import Line, Tone, clean, plain
 from rise_tui.widgets.toned import CURSOR, CURSOR_AWAY, LOOKS, Toned
 
 TEXTS = st.text(st.sampled_from("ab  é日\n\x1b"), max_size=6)
@@ -68,3 +68,10 @@ def test_a_painted_line(widget: Toned, line: Line, width: int, ground: str) -> N
         assert looks(strip)[: len(text)] == one_by_one
         assert all(segment.text for segment in strip)
         assert all(one.style != other.style for one, other in pairwise(strip))
+
+
+@pytest.mark.parametrize("tone", ["alarm", "call"])
+def test_what_must_be_seen_looks_the_same_under_the_cursor(widget: Toned, tone: Tone) -> None:
+    line: Line = (("stop not confirmed", tone),)
+    assert looks(widget.paint(line, 18, CURSOR)) == looks(widget.paint(line, 18))
+    assert looks(widget.paint((("x", "plain"),), 1, CURSOR)) != looks(widget.paint((("x", "plain"),), 1))
