@@ -15,7 +15,6 @@ import signal
 import socket
 import sys
 from contextlib import suppress
-from datetime import datetime
 from pathlib import Path
 from random import SystemRandom
 from typing import TYPE_CHECKING
@@ -41,7 +40,7 @@ from rise_engine.session.folder import (
     SessionError,
     abandon,
     create,
-    read_info,
+    describe,
     sessions_folder,
     unfinished,
 )
@@ -147,7 +146,7 @@ class _Prepared:
                 raise Refusal(
                     UNFINISHED,
                     "an earlier session of this scenario did not end: recover it, or begin a new one",
-                    unfinished=[(str(folder), _describe(folder)) for folder in there],
+                    unfinished=[(str(folder), describe(folder)) for folder in there],
                 )
             if there and order.unfinished == "recover":
                 which = there[0]
@@ -369,16 +368,6 @@ def to_starter(descriptor: int) -> Callable[[Word], None]:
         os.close(descriptor)
 
     return say
-
-
-def _describe(folder: Path) -> str:
-    try:
-        info = read_info(folder)
-        last = (folder / JOURNAL).stat().st_mtime
-    except (SessionError, OSError) as error:
-        return str(error)
-    began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
-    return f"{info.title} ({info.mode}, {info.robot}), begun {began:%Y-%m-%d %H:%M}, last record {at:%H:%M:%S}"
 
 
 def _tell_systemd(state: str) -> None:

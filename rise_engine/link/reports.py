@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from rise_engine.link.leftover import as_lines, left_over
 from rise_engine.link.messages import About
 from rise_engine.link.places import PlaceError, abouts, find, held, lock_path, running, session_name, socket_path
 
@@ -31,10 +32,11 @@ def sessions_report(*, as_json: bool) -> int:
         return OK
     if not found:
         sys.stderr.write("no session is running; begin one with:  rise-tui --config DIR\n")
-        return OK
     for name, about in found.items():
         for line in _lines(name, about):
             sys.stdout.write(line + "\n")
+    for line in as_lines(left_over(found)):
+        sys.stderr.write(line + "\n")
     return OK
 
 

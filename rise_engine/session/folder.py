@@ -170,10 +170,10 @@ def ended(folder: Path) -> bool:
         return False
 
 
-def unfinished(scenario_folder: str, root: Path | None = None) -> list[Path]:
-    """Sessions of a scenario that did not end in order and have a journal, the latest first."""
+def unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
+    """Sessions of a scenario, or of all, that did not end in order and have a journal, the latest first."""
     found: list[Path] = []
-    where = os.path.realpath(scenario_folder)
+    where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
     for folder in _folders(root or sessions_folder()):
         # The cheapest question first: after a year there are hundreds, and nearly all have ended.
         if ended(folder) or (folder / "abandoned").exists() or not _begun(folder):
@@ -182,9 +182,20 @@ def unfinished(scenario_folder: str, root: Path | None = None) -> list[Path]:
             info = read_info(folder)
         except SessionError:
             continue
-        if os.path.realpath(info.scenario_folder) == where:
+        if where is None or os.path.realpath(info.scenario_folder) == where:
             found.append(folder)
     return sorted(found, reverse=True)
+
+
+def describe(folder: Path) -> str:
+    """What session it is and how far it came, in a sentence."""
+    try:
+        info = read_info(folder)
+        last = (folder / JOURNAL).stat().st_mtime
+    except (SessionError, OSError) as error:
+        return str(error)
+    began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
+    return f"{info.title} ({info.mode}, {info.robot}), begun {began:%Y-%m-%d %H:%M}, last record {at:%H:%M:%S}"
 
 
 def _begun(folder: Path) -> bool:

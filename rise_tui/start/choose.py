@@ -5,7 +5,7 @@ Pure but for the `Terminal` that is passed in; knows neither sockets nor Textual
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -51,15 +51,20 @@ class Terminal(Protocol):
         ...
 
 
-def session(found: Mapping[str, Running | None], terminal: Terminal) -> str:
+def session(
+    found: Mapping[str, Running | None], terminal: Terminal, left_over: Callable[[], Sequence[str]] = tuple
+) -> str:
     """The name of the running session that is meant: the only one, or the one that is chosen by its number.
 
     A session whose description is None does not answer; it is shown, because it may be that which somebody looks for.
-    Raises NothingChosenError.
+    `left_over` tells of sessions that did not end. Raises NothingChosenError.
     """
     if not found:
         raise NothingChosenError(
-            USAGE, "no session is running; start one with: rise-tui --config DIR", "DIR is the folder of a scenario"
+            USAGE,
+            "no session is running; start one with: rise-tui --config DIR",
+            "DIR is the folder of a scenario",
+            *map(clean, left_over()),
         )
     names = list(found)
     if len(names) == 1:

@@ -135,6 +135,12 @@ def _need_terminal(also: str = "") -> None:
         sys.exit(USAGE)
 
 
+def _left_over() -> list[str]:
+    from rise_engine.link.leftover import as_lines, left_over  # which reads records: needed only when nothing runs
+
+    return as_lines(left_over({}))
+
+
 def running_session(asked: Asked) -> str:
     """The name of the running session that is meant. Raises NothingChosenError."""
     from rise_engine.link.places import PlaceError, abouts, find, running, session_name
@@ -145,7 +151,7 @@ def running_session(asked: Asked) -> str:
         if asked.session is not None:
             return find(asked.session)
         if asked.folder is None:
-            return choose.session(abouts(), PlainTerminal())
+            return choose.session(abouts(), PlainTerminal(), _left_over)
         name = session_name(scenario_place(asked.settings))
         if name in running():
             return name

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,13 +23,12 @@ from rise_engine.session.reading import read_journal
 
 from ..engine.processes import ENGINE, engine, folder
 
+TUI = Path(ENGINE).with_name("rise-tui")
+
 
 @pytest.fixture
 def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Sessions and sockets of one test; what it leaves running is ended, by its own id."""
-    import shutil
-    import tempfile
-
     run = Path(tempfile.mkdtemp(prefix="r-", dir="/tmp"))
     monkeypatch.setenv("RISE_RUNTIME", str(run))
     monkeypatch.setenv("RISE_SESSIONS", str(tmp_path / "sessions"))
@@ -161,6 +162,36 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(places: Path) -> 
     assert new.end() == 0
     again = Serving(study)
     assert again.end() == 0, "nobody is asked twice about a session that was left"
+
+
+def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places: Path) -> None:
+    study, other = folder(places / "my study"), folder(places / "other")
+    crashed = Serving(study)
+    wait_for_record(crashed.record, b'"kind":"robot"')
+    running = Serving(other, "--name", "apart")
+    wait_for_record(running.record, b'"kind":"robot"')
+    assert "did not end" not in engine("sessions").stderr, "both run"
+    crashed.end(signal.SIGKILL)
+
+    command = f"  rise-tui --config '{study}'\n"
+    told = engine("sessions")
+    assert told.stdout.startswith("apart") and "A session did not end. To go on with it:\n" + command in told.stderr
+    assert "begun 20" in told.stderr.partition(command)[2] and str(other) not in told.stderr
+    running.end()
+    console = subprocess.run([TUI], stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    assert console.returncode == 2 and console.stderr.startswith("no session is running; start one with:")
+    assert console.stderr.count("rise-tui --config") == 2 and command in console.stderr
+
+    running = Serving(other)
+    wait_for_record(running.record, b'"kind":"robot"')
+    running.end(signal.SIGKILL)
+    told = engine("sessions")
+    assert "These sessions did not end. To go on with one of them:\n  rise-tui --config " + str(other) in told.stderr
+    assert command in told.stderr, "the latest first, and one of each scenario"
+
+    shutil.rmtree(other)
+    assert Serving(study, "--new").end() == 0
+    assert "did not end" not in engine("sessions").stderr, "nobody is asked again about a session that was left"
 
 
 def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_ever(places: Path) -> None:
