@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from time import monotonic
+
 from rise_tui.app import ConsoleApp
 from rise_tui.start.launch import Launcher, prepare
 from rise_tui.start.settings import Settings
@@ -56,5 +58,8 @@ async def test_a_robot_that_cannot_be_started_is_told_after_leaving() -> None:
     bad = Launcher(start=lambda scenario, settings: start_local(scenario, faults=["nonsense"]))
     app = ConsoleApp(scenario, settings, launcher=bad)  # type: ignore[arg-type]
     async with app.run_test() as pilot:
-        await pilot.pause(0.5)
+        end = monotonic() + 20
+        while app.is_running:
+            assert monotonic() < end, "it stays, without an engine"
+            await pilot.pause(0.02)
     assert app.return_code == 1 and "could not start" in app.last_words
