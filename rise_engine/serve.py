@@ -290,7 +290,15 @@ class _Serving:
         self._begin(engine, recovered)
         if bridge is not None:
             engine.post(Note(text=f"the session is on {bridge.about}"))
-        self.say(Word(OK, prepared.name, str(prepared.folder), list(recovered.report) if recovered else []))
+        self.say(
+            Word(
+                OK,
+                prepared.name,
+                str(prepared.folder),
+                list(recovered.report) if recovered else [],
+                recovered=recovered is not None,
+            )
+        )
         gc.freeze()
         gc.enable()
         _tell_systemd("READY=1")

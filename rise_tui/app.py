@@ -232,7 +232,7 @@ class ConsoleApp(KeyWatch):
             return
         await self._close(session, end=False)
         await self._take_away()
-        self._told = recovered.told or leaving.GOES_ON
+        self._told = recovered.told
         await self._enter(recovered.client)
 
     def _may_end(self, session: Session) -> bool:

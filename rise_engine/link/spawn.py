@@ -45,6 +45,8 @@ class Started(Struct, frozen=True):
     """The session's folder."""
     lines: list[str] = []
     """What there is to say about a recovery."""
+    recovered: bool = False
+    """Whether a session that did not end goes on."""
 
 
 class Refused(Struct, frozen=True):
@@ -65,6 +67,7 @@ class Word(Struct):
     folder: str = ""
     lines: list[str] = []
     unfinished: list[tuple[str, str]] = []
+    recovered: bool = False
 
 
 Outcome: TypeAlias = Started | Refused
@@ -120,7 +123,7 @@ class Starting:
         if word.code == 0:
             if self._process is not None:
                 self._process.returncode = 0  # it is nobody's child: no warning that it still runs
-            return Started(word.name, word.folder, word.lines)
+            return Started(word.name, word.folder, word.lines, word.recovered)
         if self._process is not None:
             self._process.wait()
         return Refused(word.code, word.lines, word.unfinished)

@@ -14,6 +14,7 @@ from rise_engine.scenario.model import Scenario
 from rise_tui.start.settings import Settings, expanded, folder_of, nothing_in
 
 if TYPE_CHECKING:
+    from rise_engine.link.spawn import Started
     from rise_engine.scenario import Finding
 
 
@@ -42,12 +43,20 @@ def prepare(settings: Settings) -> Prepared:
     return Refused(list(loaded.findings)) if loaded.scenario is None else loaded.scenario
 
 
+GOES_ON = "the session goes on; what the robot was doing counts as lost"
+
+
 class Recovered(NamedTuple):
     """A session that goes on."""
 
     client: Client
-    told: str = ""
+    told: str = GOES_ON
     """What there is to say about it."""
+
+
+def told_of(found: Started) -> str:
+    """What there is to say about a session whose engine has just been started."""
+    return "; ".join((GOES_ON, *found.lines) if found.recovered else found.lines)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Answer, Dialog
 from rise_tui.start.choose import tilde
 
-GOES_ON = "the session goes on; what the robot was doing counts as lost"
 GONE_ON = (
     "the engine starts again, and the session goes on.",
     "What the robot was doing counts as lost:",

@@ -214,6 +214,7 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     # Its process takes as long to come up as the console takes to be imported: both at once.
     prepare_textual(asked.display)
     import rise_tui.app  # noqa: F401
+    from rise_tui.start.launch import told_of
     from rise_tui.start.launch_process import RUNNING
 
     found = starting.wait()
@@ -225,7 +226,7 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
         _open_on(name, None, asked, keys)
     if isinstance(found, Refused):
         _refuse(found.lines, settings.folder, found.code)
-    _open_on(found.name, settings, asked, keys, told="; ".join(found.lines))
+    _open_on(found.name, settings, asked, keys, told=told_of(found))
 
 
 def _check_clashes(settings: Settings, keys: KeyFile) -> None:

@@ -105,6 +105,7 @@ def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
             again.press(b"q\r")
             assert again.ended() == 0
         with terminal("--config", DEMO, "--recover", home=it.home) as again:
+            again.until("the session goes on; what the robot was doing counts as lost")
             again.until("failed")  # the act that the robot was doing counts as lost
 
 
