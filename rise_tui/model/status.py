@@ -160,7 +160,7 @@ def _end(store: Store) -> list[Cell]:
         who = f"WATCHING · {who}"
     shown: Line = (GAP, (f" {who} ", "call"))
     # Where there is little room the red bar says the first of these.
-    return [Cell(((GAP, *words), ()) if words else ((),), (0,)), Cell((shown,))]
+    return [Cell(((GAP, *words), ()) if words else ((),), (10,)), Cell((shown,))]
 
 
 def _state(store: Store) -> Line:

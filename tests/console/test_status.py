@@ -79,6 +79,16 @@ def test_what_gives_way_and_what_stays(width: int, there: tuple[str, ...], gone:
     assert all(piece in shown for piece in there) and not any(piece in shown for piece in gone), shown
 
 
+@pytest.mark.parametrize(("width", "stopped"), [(80, False), (100, True), (120, True), (200, True)])
+def test_who_watches_sees_that_it_is_stopped_before_room_is_kept_for_a_cue(width: int, stopped: bool) -> None:
+    """In a narrow window the red bar says it alone."""
+    client = FakeClient(demo(), you="observer:ben", role="observer")
+    client.stop("latched", ("speech",))
+    shown = text(made(client), width)
+    assert "WATCHING · anna has control" in shown and ("STOPPED" in shown) is stopped
+    assert "P07" in shown or width == 80
+
+
 def test_a_long_title_is_cut_and_the_participant_stays() -> None:
     store = made(FakeClient(replace(demo(), title="LabLinking: setting the table")))
     assert text(store, 120).startswith(" LabLink") and "…  P07 · hesitation" in text(store, 120)
