@@ -192,9 +192,9 @@ def describe(folder: Path) -> str:
     try:
         info = read_info(folder)
         last = (folder / JOURNAL).stat().st_mtime
-    except (SessionError, OSError) as error:
-        return str(error)
-    began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
+        began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
+    except (SessionError, OSError, ValueError) as error:
+        return f"{folder.name} cannot be described: {error}"
     return f"{info.title} ({info.mode}, {info.robot}), begun {began:%Y-%m-%d %H:%M}, last record {at:%H:%M:%S}"
 
 

@@ -109,9 +109,10 @@ class Painting:
         They go with the next frame: what the key asks for comes first.
         """
         if self._store.taken is not None and self._taken_at and monotonic() - self._taken_at > NOTICE_LEAST:
-            self._store.taken = None
+            self._store.taken, self._taken_at = None, 0.0
             self.changed({"status"})
-        if self._noticed is not None and self.notice.display and monotonic() - self._noticed_at > NOTICE_LEAST:
+        shown = self._noticed is not None and self._noticed is self._store.notice and self.notice.display
+        if shown and monotonic() - self._noticed_at > NOTICE_LEAST:
             self._store.notice = None
             self.changed({"notice"})
 

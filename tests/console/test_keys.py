@@ -85,6 +85,20 @@ async def test_a_key_takes_the_notice_away() -> None:
         await it.until(lambda: not it.notice)
 
 
+async def test_a_key_takes_no_notice_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with console() as it:
+        painting, store = it.screen.painting, it.screen.session.store
+        it.screen.say("read me")
+        await it.until(lambda: "read me" in it.notice)
+        painting._noticed_at -= 2
+        monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
+        painting.key_pressed()
+        assert store.notice is None
+        it.screen.say("it was refused")
+        painting.key_pressed()
+        assert store.notice is not None and store.notice.text == "it was refused"
+
+
 async def test_stopped_keys_start_nothing_and_say_why() -> None:
     async with console() as it:
         it.client.stop("latched", ("speech",))
