@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -188,6 +189,10 @@ def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places
     told = engine("sessions")
     assert "These sessions did not end. To go on with one of them:\n  rise-tui --config " + str(other) in told.stderr
     assert command in told.stderr, "the latest first, and one of each scenario"
+    info = running.record / "session.toml"
+    info.write_text(re.sub('started = ".*"', 'started = "yesterday"', info.read_text("utf-8")), "utf-8")
+    told = engine("sessions")
+    assert told.returncode == 0 and f"{running.record.name} cannot be described: " in told.stderr
 
     shutil.rmtree(other)
     assert Serving(study, "--new").end() == 0
