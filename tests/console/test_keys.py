@@ -8,9 +8,11 @@ import pytest
 from textual import events
 
 from rise_engine.link.client import ClientInput, Reply
+from rise_tui.model.control import Taken
 from rise_tui.quiet import begin
 from tests.console.conftest import console
 
+TAKEN = Taken("wizard:ben", 83.0)
 GREET = ("startCommunicationRobotAct", "Greet")
 
 
@@ -97,6 +99,21 @@ async def test_a_key_takes_no_notice_away_that_has_not_been_shown(monkeypatch: p
         it.screen.say("it was refused")
         painting.key_pressed()
         assert store.notice is not None and store.notice.text == "it was refused"
+
+
+async def test_a_key_takes_no_word_of_control_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with console() as it:
+        painting, store = it.screen.painting, it.screen.session.store
+        store.taken = TAKEN
+        painting.changed({"status"})
+        await it.until(lambda: painting._taken_at)
+        painting._taken_at -= 2  # it has been there long enough to be read
+        monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
+        painting.key_pressed()
+        assert store.taken is None
+        store.taken = TAKEN
+        painting.key_pressed()
+        assert store.taken is TAKEN
 
 
 async def test_stopped_keys_start_nothing_and_say_why() -> None:

@@ -199,6 +199,25 @@ def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places
     assert "did not end" not in engine("sessions").stderr, "nobody is asked again about a session that was left"
 
 
+def test_the_latest_session_of_a_scenario_is_named_and_none_while_it_runs(places: Path) -> None:
+    study = folder(places / "study")
+    first = Serving(study)
+    wait_for_record(first.record, b'"kind":"robot"')
+    first.end(signal.SIGKILL)
+    second = Serving(study, "--new")
+    wait_for_record(second.record, b'"kind":"robot"')
+    second.end(signal.SIGKILL)
+    (first.record / "abandoned").unlink()
+    info = second.record / "session.toml"
+    info.write_text(re.sub('^title = ".*"', 'title = "The latest"', info.read_text("utf-8"), flags=re.M), "utf-8")
+    told = engine("sessions").stderr
+    assert told.count("begun 20") == 1 and "      The latest (debug" in told
+    running = Serving(study, "--session", first.record)
+    assert running.record == first.record
+    assert "did not end" not in engine("sessions").stderr, "it cannot be recovered now"
+    assert running.end() == 0
+
+
 def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_ever(places: Path) -> None:
     study = folder(places / "study")
     it = Serving(study, "--act", "Greet")
