@@ -44,8 +44,8 @@ STOPPED = 30.0
 END = 35.0
 TOLERANCE = 1.0
 """Seconds by which an action may begin earlier or later than in the session whose console stays: five engines and five
-consoles at once on a virtual machine, whose processors stand still for a quarter of a second now and then. A console that
-the engine waited for would cost many seconds (one is held for 30), and change the order."""
+consoles at once on a virtual machine, whose processors stand still for a quarter of a second now and then. A console
+that the engine waited for would cost many seconds (one is held for 30), and change the order."""
 
 Fault = Callable[[Terminal], Awaitable[None]]
 
