@@ -169,13 +169,14 @@ async def test_a_reader_that_stands_still_holds_nobody_up(transport: DdsTranspor
     with peer("echo") as process:
         await until(say.subscribers)
         process.send_signal(signal.SIGSTOP)
-        longest = 0.0
+        took = []
         for _ in range(300):
             began = time.perf_counter()
             say.publish({"data": "x" * 50_000})
-            longest = max(longest, time.perf_counter() - began)
+            took.append(time.perf_counter() - began)
             await asyncio.sleep(0)
-        assert longest < 0.1
+        # A writer that waits does so at each message once its history is full; a machine stands still now and then.
+        assert sorted(took)[-4] < 0.1
         process.send_signal(signal.SIGCONT)
         await until(lambda: heard)
 
