@@ -142,7 +142,7 @@ def _end(store: Store) -> list[Cell]:
     """Whether keys start anything, and who may press them."""
     me = short(store.me)
     name = fit(me, min(len(me), NAME))
-    own = Cell((((f" wizard {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
+    own = Cell((((f" {store.hello.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
     if store.gone:
         return [Cell(((GAP, (" ENDED " if store.over else " GONE ", "alarm"), (" ", "plain")),)), own]
     if store.cut is not None:

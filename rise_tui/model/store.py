@@ -281,7 +281,8 @@ class Store:
             self.view.apply(record)
             self.notice = news(record) or self.notice
             if isinstance(record, StopRecord) and record.status == "released":
-                self.notice = Notice(f"the stop is released: {self.guard}")
+                live = f": {self.guard}" if self.has_control or self.guard != "LIVE" else ""
+                self.notice = Notice(f"the stop is released{live}")
             if isinstance(record, ControlRecord) and self.hello.you:
                 notice, taken = control.told(record, holder, self.hello.you)
                 # A sentence about who had control before would now be wrong.

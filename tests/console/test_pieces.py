@@ -119,6 +119,17 @@ def displayed(app: QuietApp, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return written
 
 
+@asynccontextmanager
+async def on_terminal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> AsyncIterator[tuple[Screenful, Pilot[Any], Outlet, list[str]]]:
+    """The screen, its terminal, and what is written to it from now on."""
+    async with screenful() as (screen, pilot):
+        app = screen.app
+        assert isinstance(app, Wired)
+        yield screen, pilot, await wired(app), displayed(app, monkeypatch)
+
+
 def painted_by(screen: QuietScreen[None]) -> list[str]:
     """What a terminal shows after each piece has been written."""
     lines = [[" "] * 80 for _ in range(24)]
@@ -242,17 +253,13 @@ async def test_the_screen_below_the_console_is_painted_only_when_that_has_gone(m
 async def test_painting_gives_way_to_a_key_between_two_pieces_and_is_written_at_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    async with screenful() as (screen, pilot):
-        app = screen.app
-        assert isinstance(app, Wired)
-        made = await wired(app)
-        written = displayed(app, monkeypatch)
+    async with on_terminal(monkeypatch) as (screen, pilot, made, written):
         one = screen.query_one("#one", Numbered)
         one.word = "new"
         one.refresh()
         made.key_read()
         screen._on_timer_update()
-        assert not written and not app._prepared  # a key goes first
+        assert isinstance(screen.app, Wired) and not written and not screen.app._prepared  # a key goes first
         await until(pilot, lambda: written)
         assert len(written) == 1 and all(f"new{y}" in written[0] for y in range(12))
 
@@ -260,11 +267,7 @@ async def test_painting_gives_way_to_a_key_between_two_pieces_and_is_written_at_
 async def test_nothing_is_painted_while_the_terminal_stalls_and_everything_afterwards(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    async with screenful() as (screen, pilot):
-        app = screen.app
-        assert isinstance(app, Wired)
-        made = await wired(app)
-        written = displayed(app, monkeypatch)
+    async with on_terminal(monkeypatch) as (screen, pilot, made, written):
         made.given("x" * 20_000)
         screen.query_one("#one", Numbered).word = "late"
         screen.query_one("#one").refresh()
@@ -340,11 +343,7 @@ async def test_what_would_take_too_long_waits_for_the_next_slice(monkeypatch: py
 async def test_a_row_that_would_take_too_long_waits_for_the_next_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     monkeypatch.setattr("rise_tui.quiet.screens.perf_counter", clock)
-    async with screenful() as (screen, pilot):
-        app = screen.app
-        assert isinstance(app, Wired)
-        made = await wired(app)
-        written = displayed(app, monkeypatch)
+    async with on_terminal(monkeypatch) as (screen, pilot, made, written):
         paint, rows = RowCompositor.paint_piece, []
 
         def slow(self: RowCompositor, *arguments: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -65,6 +66,15 @@ async def test_a_console_that_watches_can_stop_everything() -> None:
         assert "ctrl+r" not in it.screen.alarm.text
         await it.press("ctrl+r")
         assert it.app.screen is it.screen and "anna has control" in it.notice
+
+
+@pytest.mark.parametrize(("client", "told"), [(ben, "the stop is released"), (None, "the stop is released: LIVE")])
+async def test_who_watches_is_not_told_to_be_live(client: Callable[[], FakeClient] | None, told: str) -> None:
+    async with console(client=client() if client is not None else None) as it:
+        it.client.stop("latched", ("speech",))
+        await it.until(lambda: "STOPPED" in it.screen.alarm.text)
+        it.client.stop("released")
+        await it.until(lambda: it.notice.strip().endswith(told))
 
 
 @pytest.mark.parametrize(("key", "verb"), [("t", "take"), ("a", "ask")])

@@ -89,6 +89,13 @@ def test_who_watches_sees_that_it_is_stopped_before_room_is_kept_for_a_cue(width
     assert "P07" in shown or width == 80
 
 
+@pytest.mark.parametrize("role", ["wizard", "observer"])
+def test_whose_console_it_was_when_the_session_has_ended(role: str) -> None:
+    store = made(FakeClient(demo(), you=f"{role}:ben", role=role))  # type: ignore[arg-type]
+    store.gone, store.over = "ended by wizard:anna", True
+    assert text(store, 200).endswith(f" ENDED   {role} ben ")
+
+
 def test_a_long_title_is_cut_and_the_participant_stays() -> None:
     store = made(FakeClient(replace(demo(), title="LabLinking: setting the table")))
     assert text(store, 120).startswith(" LabLink") and "…  P07 · hesitation" in text(store, 120)
