@@ -76,6 +76,7 @@ def declare(
 
 
 def _check_substitutes(file: TomlFile, specs: dict[str, ActionSpec], findings: Findings) -> None:
+    able: list[str] | None = None
     for name in file.values.get("actions", {}):
         spec = specs.get(name)
         if spec is None or spec.substitute is None:
@@ -83,7 +84,10 @@ def _check_substitutes(file: TomlFile, specs: dict[str, ActionSpec], findings: F
         place = file.value_place("actions", name, "substitute")
         other = specs.get(spec.substitute)
         if other is None or not other.supported or other.substitute is not None or other.name == name:
-            able = [each.name for each in specs.values() if each.supported and not each.substitute and not each.engine]
+            if able is None:
+                able = [
+                    each.name for each in specs.values() if each.supported and not each.substitute and not each.engine
+                ]
             findings.error(
                 "unknown-action",
                 place,
@@ -151,8 +155,9 @@ class _Declaration:
                 "wrong-type", self.table.place(key), f"`{key}` needs a parameter `value` of the type `name`"
             )
         elif value is not None:
+            left_out, known = frozenset(without), {*value.codes, *value.names}
             for index, name in enumerate(without):
-                if name not in value.codes and name not in value.names:
+                if name not in known:
                     self.findings.error(
                         "unknown-name",
                         self.table.place("without", str(index)),
@@ -160,8 +165,8 @@ class _Declaration:
                     )
             result["value"] = replace(
                 value,
-                codes={name: code for name, code in value.codes.items() if name not in without},
-                names=tuple(name for name in dict.fromkeys((*value.names, *more)) if name not in without),
+                codes={name: code for name, code in value.codes.items() if name not in left_out},
+                names=tuple(name for name in dict.fromkeys((*value.names, *more)) if name not in left_out),
             )
         return result
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.draft import Draft
-from rise_engine.scenario.findings import Finding, Findings
+from rise_engine.scenario.findings import Finding, Findings, few_comparisons
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory
@@ -22,7 +22,7 @@ from rise_engine.scenario.relaxng import act_schema, rule_schema, validate
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.settings import Settings
-from rise_engine.scenario.source import Files, Source
+from rise_engine.scenario.source import MAX_TOML_BYTES, Files, Source
 from rise_engine.scenario.toml_places import TomlFile, read_toml
 from rise_engine.scenario.xml import XmlFile, read_xml
 
@@ -67,7 +67,8 @@ def load(
     collecting = gc.isenabled()
     gc.disable()  # nearly all that loading makes is kept; looking for garbage meanwhile costs a fifth of the time
     try:
-        return _Loader(Path(path)).load(robot, mode, places or {})
+        with few_comparisons():
+            return _Loader(Path(path)).load(robot, mode, places or {})
     finally:
         if collecting:
             gc.enable()
@@ -129,7 +130,7 @@ class _Loader:
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)
-        source = self.files.source(path) if os.path.lexists(path) else None
+        source = self.files.source(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
         file = read_toml(source, self.findings) if source is not None else None
         self.file = file or self.file
 

@@ -9,6 +9,7 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.expression import lookup
+from rise_engine.expression.values import MAX_LEVELS
 
 _SLOT_KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
@@ -90,7 +91,7 @@ def parse_template(text: str) -> Template:
             if end < 0:
                 raise TemplateError("a `{` without its `}`; write `{{` for the character itself", at + 1)
             key, bar, fallback = text[at + 1 : end].partition("|")
-            if not _SLOT_KEY.match(key.strip()):
+            if not _SLOT_KEY.match(key.strip()) or key.count(".") >= MAX_LEVELS:
                 raise TemplateError(
                     f"`{text[at : end + 1]}` does not name a memory key; write {{key}} or {{key|fallback}}", at + 1
                 )
