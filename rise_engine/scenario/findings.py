@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from rise_engine.scenario.model import Place
+from rise_engine.text import UNSEEN, called, clean
 
 Severity: TypeAlias = Literal["error", "warning"]
 
@@ -28,7 +29,8 @@ class Finding(Struct, frozen=True):
     place: Place
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.severity} {self.code}: {self.message}"
+        """One line, with nothing in it that a terminal would obey."""
+        return clean(f"{self.place}: {self.severity} {self.code}: {self.message}")
 
 
 class Findings:
@@ -143,8 +145,6 @@ def _folded(name: str) -> str:
 
 def _seen(name: str) -> str:
     """What of a name can be seen."""
-    from rise_engine.text import UNSEEN
-
     return " ".join(UNSEEN.sub("", name).split())
 
 
@@ -167,8 +167,6 @@ def _other_script(here: str, there: str) -> bool:
 
 
 def _characters(letter: str) -> str:
-    from rise_engine.text import called
-
     if not letter:
         return "nothing"
     written = " and ".join(called(each) for each in letter)

@@ -22,6 +22,7 @@ _SKIP = (("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">"), ("</"
 _VALUE_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
 _RUNS_ON = re.compile(r"[\r\n][^\S\r\n]*+<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
 _LINE_END = re.compile(r"[\r\n]")
+_LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
 _GAP = re.compile(rf"{GAP}*+")
 _EQUALS = re.compile(rf"{GAP}*+={GAP}*+")
 _FARTHEST = 2000
@@ -36,6 +37,8 @@ class Mended:
     def __init__(self, source: Source) -> None:
         self.source = source
         self.text = source.text
+        self.looked_at: dict[str, int] = {}
+        """How far the text has been searched, in vain, for the end of a value in these quotation marks."""
         self._edits: list[tuple[int, int, str]] = []
         self._starts: list[int] = []
 
@@ -167,27 +170,29 @@ def _tag(mended: Mended, findings: Findings, start: int) -> int:
         quote = text[at : at + 1]
         if quote not in ('"', "'") or not quote:
             return at
-        end = _value_end(text, at + 1, quote)
+        end = _value_end(mended, at + 1, quote)
         if end < 0:
             return at + 1
         _value(mended, findings, attribute.group(), at, end)
         at = end + 1
 
 
-def _value_end(text: str, start: int, quote: str) -> int:
+def _value_end(mended: Mended, start: int, quote: str) -> int:
     """The offset of the quotation mark that closes a value, or -1 when it is never closed.
 
     A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. That is
     looked for in the same line, and not for ever.
     """
+    text = mended.source.text
     first = end = text.find(quote, start)
     if end < 0 or _RUNS_ON.search(text, start, end):
         return -1
     line_end = _LINE_END.search(text, end, end + _FARTHEST)
     last = line_end.start() if line_end else min(end + _FARTHEST, len(text))
     while not _VALUE_ENDS.match(text, end + 1):
-        end = text.find(quote, end + 1, last)
+        end = text.find(quote, max(end + 1, mended.looked_at.get(quote, 0)), last)
         if end < 0:
+            mended.looked_at[quote] = last
             return first
     return end
 
@@ -232,7 +237,7 @@ def _corrected(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> s
         end = min(end, start + _SHOWN)
         bad = bad[:_SHOWN]
     escapes = dict(bad)
-    return "".join(escapes.get(index, text[index]) for index in range(start, end))
+    return _LINE_ENDS.sub(" ", "".join(escapes.get(index, text[index]) for index in range(start, end)))
 
 
 def _report_text(mended: Mended, findings: Findings, start: int, end: int, bad: list[tuple[int, str]]) -> None:
