@@ -17,6 +17,7 @@ from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source import Source
 from rise_engine.scenario.toml_places import Table, TomlFile, read_toml
+from rise_engine.scenario.xml import is_element_name
 
 Layer = Literal["core", "profile", "scenario"]
 
@@ -238,7 +239,8 @@ def unknown_keys(table: Table, known: tuple[str, ...], findings: Findings) -> No
 
 
 def _is_tag(name: str) -> bool:
-    return name.isidentifier() and not name[0].isdigit()
+    """Whether a name can be that of an element."""
+    return name.isidentifier() and (name.isascii() or is_element_name(name))
 
 
 def _is_number(value: Any) -> bool:

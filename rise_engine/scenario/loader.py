@@ -18,7 +18,6 @@ from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import Place, RobotProfile, Scenario
-from rise_engine.scenario.relaxng import act_schema, rule_schema, validate
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.settings import Settings
@@ -100,10 +99,12 @@ class _Loader:
         self.named = {**settings.places, **places}
         paths = {key: self.named.get(key) or place for key, place in DEFAULT_PLACES.items()}
 
-        checked = [*self.read_acts(paths["acts"], profile), *self.read_rules(paths["rules"])]
+        for file in self.xml_files("acts", paths["acts"]):
+            read_acts(file, profile, draft, findings)
+        for file in self.xml_files("rules", paths["rules"]):
+            read_rules(file, draft, findings)
         self.read_memory(paths["memory"])
         check_links(draft, findings)
-        self.validate(checked, profile)
 
         found = findings.sorted()
         if findings.errors:
@@ -141,22 +142,6 @@ class _Loader:
         if "actions" in file.values:
             profile = replace(profile, actions=declare(file, profile.actions, "scenario", self.findings))
         return profile
-
-    def read_acts(self, place: str, profile: RobotProfile) -> Iterator[tuple[XmlFile, str]]:
-        """Read the acts; yields the files in which nothing was wrong."""
-        for file in self.xml_files("acts", place):
-            before = self.findings.errors
-            read_acts(file, profile, self.draft, self.findings)
-            if self.findings.errors == before:
-                yield file, "acts"
-
-    def read_rules(self, place: str) -> Iterator[tuple[XmlFile, str]]:
-        """Read the rules; yields the files in which nothing was wrong."""
-        for file in self.xml_files("rules", place):
-            before = self.findings.errors
-            read_rules(file, self.draft, self.findings)
-            if self.findings.errors == before:
-                yield file, "rules"
 
     def read_memory(self, place: str) -> None:
         path = self.folder / place
@@ -202,14 +187,6 @@ class _Loader:
             self.findings.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
             self.draft.unread.add(kind)
         return False
-
-    def validate(self, files: list[tuple[XmlFile, str]], profile: RobotProfile) -> None:
-        """The schemas that editors use must agree with the checks above; if one does not, that is told, not hidden."""
-        schemas: dict[str, Any] = {}
-        for xml, kind in files:
-            if kind not in schemas:
-                schemas[kind] = act_schema(profile.actions) if kind == "acts" else rule_schema()
-            validate(xml, schemas[kind], self.findings)
 
     def canonical(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""

@@ -1,6 +1,6 @@
 """XML files, read by a hardened parser, with exact places for every element, attribute and character of a value.
 
-lxml decides whether a file is well-formed, and holds it for the schema. The checks walk over a tree of our own, made by
+lxml decides whether a file is well-formed, and says what is wrong. The checks walk over a tree of our own, made by
 expat: it tells the offset of every element (lxml only the line, and for a start tag over several lines the wrong one),
 and walking over it costs half as much. Names that only one of the two accepts are refused. What expat would do with a
 DOCTYPE does not matter: there is none.
@@ -75,10 +75,9 @@ class MisnamedError(ValueError):
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: Source, tree: etree._Element, text: str, mended: Mended | None) -> None:
+    def __init__(self, source: Source, text: str, mended: Mended | None) -> None:
+        """`text` is well-formed. Raises MisnamedError."""
         self.source = source
-        self.tree = tree
-        """As lxml has it."""
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
         self.root = _build(text, self.has_text)
@@ -202,6 +201,15 @@ class Spot(Struct, frozen=True, gc=False):
         return self.file.place(self.element)
 
 
+def is_element_name(name: str) -> bool:
+    """Whether an element can have this name."""
+    try:
+        _parse(f"<{name}/>")
+        return _build(f"<{name}/>", has_text=False).tag == name
+    except (etree.XMLSyntaxError, MisnamedError, UnicodeEncodeError):
+        return False
+
+
 def expression_texts(file: XmlFile) -> tuple[list[str], list[str]]:
     """All conditions and all assignments of a rule file, as written, each once."""
     conditions: dict[str, None] = {}
@@ -236,7 +244,8 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         )
         return None
     try:
-        return XmlFile(source, _parse(text), text, None)
+        _parse(text)
+        return XmlFile(source, text, None)
     except MisnamedError as misnamed:
         findings.error("not-well-formed", source.place(misnamed.offset), str(misnamed))
         return None
@@ -248,7 +257,8 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         mended = mend(source, findings)
         if findings.errors > before:
             try:
-                return XmlFile(source, _parse(mended.text), mended.text, mended)
+                _parse(mended.text)
+                return XmlFile(source, mended.text, mended)
             except MisnamedError as misnamed:
                 place = source.place(mended.original(misnamed.offset))
                 findings.error("not-well-formed", place, str(misnamed))
@@ -261,7 +271,8 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         return None
 
 
-def _parse(text: str) -> etree._Element:
+def _parse(text: str) -> None:
+    """Raises etree.XMLSyntaxError for a text that is not well-formed."""
     parser = etree.XMLParser(
         remove_comments=True,
         remove_pis=True,
@@ -270,7 +281,7 @@ def _parse(text: str) -> etree._Element:
         load_dtd=False,
         huge_tree=False,
     )
-    return etree.fromstring(text.encode(), parser)
+    etree.fromstring(text.encode(), parser)
 
 
 def _build(text: str, has_text: bool) -> Element:
