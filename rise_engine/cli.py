@@ -53,6 +53,11 @@ _CONDITION = click.option(
     default="",
     help="The session's condition; one of the study's, if it lists any.",
 )
+_HERE = click.option(
+    "--here",
+    is_flag=True,
+    help="Go on also with one that another computer had last, where nobody can see whether it still has.",
+)
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 
 
@@ -284,6 +289,7 @@ def run(
 @click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
 @click.option("--session", "session", metavar="SESSION", help="Go on with this session.")
+@_HERE
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--speed", metavar="N", default="1", help="How many times faster.")
 @click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
@@ -304,6 +310,7 @@ def serve(
     acts: tuple[str, ...],
     recover: bool,
     session: str | None,
+    here: bool,
     new: bool,
     speed: str,
     seed: int | None,
@@ -330,6 +337,8 @@ def serve(
     if (recover or session is not None) and new:
         usage("say either --recover or --new")
     require_folder(folder)
+    if here and not recover and session is None:
+        usage("--here goes with --recover or --session")
     which = session or ("recover" if recover else "new" if new else "ask")
     first: tuple[Submit, ...] = ()
     if settings or rules or acts:
@@ -358,6 +367,7 @@ def serve(
         condition=condition,
         name=name,
         unfinished=which,
+        here=here,
     )
     sys.exit(serve_session(order, to_person(order)))
 
@@ -372,7 +382,7 @@ def sessions(as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("which", metavar="[NAME|DIR]", required=False)
+@click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
 def stop(which: str | None) -> None:
     """End a running session: the robot is stopped, the record is completed.
 

@@ -41,11 +41,13 @@ from rise_engine.session.folder import (
     abandon,
     create,
     describe,
+    running_folders,
     sessions_folder,
     unfinished,
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
+from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
 
@@ -82,19 +84,25 @@ class Order(Struct, frozen=True):
     """Who takes part, as the record is to name them; an earlier session goes on with its own."""
     condition: str = ""
     """One of the scenario's `[study] conditions`, where it lists any."""
+    wizard: str = ""
+    """Who begins it, for the session's folder."""
     name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
     """What to do when an earlier session of the folder did not end: ask (refuse and say so), new, recover (the latest),
     or the path of the session to recover."""
+    here: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
 
 
 class Refusal(Exception):
     """Nothing is served."""
 
-    def __init__(self, code: int, *lines: str, unfinished: list[tuple[str, str]] | None = None) -> None:
+    def __init__(
+        self, code: int, *lines: str, unfinished: list[tuple[str, str]] | None = None, socket: str = ""
+    ) -> None:
         super().__init__("\n".join(lines))
-        self.word = Word(code, lines=list(lines), unfinished=unfinished or [])
+        self.word = Word(code, lines=list(lines), unfinished=unfinished or [], socket=socket)
 
 
 def serve(order: Order, say: Callable[[Word], None]) -> int:
@@ -104,12 +112,13 @@ def serve(order: Order, say: Callable[[Word], None]) -> int:
     except Refusal as refusal:
         say(refusal.word)
         return refusal.word.code
-    with session.claim:
-        try:
-            return asyncio.run(_Serving(session, say).run())
-        except Refusal as refusal:
-            say(refusal.word)
-            return refusal.word.code
+    try:
+        return asyncio.run(_Serving(session, say).run())
+    except Refusal as refusal:
+        say(refusal.word)
+        return refusal.word.code
+    finally:
+        session.close()
 
 
 class _Prepared:
@@ -118,6 +127,8 @@ class _Prepared:
     def __init__(self, order: Order) -> None:
         self.order = order
         self.recovered: Recovered | None = None
+        self.lock: JournalLock | None = None
+        """Of the journal of a session that goes on, until that is open."""
         try:
             self.name = order.name or session_name(Path(order.folder))
             claimed = claim(self.name)
@@ -129,11 +140,18 @@ class _Prepared:
         try:
             self._choose()
         except BaseException:
-            claimed.close()
+            self.close()
             raise
+
+    def close(self) -> None:
+        """Let go of what is still held."""
+        if self.lock is not None:
+            self.lock.release()
+        self.claim.close()
 
     def _choose(self) -> None:
         order = self.order
+        self._refuse_second()
         which: Path | None = None
         if order.unfinished not in ("ask", "new", "recover"):
             try:
@@ -157,6 +175,14 @@ class _Prepared:
         else:
             self._begin()
 
+    def _refuse_second(self) -> None:
+        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
+        if self.order.name is not None:
+            return
+        for folder, holder in running_folders(str(Path(self.order.folder).absolute())).items():
+            socket = holder.socket if holder is not None and holder.is_here else ""
+            raise Refusal(RUNNING, running_words(folder, holder), socket=socket)
+
     def _begin(self) -> None:
         order = self.order
         loaded = load(order.folder, robot=order.robot, mode=order.mode, places=order.places)
@@ -169,10 +195,26 @@ class _Prepared:
         self.speed, self.faults, self.wire = order.speed, order.faults, order.wire
         self._files = loaded.files
 
-    def make_folder(self) -> None:
-        """Of a new session, once nothing is in its way."""
-        if self.recovered is not None:
-            return
+    def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
+        """Of the session that goes on, or of a new one in a folder of its own, once nothing is in its way."""
+        try:
+            if self.recovered is not None:
+                journal = open(self.folder / JOURNAL, self.recovered.size, self.lock)
+                self.lock = None  # it is the journal's now
+                return journal
+            root = sessions_folder()
+            with suppress(OSError):
+                root.mkdir(0o700, parents=True, exist_ok=True)
+            with beginning(root):
+                self._refuse_second()
+                self._make_folder()
+                return open(self.folder / JOURNAL, 0, None)
+        except OSError as error:
+            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        except SessionError as error:
+            raise Refusal(UNRECORDED, str(error)) from None
+
+    def _make_folder(self) -> None:
         try:
             self.folder = create(
                 sessions_folder(),
@@ -185,13 +227,20 @@ class _Prepared:
                 versions=versions(),
                 participant=self.order.participant,
                 condition=self.order.condition,
+                wizard=self.order.wizard,
             )
         except SessionError as error:
             raise Refusal(UNRECORDED, str(error)) from None
 
     def _recover(self, which: Path) -> None:
         try:
-            self.recovered = recover(which)
+            with beginning(which.parent):
+                self._refuse_second()
+                self.lock = JournalLock(which / JOURNAL, here=self.order.here)
+            self.recovered = recover(which, lock=self.lock)
+        except JournalLocked as error:
+            holder = error.holder
+            raise Refusal(RUNNING, str(error), socket=holder.socket if holder and holder.is_here else "") from None
         except SessionError as error:
             raise Refusal(LOST, f"{which.name} cannot be recovered: {error}") from None
         info = self.recovered.info
@@ -239,22 +288,15 @@ class _Serving:
         recovered = prepared.recovered
         clock = RealClock(loop, prepared.speed, recovered.t if recovered is not None else 0.0)
         robot = prepared.make_robot(clock, bridge)
-        prepared.make_folder()
 
         def changed() -> None:
             with suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(engine.look_at_journal)
 
-        try:
-            journal = Journal(
-                prepared.folder / JOURNAL,
-                size=recovered.size if recovered is not None else 0,
-                changed=changed,
-                later=loop.call_soon,
-                now=clock.now,
-            )
-        except OSError as error:
-            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        def open_journal(path: Path, size: int, lock: JournalLock | None) -> Journal:
+            return Journal(path, size=size, lock=lock, changed=changed, later=loop.call_soon, now=clock.now)
+
+        journal = prepared.open_journal(open_journal)
         if recovered is None:
             journal.append(header_line(f"rise-tui {versions()['rise-tui']}"))
             resumption = None
@@ -286,6 +328,7 @@ class _Serving:
             await server.start()
         except OSError as error:
             raise Refusal(FAILED, f"the session's socket cannot be made: {error}") from None
+        journal.lock.tell(str(prepared.claim.socket.absolute()))
         looking = loop.create_task(self._look(engine))
         self._begin(engine, recovered)
         if bridge is not None:

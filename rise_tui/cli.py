@@ -60,7 +60,12 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 @click.option("--seed", type=click.IntRange(min=0), help="Of the session's chance; without it, a new one each time.")
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one.")
-@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name.")
+@click.option(
+    "--here",
+    is_flag=True,
+    help="With --recover: also one that another computer had last, where nobody can see whether it still has.",
+)
+@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name or socket.")
 @click.option("--observe", is_flag=True, help="Only watch: stop everything and add notes, but never take control.")
 @click.option("--wizard", metavar="NAME", default=_wizard, help="Who sits at the console; stands in every record.")
 @click.option("--replay", "replay", metavar="SESSION", help="Watch a recorded session: its folder, or its name.")
@@ -140,6 +145,8 @@ def _check_usage(asked: Asked) -> None:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
     if asked.new and asked.recover:
         raise click.UsageError("say either --new or --recover")
+    if asked.here and not asked.recover:
+        raise click.UsageError("--here goes with --recover")
     which = {"--config": asked.folder, "--session": asked.session, "--replay": asked.replay}
     named = [name for name, value in which.items() if value is not None]
     if len(named) > 1:

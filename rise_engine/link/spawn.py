@@ -32,8 +32,12 @@ class Options(Struct, frozen=True):
     participant: str = ""
     """Who takes part, as the record is to name them; a session that goes on keeps its own."""
     condition: str = ""
+    wizard: str = ""
+    """Who begins it; a session that goes on keeps its own."""
     unfinished: str = "ask"
     """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
+    here: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
 
 
 class Started(Struct, frozen=True):
@@ -56,6 +60,8 @@ class Refused(Struct, frozen=True):
     lines: list[str]
     unfinished: list[tuple[str, str]] = []
     """Sessions that could be recovered: folder, and a sentence about it."""
+    socket: str = ""
+    """Where the session is reached that runs already, if it is not reached by its name."""
 
 
 class Word(Struct):
@@ -68,6 +74,8 @@ class Word(Struct):
     lines: list[str] = []
     unfinished: list[tuple[str, str]] = []
     recovered: bool = False
+    socket: str = ""
+    """Of a refusal because the session runs: where it is reached."""
 
 
 Outcome: TypeAlias = Started | Refused
@@ -126,7 +134,7 @@ class Starting:
             return Started(word.name, word.folder, word.lines, word.recovered)
         if self._process is not None:
             self._process.wait()
-        return Refused(word.code, word.lines, word.unfinished)
+        return Refused(word.code, word.lines, word.unfinished, word.socket)
 
     def _no_word(self) -> Refused:
         """What it left in its log instead."""
