@@ -339,6 +339,7 @@ def copy_of(view: View, open: Iterable[int] | None = None) -> View:
         memory=dict(view.memory),
         running=list(view.running),
         waiting=list(view.waiting),
+        failed=list(view.failed),
         unhandled=deque(view.unhandled, view.unhandled.maxlen),
     )
 
