@@ -24,7 +24,8 @@ ACTS = """<Dialogs>
     <Speech><actionID>1</actionID><message>Hello {name}.</message></Speech>
     <LookAt><actionID>2</actionID><waitForActions>1</waitForActions>
       <pointx>1</pointx><pointy>0</pointy><pointz>1</pointz></LookAt>
-    <Speech><actionID>3</actionID><waitForActions>2</waitForActions><message>Put the fork to the {side}.</message></Speech>
+    <Speech><actionID>3</actionID><waitForActions>2</waitForActions>
+      <message>Put the fork to the {side}.</message></Speech>
     <Variants><actionID>4</actionID><waitForActions>3</waitForActions>
       <Speech><message>Was that clear?</message></Speech><Speech><message>Did you get it?</message></Speech>
     </Variants>
