@@ -82,6 +82,8 @@ class Order(Struct, frozen=True):
     """Who takes part, as the record is to name them; an earlier session goes on with its own."""
     condition: str = ""
     """One of the scenario's `[study] conditions`, where it lists any."""
+    wizard: str = ""
+    """Who begins it, for the session's folder."""
     name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
@@ -185,6 +187,7 @@ class _Prepared:
                 versions=versions(),
                 participant=self.order.participant,
                 condition=self.order.condition,
+                wizard=self.order.wizard,
             )
         except SessionError as error:
             raise Refusal(UNRECORDED, str(error)) from None

@@ -32,6 +32,8 @@ class Options(Struct, frozen=True):
     participant: str = ""
     """Who takes part, as the record is to name them; a session that goes on keeps its own."""
     condition: str = ""
+    wizard: str = ""
+    """Who begins it; a session that goes on keeps its own."""
     unfinished: str = "ask"
     """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
 

@@ -62,6 +62,8 @@ class SessionInfo(Struct, frozen=True):
     ros_args: tuple[str, ...] = ()
     participant: str = ""
     condition: str = ""
+    wizard: str = ""
+    """Who began it, as consoles name themselves (`anna`); empty: a program, or an older version."""
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
@@ -83,6 +85,7 @@ def create(
     wire: Wire = _NO_WISH,
     participant: str = "",
     condition: str = "",
+    wizard: str = "",
     versions: Mapping[str, str],
 ) -> Path:
     """Make the folder of a new session, without its journal. `files` as `Loaded.files`. Raises SessionError."""
@@ -101,6 +104,7 @@ def create(
         ros_args=wire.arguments,
         participant=participant,
         condition=condition,
+        wizard=wizard,
         versions=dict(versions),
         machine={"host": platform.node(), "system": platform.platform(), "user": _user()},
     )
@@ -195,7 +199,12 @@ def describe(folder: Path) -> str:
         began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
     except (SessionError, OSError, ValueError) as error:
         return f"{folder.name} cannot be described: {error}"
-    return f"{info.title} ({info.mode}, {info.robot}), begun {began:%Y-%m-%d %H:%M}, last record {at:%H:%M:%S}"
+    who = [f"{what} {name}" for what in ("participant", "condition") if (name := getattr(info, what))]
+    by = f" by {info.wizard}" if info.wizard else ""
+    return (
+        f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
+        f"begun {began:%Y-%m-%d %H:%M}{by}, last record {at:%H:%M:%S}"
+    )
 
 
 def _begun(folder: Path) -> bool:

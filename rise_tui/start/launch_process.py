@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from time import monotonic, sleep
 
+from msgspec.structs import replace
+
 from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
 from rise_engine.link.spawn import Options, Refused, Started, start_engine
@@ -25,7 +27,7 @@ def process_launcher(who: str, role: Role) -> Launcher:
 
         until = monotonic() + LET_GO
         while True:
-            found = start_engine(options(settings, settings.seed, "ask"))
+            found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
             if not isinstance(found, Refused):
                 return SocketClient(found.name, who, role, scenario=scenario)
             if found.code != RUNNING or monotonic() > until:

@@ -209,7 +209,7 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
 
     from rise_engine.link.spawn import Refused, Starting, start_engine
 
-    wanted = options(settings, asked.seed, asked.unfinished)
+    wanted = replace(options(settings, asked.seed, asked.unfinished), wizard=asked.wizard)
     starting = Starting(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
     prepare_textual(asked.display)
