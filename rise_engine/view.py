@@ -150,6 +150,8 @@ class View(Struct):
     """Why it ended, once it has."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when that console has gone since."""
     asked: str | None = None
     """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
@@ -203,6 +205,8 @@ class View(Struct):
                 self.asked = record.by
             case ControlRecord():
                 self.control, self.asked = record.holder, None
+                if record.holder is not None and record.holder.startswith("wizard:"):
+                    self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason

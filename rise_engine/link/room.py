@@ -175,6 +175,7 @@ class Room:
             clients=list(self.members),
             participant=view.session.participant if view.session is not None else "",
             condition=view.session.condition if view.session is not None else "",
+            wizard=view.wizard,
             replay=self.replay,
             trouble=engine.journaling.trouble,
             pid=os.getpid(),

@@ -35,7 +35,10 @@ class Options(Struct, frozen=True):
     wizard: str = ""
     """Who begins it; a session that goes on keeps its own."""
     unfinished: str = "ask"
-    """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
+    """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder. With a
+    participant or a condition, only a session of theirs is recovered."""
+    first: tuple[dict[str, str], ...] = ()
+    """What is submitted at the beginning of a new session (`Submit`, as JSON has it)."""
 
 
 class Started(Struct, frozen=True):
@@ -58,6 +61,8 @@ class Refused(Struct, frozen=True):
     lines: list[str]
     unfinished: list[tuple[str, str]] = []
     """Sessions that could be recovered: folder, and a sentence about it."""
+    others: list[tuple[str, str]] = []
+    """Those that did not end either and are of other participants or conditions than the one that was named."""
 
 
 class Word(Struct):
@@ -69,6 +74,7 @@ class Word(Struct):
     folder: str = ""
     lines: list[str] = []
     unfinished: list[tuple[str, str]] = []
+    others: list[tuple[str, str]] = []
     recovered: bool = False
 
 
@@ -128,7 +134,7 @@ class Starting:
             return Started(word.name, word.folder, word.lines, word.recovered)
         if self._process is not None:
             self._process.wait()
-        return Refused(word.code, word.lines, word.unfinished)
+        return Refused(word.code, word.lines, word.unfinished, word.others)
 
     def _no_word(self) -> Refused:
         """What it left in its log instead."""
