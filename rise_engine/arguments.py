@@ -33,10 +33,11 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
 
 
 def places_of(places: tuple[str, ...]) -> dict[str, str]:
+    """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
     named = dict(each.partition("=")[::2] for each in places)
-    for kind in named:
-        if kind not in ("acts", "rules", "memory"):
-            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH")
+    for kind, path in named.items():
+        if kind not in ("acts", "rules", "memory") or not path.strip():
+            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH, in the scenario's folder")
     return named
 
 
@@ -56,12 +57,11 @@ def first_tasks(
     problems += [
         f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
     ]
-    assigned = []
-    for setting in settings:
-        try:
-            assigned.append(_setting(setting))
-        except ValueError as error:
-            problems.append(f"error: --set {setting}: {error}")
+    assigned: list[str] = []
+    try:
+        assigned = assignments(settings)
+    except UnusableError as error:
+        problems.append(str(error))
     if problems:
         raise UnusableError("\n".join(problems))
     source = "wizard:command-line"
@@ -70,6 +70,19 @@ def first_tasks(
         *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
         *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
     )
+
+
+def assignments(settings: Sequence[str]) -> list[str]:
+    """Every `--set` as an assignment. Raises UnusableError with all that cannot be used."""
+    assigned, problems = [], []
+    for setting in settings:
+        try:
+            assigned.append(_setting(setting))
+        except ValueError as error:
+            problems.append(f"error: --set {setting}: {error}")
+    if problems:
+        raise UnusableError("\n".join(problems))
+    return assigned
 
 
 def _setting(text: str) -> str:

@@ -301,7 +301,13 @@ def run(
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
 )
-@click.option("--place", "places", metavar="KIND=PATH", multiple=True, help="Another place for acts, rules or memory.")
+@click.option(
+    "--place",
+    "places",
+    metavar="KIND=PATH",
+    multiple=True,
+    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+)
 def serve(
     folder: str,
     name: str | None,

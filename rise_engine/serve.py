@@ -41,9 +41,12 @@ from rise_engine.session.folder import (
     abandon,
     create,
     describe,
+    is_of,
+    read_info,
     running_folders,
     sessions_folder,
     unfinished,
+    whose,
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
@@ -52,7 +55,7 @@ from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 OK, REFUSED, USAGE, RUNNING, UNFINISHED, LOST, FAILED, UNRECORDED = 0, 1, 2, 3, 4, 5, 70, 74
 """Exit statuses (docs/reference/rise-engine.md)."""
@@ -99,10 +102,21 @@ class Refusal(Exception):
     """Nothing is served."""
 
     def __init__(
-        self, code: int, *lines: str, unfinished: list[tuple[str, str]] | None = None, socket: str = ""
+        self,
+        code: int,
+        *lines: str,
+        unfinished: Sequence[Path] = (),
+        others: Sequence[Path] = (),
+        socket: str = "",
     ) -> None:
         super().__init__("\n".join(lines))
-        self.word = Word(code, lines=list(lines), unfinished=unfinished or [], socket=socket)
+        self.word = Word(
+            code, lines=list(lines), unfinished=_described(unfinished), others=_described(others), socket=socket
+        )
+
+
+def _described(folders: Sequence[Path]) -> list[tuple[str, str]]:
+    return [(str(folder), describe(folder)) for folder in folders]
 
 
 def serve(order: Order, say: Callable[[Word], None]) -> int:
@@ -156,18 +170,28 @@ class _Prepared:
         if order.unfinished not in ("ask", "new", "recover"):
             try:
                 which = find_session(order.unfinished)
+                self._check_meant(which)
             except SessionError as error:
                 raise Refusal(USAGE, str(error)) from None
         else:
             there = unfinished(str(Path(order.folder).absolute()))
+            meant = [folder for folder in there if is_of(read_info(folder), order.participant, order.condition)]
+            others = [folder for folder in there if folder not in meant]
             if there and order.unfinished == "ask":
                 raise Refusal(
                     UNFINISHED,
                     "an earlier session of this scenario did not end: recover it, or begin a new one",
-                    unfinished=[(str(folder), describe(folder)) for folder in there],
+                    unfinished=meant,
+                    others=others,
                 )
-            if there and order.unfinished == "recover":
-                which = there[0]
+            if others and not meant and order.unfinished == "recover":
+                raise Refusal(
+                    UNFINISHED,
+                    f"no session of {whose(order.participant, order.condition)} waits to be recovered",
+                    others=others,
+                )
+            if meant and order.unfinished == "recover":
+                which = meant[0]
             for folder in there if order.unfinished == "new" else ():
                 abandon(folder)
         if which is not None:
@@ -182,6 +206,16 @@ class _Prepared:
         for folder, holder in running_folders(str(Path(self.order.folder).absolute())).items():
             socket = holder.socket if holder is not None and holder.is_here else ""
             raise Refusal(RUNNING, running_words(folder, holder), socket=socket)
+
+    def _check_meant(self, which: Path) -> None:
+        """Nobody's session goes on as somebody else's. Raises SessionError."""
+        order, info = self.order, read_info(which)
+        if not is_of(info, order.participant, order.condition):
+            named = whose(order.participant, order.condition)
+            raise SessionError(
+                f"{which.name} is the session of {whose(info.participant, info.condition)}, not of {named}: "
+                "nothing was started"
+            )
 
     def _begin(self) -> None:
         order = self.order
@@ -399,7 +433,13 @@ def to_person(order: Order) -> Callable[[Word], None]:
             sys.stderr.write(line + "\n")
         for folder, sentence in word.unfinished:
             sys.stderr.write(f"  {sentence}\n    {folder}\n")
-        if word.code == UNFINISHED:
+        if word.others:
+            sys.stderr.write("of other participants or conditions, and not recovered for this one:\n")
+        for folder, sentence in word.others:
+            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+        if word.code == UNFINISHED and not word.unfinished:
+            sys.stderr.write("say --new to begin, or name theirs to go on with one (--participant, --condition)\n")
+        elif word.code == UNFINISHED:
             sys.stderr.write("say --recover to go on with the latest, or --new\n")
         elif word.code == REFUSED:
             sys.stderr.write(f"{order.folder} was refused: nothing was started\n")

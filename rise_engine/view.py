@@ -150,6 +150,8 @@ class View(Struct):
     """Why it ended, once it has."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when that console has gone since."""
     asked: str | None = None
     """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
@@ -162,6 +164,8 @@ class View(Struct):
     """ACTIVE tasks of acts, oldest first."""
     waiting: list[int] = field(default_factory=list)
     """PENDING tasks in the scheduler's order, next first."""
+    failed: list[int] = field(default_factory=list)
+    """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (up to TASK_LOG), by id, in order of arrival."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
@@ -201,6 +205,8 @@ class View(Struct):
                 self.asked = record.by
             case ControlRecord():
                 self.control, self.asked = record.holder, None
+                if record.holder is not None and record.holder.startswith("wizard:"):
+                    self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason
@@ -251,6 +257,9 @@ class View(Struct):
             task.ended = record.t
         if record.function in ("startCommunicationRobotAct", "say"):
             self._act_task(record, task)
+            self._failures(record)
+        elif record.function == "goOn" and record.status == "SUCCEEDED":
+            self.failed = [id for id in self.failed if str(id) != record.behavior]
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
             self.rules.setdefault(record.behavior, RuleView()).task = record.id
 
@@ -274,6 +283,22 @@ class View(Struct):
                 took = record.t - task.started
                 act.typical = took if act.typical is None else act.typical + (took - act.typical) / (act.runs + 1)
                 act.runs += 1
+
+    def _failures(self, record: TaskRecord) -> None:
+        """A failed act stays one until it is answered, or done after all."""
+        if record.status not in ("ABORTED", "SUCCEEDED") or not (self.failed or record.status == "ABORTED"):
+            return
+        before = [
+            at
+            for at, id in enumerate(self.failed)
+            if (self.tasks[id].function, self.tasks[id].behavior) == (record.function, record.behavior)
+        ]
+        if record.status == "ABORTED" and before:
+            self.failed[before[0]] = record.id
+        elif record.status == "ABORTED":
+            self.failed.append(record.id)
+        elif before:
+            del self.failed[before[0]]
 
     def _action(self, record: ActionRecord) -> None:
         task = self.tasks.get(record.task)
@@ -302,4 +327,6 @@ class View(Struct):
         for id, task in self.tasks.items():
             if task.status in FINAL:
                 del self.tasks[id]
+                if id in self.failed:
+                    self.failed.remove(id)
                 return

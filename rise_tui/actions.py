@@ -154,6 +154,14 @@ def _markable(store: Store) -> str:
     return store.cannot_tell() or ("" if store.view.tasks else "nothing has been started yet")
 
 
+def _failed(store: Store) -> str:
+    return store.cannot_act() or ("" if store.view.failed else "no act has failed")
+
+
+def _repeatable(store: Store) -> str:
+    return _failed(store) or store.cannot_start()
+
+
 def _releasable(store: Store) -> str:
     return store.cannot_act() or ("" if store.state == "STOPPED" else "nothing is stopped")
 
@@ -196,6 +204,11 @@ ACTIONS: tuple[Action, ...] = (
     Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
            "Marks the last act as wrong, late, early or double. It changes nothing but the record.",
            "mistake", _markable),
+    Action("repeat", "Repeat the failed act", ("ctrl+e",), "console",
+           "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
+    Action("go-on", "Go on without the failed act", ("ctrl+k",), "console",
+           "Puts the red bar away: you have seen that the act failed, and go on. It changes nothing but the record.",
+           "", _failed),
     Action("safe", "LIVE or SAFE", ("ctrl+x",), "console",
            "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),

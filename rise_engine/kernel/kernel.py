@@ -84,6 +84,7 @@ class Kernel:
             core.pressed = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
             functions = self._functions
             (functions.by_name.get(input.function) or functions.unknown)(input)  # type: ignore[union-attr, arg-type]
+            self.wizard.done(records[0])  # type: ignore[arg-type]
         else:
             core.pressed = None
             self._inputs[kind](input)

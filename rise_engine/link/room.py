@@ -175,6 +175,7 @@ class Room:
             clients=list(self.members),
             participant=view.session.participant if view.session is not None else "",
             condition=view.session.condition if view.session is not None else "",
+            wizard=view.wizard,
             replay=self.replay,
             trouble=engine.journaling.trouble,
             pid=os.getpid(),
@@ -339,6 +340,7 @@ def copy_of(view: View, open: Iterable[int] | None = None) -> View:
         memory=dict(view.memory),
         running=list(view.running),
         waiting=list(view.waiting),
+        failed=list(view.failed),
         unhandled=deque(view.unhandled, view.unhandled.maxlen),
     )
 

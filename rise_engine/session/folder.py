@@ -218,8 +218,25 @@ def describe(folder: Path) -> str:
     by = f" by {info.wizard}" if info.wizard else ""
     return (
         f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
-        f"begun {began:%Y-%m-%d %H:%M}{by}, last record {at:%H:%M:%S}"
+        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_ran(last - began.timestamp())}, last record {at:%H:%M:%S}"
     )
+
+
+def is_of(info: SessionInfo, participant: str, condition: str) -> bool:
+    """Whether a session is this participant's, in this condition; empty: whoever's, whichever."""
+    return participant in ("", info.participant) and condition in ("", info.condition)
+
+
+def whose(participant: str, condition: str) -> str:
+    """A participant and a condition in words, as far as they are named: `P07, condition calm`."""
+    return ", ".join([participant] * bool(participant) + [f"condition {condition}"] * bool(condition)) or "nobody named"
+
+
+def _ran(seconds: float) -> str:
+    minutes = round(max(0.0, seconds) / 60)
+    if minutes < 1:
+        return f"{max(0, round(seconds))} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _begun(folder: Path) -> bool:

@@ -33,7 +33,7 @@ def process_launcher(who: str, role: Role) -> Launcher:
             if found.code != RUNNING or monotonic() > until:
                 break
             sleep(0.1)
-        if found.unfinished:
+        if found.unfinished or found.others:
             raise EngineGone(
                 "an earlier session of that scenario did not end; "
                 f"to recover it or begin a new one: rise-tui --config {scenario_place(settings)}"
