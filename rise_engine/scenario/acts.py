@@ -292,9 +292,11 @@ class _ActReader:
         constant = template.constant
         if constant is None:
             for slot in template.parts:
-                if not isinstance(slot, str) and slot.fallback is None:
-                    index = element.text.find("{" + slot.key)
-                    self.draft.key_reads.append(Mention(slot.key, Spot(self.file, element, None, max(index, 0))))
+                if isinstance(slot, str) or (slot.fallback is not None and not (slot.before or slot.after)):
+                    continue
+                index = element.text.find(f'"{slot.key}') + 1 if slot.before else element.text.find("{" + slot.key)
+                mention = Mention(slot.key, Spot(self.file, element, None, max(index, 0)))
+                (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(mention)
             try:
                 check_template(parameter, template)
             except ValueError as error:

@@ -58,7 +58,7 @@ class Draft:
         self.key_reads: list[Mention] = []
         """Memory keys that conditions and templates read and that have no fallback."""
         self.key_questions: list[Mention] = []
-        """Memory keys of which a condition only asks whether they exist: `defined(key)`."""
+        """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
         self.key_writes: list[Mention] = []
         """Memory keys that rules and key bindings set."""
         self.key_sets: set[str] = set()
