@@ -89,7 +89,9 @@ class _Loader:
     def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
         findings, draft = self.findings, self.draft
         if not self.folder.is_dir():
-            findings.error("unreadable", Place(str(self.path)), "there is no such folder")
+            from rise_engine.scenario.shipped import hint
+
+            findings.error("unreadable", Place(str(self.path)), f"there is no such folder{hint()}")
             return Loaded(None, findings.sorted())
         self.read_settings()
         settings = Settings(self.file, draft, findings)

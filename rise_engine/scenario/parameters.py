@@ -76,6 +76,8 @@ def check_template(parameter: Parameter, template: Template) -> None:
     if parameter.type == "text":
         return
     slots = [part for part in template.parts if not isinstance(part, str)]
+    if any(slot.before or slot.after for slot in slots):
+        raise ValueError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
     if all(slot.fallback is not None for slot in slots):
         convert(parameter, template.fill({}), " (without a memory value)")
     if len(template.parts) == 1 or (parameter.type == "name" and accepts_any_name(parameter)):

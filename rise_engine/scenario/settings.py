@@ -34,6 +34,8 @@ _WANTED = {
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
+_STUDY_KEYS = ("participants", "conditions")
+MOST_PARTICIPANTS = 1_000_000
 _FILLER_KEYS = ("offer_after", "auto_after")
 LEAST_AUTO, MOST_FILLER = 0.5, 600.0
 """Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
@@ -56,8 +58,7 @@ class Settings:
         self.places: dict[str, str] = {
             key: self.text(key, "") for key in ("acts", "rules", "memory") if key in file.values
         }
-        study = self.subtable("study")
-        self.study: dict[str, Any] = study.values if study else {}
+        self.study = self.read_study()
         self.keys = self.read_keys()
         self.act_settings = self.read_acts()
         self.fillers = self.read_fillers()
@@ -84,6 +85,38 @@ class Settings:
             return Table(self.file, (key,), values)
         self.error("wrong-type", self.file.place(key), f"`{key}` is a table: [{key}]")
         return None
+
+    def read_study(self) -> dict[str, Any]:
+        """Who takes part and in which conditions. What only people read stands in a comment, or in a README."""
+        table = self.subtable("study")
+        if table is None:
+            return {}
+        unknown_keys(table, _STUDY_KEYS, self.findings)
+        study: dict[str, Any] = {}
+        participants = table.values.get("participants")
+        if participants is not None:
+            if isinstance(participants, bool) or not isinstance(participants, int):
+                message = "`participants` is a whole number: how many take part"
+                self.error("wrong-type", table.value_place("participants"), message)
+            elif not 1 <= participants <= MOST_PARTICIPANTS:
+                message = f"`participants` is from 1 to {MOST_PARTICIPANTS}"
+                self.error("out-of-range", table.value_place("participants"), message)
+            else:
+                study["participants"] = participants
+        conditions = table.values.get("conditions")
+        if conditions is not None:
+            names = [one for one in conditions if isinstance(one, str)] if isinstance(conditions, list) else []
+            where = table.value_place("conditions")
+            if not isinstance(conditions, list) or len(names) < len(conditions):
+                self.error("wrong-type", where, '`conditions` is a list of texts: ["A", "B"]')
+            elif not names or not all(name.strip() == name and name for name in names):
+                self.error("missing-value", where, "each condition has a name, without blanks around it")
+            elif len(set(names)) < len(names):
+                twice = next(name for at, name in enumerate(names) if name in names[:at])
+                self.error("duplicate-name", where, f"the condition `{twice}` stands there twice")
+            else:
+                study["conditions"] = names
+        return study
 
     def read_keys(self) -> dict[str, KeyBinding]:
         table = self.subtable("keys")

@@ -196,6 +196,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         [
             "scenario.toml:1:9 toml-syntax",
             "scenario.toml:3:15 missing-value",
+            "scenario.toml:5:1 unknown-key",
             "scenario.toml:6:1 duplicate-key",
             "scenario.toml:7:1 duplicate-key",
             "scenario.toml:8:1 wrong-type",

@@ -13,8 +13,8 @@ from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
 from tests.scenario.test_findings import ACTS, RULES
 
 BEYOND = (
-    "duplicate-id unknown-id cycle bad-name wrong-type out-of-range unknown-name template unset-key empty-act",
-    "unknown-act unknown-rule unheard-event assignment bare-word condition reads-differently unraised-event",
+    "duplicate-id unknown-id cycle bad-name wrong-type out-of-range unknown-name template unset-key unknown-path",
+    "empty-act unknown-act unknown-rule unheard-event assignment bare-word condition reads-differently unraised-event",
     "unknown-state duplicate-state unreachable-state unreachable-transition no-effect ambiguous-else missing-value",
 )
 """Codes of what a schema cannot see: names, references, values, conditions."""
