@@ -340,6 +340,7 @@ def copy_of(view: View, open: Iterable[int] | None = None) -> View:
         running=list(view.running),
         waiting=list(view.waiting),
         unhandled=deque(view.unhandled, view.unhandled.maxlen),
+        remarks=deque(view.remarks, view.remarks.maxlen),
     )
 
 

@@ -26,6 +26,9 @@ FUNCTION_WORDS = {
     "markCue": "cue",
     "nextFiller": "filler",
     "markMistake": "mistake",
+    "note": "note",
+    "robot": "robot",
+    "fault": "rule",
 }
 """A task's function in a word or two."""
 

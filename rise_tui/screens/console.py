@@ -61,7 +61,9 @@ class ConsoleScreen(QuietScreen[None]):
         self.keyboard = Keyboard(self)
 
     def compose(self) -> ComposeResult:
+        self.painting.fit()
         yield self.status
+        yield self.painting.band
         yield self.alarm
         yield self.call
         yield self.panes
@@ -69,6 +71,7 @@ class ConsoleScreen(QuietScreen[None]):
         yield self.mistake
         yield self.note
         yield self.say_line
+        yield self.painting.strip
         yield self.hints
 
     def on_mount(self) -> None:
@@ -84,6 +87,7 @@ class ConsoleScreen(QuietScreen[None]):
             self.questions.look_again()
 
     def on_resize(self) -> None:
+        self.painting.fit()
         finding.watch_size(self)
 
     def on_screen_resume(self, event: events.ScreenResume) -> None:
