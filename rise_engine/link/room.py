@@ -342,6 +342,7 @@ def copy_of(view: View, open: Iterable[int] | None = None) -> View:
         waiting=list(view.waiting),
         failed=list(view.failed),
         unhandled=deque(view.unhandled, view.unhandled.maxlen),
+        remarks=deque(view.remarks, view.remarks.maxlen),
     )
 
 

@@ -217,6 +217,8 @@ class KeyBinding(Struct, frozen=True):
     function: FunctionName
     behavior: str
     place: Place = Place("")
+    title: str = ""
+    """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
 
 
 class ActSettings(Struct, frozen=True):

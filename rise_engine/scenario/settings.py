@@ -31,6 +31,8 @@ _WANTED = {
     "stop_act": "name an act",
     "stop_rule": "name a rule",
 }
+LONGEST_TITLE = 24
+"""Characters of a key's `label`: it stands beside others in one line."""
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
@@ -146,10 +148,11 @@ class Settings:
             self.error("binding", table.value_place(written), f"a key submits something; {example}")
             return None
         inner = Table(self.file, ("keys", written), value)
-        unknown_keys(inner, tuple(BINDINGS), self.findings)
+        unknown_keys(inner, (*BINDINGS, "label"), self.findings)
+        title = self.title_of(inner)
         given = [name for name in BINDINGS if name in value]
         if len(given) != 1:
-            if len(given) > 1 or not value:
+            if len(given) > 1 or not value.keys() - {"label"}:
                 self.error("binding", place, f"a key submits exactly one thing; {example}")
             return None
         name = given[0]
@@ -176,7 +179,29 @@ class Settings:
                 column = where.column + error.column
                 self.error("assignment", Place(where.file, where.line, column), expression_message(error))
                 return None
-        return KeyBinding(key, written, BINDINGS[name], behavior, place)
+        return KeyBinding(key, written, BINDINGS[name], behavior, place, title)
+
+    def title_of(self, binding: Table) -> str:
+        """What the author calls a key: a word or two, or empty."""
+        value = binding.values.get("label", "")
+        if "label" not in binding.values:
+            return ""
+        where = binding.value_place("label")
+        if not isinstance(value, str):
+            self.error("wrong-type", where, '`label` is a text: label = "not understood"')
+            return ""
+        title = " ".join(value.split())
+        if not title:
+            message = "`label` is empty; write what the key means in a word or two, or leave `label` out"
+            self.error("missing-value", where, message)
+        elif len(title) > LONGEST_TITLE:
+            message = f"`label` has {len(title)} characters; there is room for {LONGEST_TITLE}"
+            self.error("out-of-range", where, message)
+        elif not title.isprintable():
+            self.error("wrong-value", where, "`label` has a character that cannot be shown")
+        else:
+            return title
+        return ""
 
     def read_acts(self) -> dict[str, ActSettings]:
         table = self.subtable("act")
