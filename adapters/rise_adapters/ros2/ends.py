@@ -116,7 +116,7 @@ def together(misfits: Iterable[Misfit]) -> str:
     for misfit in misfits:
         names.setdefault((misfit.says, misfit.remedy), []).append(misfit.name)
     return "; ".join(
-        f"{first} {says}{f' (and so with {_listed(more)})' if more else ''}: {remedy}"
+        f"{first} {says}{f' (and so with {_listed(more)})' if more else ''}; {remedy}"
         for (says, remedy), (first, *more) in names.items()
     )
 

@@ -221,7 +221,8 @@ class RclpyTransport:
             for end in self._ends(look, name, no_mangle=True)
             if end.vendor != self.vendor
         }
-        return sorted((node or "without a name", vendor) for node, vendor in found)
+        named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
+        return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
 
     def nodes(self) -> list[str]:
         return [] if self._ended() else list(self._node.get_fully_qualified_node_names())
