@@ -23,7 +23,7 @@ from functools import cache, partial
 from importlib import import_module
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, Message, PortError, QoS, Reply
+from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, End, Message, PortError, QoS, Reply
 
 from rise_engine.robot import Clock
 
@@ -340,6 +340,9 @@ class MemoryTransport:
         self.loop = loop
         self.node = node if node.startswith("/") else f"/{node}"
         self.about = f"in memory, node {self.node}"
+        self.vendor = "0110"
+        self.hashes: dict[str, str] = {}
+        """What it announces instead of the type's own hash, and takes for that: of another version of it."""
         self.why_lost = ""
         self.closed = False
         self._remaps = {self._full(a): self._full(b) for a, b in (remaps or {}).items()}
@@ -384,14 +387,38 @@ class MemoryTransport:
         return self.wire.types.fields(type)
 
     def type_hash(self, type: str) -> str:
-        return self.wire.types.hash(type)
+        return self.hashes.get(type, self.wire.types.hash(type))
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        full = self.resolve(name)
-        others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
-        types = [server.type for t in others for server in t.servers if server.name == full]
-        types += [publisher.type for t in others for publisher in t.publishers if publisher.topic == full]
-        return [(type, self.type_hash(type)) for type in types]
+    def publisher_ends(self, topic: str) -> list[End]:
+        full = self.resolve(topic)
+        return [t.end(p.type, p.qos) for t in self._others() for p in t.publishers if p.topic == full]
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        full = self.resolve(topic)
+        return [t.end(s.type, s.qos) for t in self._others() for s in t.subscriptions if s.topic == full]
+
+    def server_ends(self, service: str) -> list[End]:
+        full = self.resolve(service)
+        return [
+            t.end(f"{server.type}_{end}", RELIABLE)
+            for t in self._others()
+            for server in t.servers
+            if server.name == full
+            for end in ("Request", "Response")
+        ]
+
+    def topics(self) -> list[str]:
+        return sorted({each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)})
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return [(t.node, t.vendor) for t in self._others() if t.vendor != self.vendor]
+
+    def _others(self) -> list[MemoryTransport]:
+        return [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
+
+    def end(self, type: str, qos: QoS) -> End:
+        """One of this node's, as others see it."""
+        return End(self.node, type, self.type_hash(type), self.vendor, qos)
 
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
@@ -459,12 +486,10 @@ class Definitions:
         return found
 
     def hash(self, type: str) -> str:
-        if self._known is None:
-            return ""
         try:
-            return str(self._known.type_hash(type))
+            return str(self._known.type_hash(type)) if self._known is not None else f"RIHS01_{type}"
         except PortError:
-            return ""
+            return f"RIHS01_{type}"
 
     def complete(self, type: str, message: Message) -> Message:
         """The message as it would arrive: every field there, nothing shared with the sender's. Raises PortError."""

@@ -72,6 +72,7 @@ TEST = {
         "points": "geometry_msgs/msg/Point[]",
         "hole": "nowhere_msgs/msg/Nothing",
     },
+    "test/action/Do_Feedback": {},
     "test/action/Do_Result": {"code": "int32", "success": "bool", "text": "string", "inner": "test/msg/Inner"},
     "test/msg/Inner": {"code": "uint8", "words": "string", "many": "int32[]"},
     "test/msg/Do": {"text": "string", "small": "uint8"},

@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
+from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
 from rise_adapters.ros2.face import Face
 from rise_adapters.ros2.port import PortError, Transport
+from rise_adapters.ros2.rclpy_types import fields as fields_of_rclpy
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_engine.bridge import BridgeError, Wire
 from rise_engine.kernel.inputs import Note
@@ -141,18 +143,27 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
 
 
 def check_profile(profile: RobotProfile) -> list[str]:
-    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode)."""
-    fields = None
-    if not available()["dds"]:  # the types can be read without ROS
-        from rise_adapters.ros2.types import Types
-
-        try:
-            fields = Types(read_options(profile).share).fields
-        except CarrierErrors:
-            return profile_findings(profile)
-        except PortError as error:
-            return [str(error)]
+    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
+    same that a session, which takes the types from where the check takes them, is refused for."""
+    try:
+        fields = _fields(read_options(profile).share)
+    except CarrierErrors:
+        return profile_findings(profile)
+    except PortError as error:
+        return [str(error)]
     return profile_findings(profile, fields)
+
+
+def _fields(share: Sequence[str]) -> Fields | None:
+    """The types as the transport has them that a session would use here; None: there is none."""
+    missing = available()
+    if not missing["rclpy"]:
+        return fields_of_rclpy
+    if missing["dds"]:
+        return None
+    from rise_adapters.ros2.types import Types
+
+    return Types(share).fields
 
 
 def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:

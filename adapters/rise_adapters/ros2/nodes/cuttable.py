@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_adapters.ros2.port import RELIABLE, Client, Handle, Message, Publisher, QoS, Reply, Transport
+from rise_adapters.ros2.port import RELIABLE, Client, End, Handle, Message, Publisher, QoS, Reply, Transport
 
 
 class CuttableTransport:
@@ -16,6 +16,7 @@ class CuttableTransport:
         self._open: set[Handle] = set()
         self.cut_off = False
         self.kind, self.about, self.node = transport.kind, transport.about, transport.node
+        self.vendor = transport.vendor
 
     def cut(self) -> None:
         """Take back everything that was offered, without a word."""
@@ -61,8 +62,20 @@ class CuttableTransport:
     def type_hash(self, type: str) -> str:
         return self._transport.type_hash(type)
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        return self._transport.remote_types(name)
+    def publisher_ends(self, topic: str) -> list[End]:
+        return self._transport.publisher_ends(topic)
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        return self._transport.subscriber_ends(topic)
+
+    def server_ends(self, service: str) -> list[End]:
+        return self._transport.server_ends(service)
+
+    def topics(self) -> list[str]:
+        return self._transport.topics()
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return self._transport.strangers()
 
     def nodes(self) -> list[str]:
         return self._transport.nodes()

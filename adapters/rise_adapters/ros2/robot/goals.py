@@ -30,6 +30,7 @@ from rise_adapters.ros2.action_client import (
     TERMINAL,
     CancelAnswer,
 )
+from rise_adapters.ros2.ends import WORDS, several
 from rise_adapters.ros2.port import Message, PortError
 from rise_adapters.ros2.robot.parts import ActionPart, Part
 from rise_engine.kernel.acts import CANCEL_LIMIT
@@ -197,21 +198,22 @@ class ActionGoal:
 
     def _look_for_server(self, now: float) -> None:
         part = self.part
-        if part.ready:
+        part.examine()
+        if part.misfit:
+            self._end("failed", part.misfit)
+        elif part.ready:
             self._send()
         elif part.presence.count > 1 and (part.presence.twice_from_start or now >= self._deadline):
-            self._end(
-                "failed",
-                f"two-servers: {part.presence.count} servers offer {part.name}, and the robot would do it "
-                f"{part.presence.count} times; end all but one",
-            )
+            self._end("failed", f"two-servers: {several(part.presence.count, part.name)}; end all but one")
         elif now >= self._deadline:
             if self._sends:
                 why = f"what offers {part.name} went away {_times(self._sends)} before it took it"
-            elif part.presence.count:
+            elif part.presence.count and not part.presence.settled:
                 why = f"{part.name} comes and goes, {_times(part.presence.losses)} lately"
+            elif part.found.seen:
+                why = part.trouble
             else:
-                why = f"nothing offers {part.name}; is the robot's wrapper running?"
+                why = f"{part.trouble}; is the robot's wrapper running?"
             self._end("failed", f"server-missing: {why}")
 
     def _look_for_answer(self, now: float) -> None:
@@ -276,7 +278,9 @@ class ActionGoal:
     def lose(self, reason: str) -> None:
         """The robot is lost as a whole."""
         if self.phase == "waiting" and not self._sends:
-            self._end("failed", reason if reason.startswith("server-missing") else f"server-missing: {reason}")
+            self._end(
+                "failed", reason if reason.startswith(("server-missing", *WORDS)) else f"server-missing: {reason}"
+            )
         elif self.phase != "ended":
             self._end("lost", reason)
 
