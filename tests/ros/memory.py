@@ -109,6 +109,8 @@ class MemoryWire:
         """Everything that was ever sent, in order."""
         self.killed: set[MemoryTransport] = set()
         self.forgotten: set[MemoryTransport] = set()
+        self.first_answer_only = False
+        """As the real transports: of several servers that answer one request, the first counts."""
 
     # --- faults ---
 
@@ -290,8 +292,10 @@ class _Server:
             self.home.servers.remove(self)
 
 
-class _Call(NamedTuple):
-    answer: Callable[[Message], None]
+class _Call:
+    def __init__(self, answer: Callable[[Message], None]) -> None:
+        self.answer = answer
+        self.answered = False
 
 
 class _Client:
@@ -322,6 +326,9 @@ class _Client:
 
     def take(self, server: MemoryTransport, call: _Call, message: Message) -> None:
         if self.open and self.home.wire.reaches(server, self.home):
+            if call.answered and self.home.wire.first_answer_only:
+                return
+            call.answered = True
             call.answer(deepcopy(message))
 
     def close(self) -> None:
