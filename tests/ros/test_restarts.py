@@ -1,4 +1,4 @@
-"""Whatever becomes of the robot's wrapper (killed, ended, started again before the old one has vanished, several times),
+"""Whatever becomes of the robot's wrapper (killed, ended, started again while the old one still shows, several times),
 stopping everything is right again as soon as one wrapper is there: whole sessions on a wire in memory, in virtual time.
 """
 

@@ -42,6 +42,9 @@ class QoS(Struct, frozen=True):
 
 
 RELIABLE = QoS()
+SENSOR = QoS(reliable=False)
+"""For subscriptions to whatever others publish: this takes from every publisher, those that promise nothing included
+(cameras, trackers, recognisers), of whom a reliable subscription hears nothing, without a word."""
 STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
