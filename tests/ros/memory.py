@@ -333,6 +333,8 @@ class _Client:
 
     def close(self) -> None:
         self.open = False
+        if self in self.home.clients:
+            self.home.clients.remove(self)
 
 
 class MemoryTransport:
@@ -353,6 +355,7 @@ class MemoryTransport:
         self.publishers: list[_Publisher] = []
         self.subscriptions: list[_Subscription] = []
         self.servers: list[_Server] = []
+        self.clients: list[_Client] = []
         wire.transports.append(self)
 
     # --- the port ---
@@ -385,7 +388,9 @@ class MemoryTransport:
 
     def client(self, name: str, type: str) -> _Client:
         self._check()
-        return _Client(self, self.resolve(name), type)
+        made = _Client(self, self.resolve(name), type)
+        self.clients.append(made)
+        return made
 
     def fields(self, type: str) -> Mapping[str, str]:
         return self.wire.types.fields(type)
@@ -402,6 +407,11 @@ class MemoryTransport:
 
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
+
+    def clients_of(self, service: str) -> list[str]:
+        full = self.resolve(service)
+        others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
+        return sorted({t.node for t in others for client in t.clients if client.name == full})
 
     def lost(self) -> str:
         return self.why_lost

@@ -129,6 +129,11 @@ class Transport(Protocol):
         """Full names of all nodes that are seen, also this one."""
         ...
 
+    def clients_of(self, service: str) -> list[str]:
+        """Full names of the other nodes that are seen to call a service; each may do so at any moment. (Whose request
+        one is, ROS does not tell a server.)"""
+        ...
+
     def lost(self) -> str:
         """Why the transport works no more (the middleware was shut down); empty while it does."""
         ...

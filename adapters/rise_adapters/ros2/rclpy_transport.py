@@ -202,6 +202,13 @@ class RclpyTransport:
     def nodes(self) -> list[str]:
         return [] if self._ended() else list(self._node.get_fully_qualified_node_names())
 
+    def clients_of(self, service: str) -> list[str]:
+        if self._ended():
+            return []
+        # As in `remote_types`: on DDS, who writes this topic calls the service.
+        infos = self._node.get_publishers_info_by_topic(f"rq{self.resolve(service)}Request", no_mangle=True)
+        return sorted({f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if not self._own(info)})
+
     def lost(self) -> str:
         if not self._lost and not self._context.ok():
             self._lost = "the ROS context was shut down"

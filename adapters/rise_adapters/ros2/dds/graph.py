@@ -7,6 +7,8 @@ has.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from cyclonedds import _clayer
@@ -16,6 +18,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.dds import names
 
+_NONE: Mapping[bytes, str] = MappingProxyType({})
 CYCLONE = b"\x01\x10"
 _VENDORS = {
     b"\x01\x0f": "eProsima Fast DDS (rmw_fastrtps_cpp)",
@@ -108,6 +111,8 @@ class Graph:
         self._readers: dict[bytes, Endpoint] = {}
         self._writers: dict[bytes, Endpoint] = {}
         self._nodes: dict[bytes, list[str]] = {}
+        self._owners: dict[bytes, Mapping[bytes, str]] = {}
+        """By participant, which of its writers belongs to which node."""
 
     def participant(self, seen: Participant | Gone) -> None:
         if isinstance(seen, Participant):
@@ -115,6 +120,7 @@ class Graph:
         else:
             self._participants.discard(seen.key)
             self._nodes.pop(seen.key, None)
+            self._owners.pop(seen.key, None)
 
     def reader(self, seen: Endpoint | Gone) -> None:
         self._endpoint(self._readers, seen)
@@ -122,9 +128,15 @@ class Graph:
     def writer(self, seen: Endpoint | Gone) -> None:
         self._endpoint(self._writers, seen)
 
-    def named(self, participant: bytes, nodes: list[str]) -> None:
-        """A participant says which nodes it has."""
+    def named(self, participant: bytes, nodes: list[str], owners: Mapping[bytes, str] = _NONE) -> None:
+        """A participant says which nodes it has; `owners`: by writer, the node that it belongs to."""
         self._nodes[participant] = nodes
+        self._owners[participant] = owners
+
+    def writing(self, topic: str) -> list[str]:
+        """The nodes of others that write a DDS topic, as far as they say so."""
+        owners = [self._owners.get(end.participant, {}).get(end.key) for end in self.writers(topic)]
+        return sorted({owner for owner in owners if owner is not None})
 
     def nodes(self) -> list[str]:
         """Full names, each as often as it is there."""

@@ -166,6 +166,9 @@ class DdsTransport:
     def nodes(self) -> list[str]:
         return self._graph.nodes()
 
+    def clients_of(self, service: str) -> list[str]:
+        return self._graph.writing(names.request(self.resolve(service)))
+
     def foreign(self) -> list[str]:
         """A sentence about each program that can be seen but not be talked to as ROS wants it."""
         return self._graph.foreign()
@@ -265,12 +268,14 @@ class DdsTransport:
         data, info = one
         if info.valid_data:
             message = self._info_codec.unpack(data)
+            nodes = [
+                (f"{node['node_namespace'].rstrip('/')}/{node['node_name']}", node["writer_gid_seq"])
+                for node in message["node_entities_info_seq"]
+            ]
             self._graph.named(
                 message["gid"]["data"],
-                [
-                    f"{node['node_namespace'].rstrip('/')}/{node['node_name']}"
-                    for node in message["node_entities_info_seq"]
-                ],
+                [name for name, _ in nodes],
+                {bytes(gid["data"]): name for name, gids in nodes for gid in gids},
             )
 
     def _changed(self) -> None:

@@ -136,7 +136,7 @@ class RecordTopics:
                     "status": record.status,
                     "reason": record.reason,
                     "position": -1 if record.position is None else record.position,
-                    "goal_id": record.ref if record.ref is not None and record.source == self._source else "",
+                    "goal_id": record.ref if record.ref is not None and record.source.startswith("ros:") else "",
                 },
             )
         self._publish(

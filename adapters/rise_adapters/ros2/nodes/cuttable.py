@@ -67,6 +67,9 @@ class CuttableTransport:
     def nodes(self) -> list[str]:
         return self._transport.nodes()
 
+    def clients_of(self, service: str) -> list[str]:
+        return self._transport.clients_of(service)
+
     def lost(self) -> str:
         return self._transport.lost()
 
