@@ -30,6 +30,7 @@ from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
 from rise_adapters.ros2.face import diagnostics
 from rise_adapters.ros2.face.portions import Portions
 from rise_adapters.ros2.face.record_topics import RecordTopics, as_json
+from rise_adapters.ros2.neighbours import Neighbours
 from rise_adapters.ros2.port import SEND_GOAL, Message, PortError, QoS, Reply, Transport, action_topic
 from rise_engine.clock import RealClock
 from rise_engine.expression import lookup
@@ -78,13 +79,15 @@ class _Asked(Struct):
 class Face:
     """One session's face. All methods belong to the engine's loop."""
 
-    def __init__(self, transport: Transport, room: Room) -> None:
-        """Make it before the engine starts, so that it misses no record, inside the running loop.
+    def __init__(self, transport: Transport, room: Room, neighbours: Neighbours | None = None) -> None:
+        """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
+        sessions under the same names.
 
         Raises PortError when the transport does not have the types of `rise_interfaces`.
         """
         self._transport = transport
         self._room = room
+        self._neighbours = neighbours
         self._loop = asyncio.get_running_loop()
         self._member = room.attach("domain_task", "node", SOURCE)
         self._topics = RecordTopics(transport, room, self._member.source)
@@ -374,11 +377,14 @@ class Face:
 
     def _status(self) -> Message:
         topics, lost = self._topics, self._transport.lost()
+        others = self._neighbours.others if self._neighbours is not None else []
         level, message = diagnostics.OK, self._transport.about
         if lost:
             level, message = diagnostics.ERROR, lost
         elif topics.trouble:
             level, message = diagnostics.ERROR, f"records are not published: {topics.trouble}"
+        elif others:
+            level, message = diagnostics.WARN, f"another session has the same names: {others[0]}"
         elif topics.dropped > self._dropped:
             level, message = diagnostics.WARN, "records come faster than they can be published; some are missing"
         values = {
@@ -389,6 +395,7 @@ class Face:
             "goals refused": self._refused,
             "records waiting": topics.waiting,
             "records dropped": topics.dropped,
+            "other sessions": len(others),
         }
         return diagnostics.status(self._room, "ros", level, message, values)
 
