@@ -206,6 +206,10 @@ class _Subscription:
         if self.open and self.home.wire.reaches(source, self.home):
             self.taken(deepcopy(message))
 
+    def publishers(self) -> int:
+        wire, home = self.home.wire, self.home
+        return sum(p.matches(self) for t in wire.transports if wire.sees(home, t) for p in t.publishers)
+
     def close(self) -> None:
         self.open = False
         if self in self.home.subscriptions:

@@ -334,16 +334,44 @@ def test_a_look_during_which_the_person_has_just_turned_away_is_not_called_long_
     assert eyes.raised == []
 
 
-async def test_feature_nodes_hear_publishers_that_promise_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("first", [True, False])
+async def test_feature_nodes_hear_publishers_that_promise_nothing(first: bool) -> None:
     """Trackers and recognisers publish best effort; of those a reliable subscription hears nothing, silently."""
     wire = MemoryWire()
     loop = asyncio.get_running_loop()
-    heard: list[Message] = []
-    hear(MemoryTransport(wire, loop, "/node"), "gaze", "std_msgs/msg/String", heard.append)
+    heard: list[str] = []
     sensor = MemoryTransport(wire, loop, "/sensor")
-    for qos in (QoS(reliable=False), QoS(), QoS(latched=True)):
-        sensor.publisher("/gaze", "std_msgs/msg/String", qos).publish({"data": "robot"})
-    await until(lambda: len(heard) == 3)
+    tracker = sensor.publisher("/gaze", "std_msgs/msg/String", QoS(reliable=False)) if first else None
+    made = hear(
+        MemoryTransport(wire, loop, "/node"),
+        "gaze",
+        "std_msgs/msg/String",
+        lambda m: heard.append(m["data"]),
+        look=0.01,
+    )
+    reliable = sensor.publisher("/gaze", "std_msgs/msg/String")
+    reliable.publish({"data": "at once"})
+    await until(lambda: heard == ["at once"])
+    tracker = tracker or sensor.publisher("/gaze", "std_msgs/msg/String", QoS(reliable=False))
+    await until(tracker.subscribers)
+    tracker.publish({"data": "robot"})
+    await until(lambda: heard == ["at once", "robot"])
+    reliable.publish({"data": "door"})
+    await until(lambda: heard == ["at once", "robot", "door"])
+    made.close()
+    assert not tracker.subscribers()
+
+
+async def test_what_is_promised_is_asked_for() -> None:
+    """A text that somebody said once must not get lost because the subscription did not ask for it again."""
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    node, mouth = MemoryTransport(wire, loop, "/node"), MemoryTransport(wire, loop, "/mouth")
+    mouth.publisher("/speech", "std_msgs/msg/String")
+    made = hear(node, "speech", "std_msgs/msg/String", lambda m: None, look=0.001)
+    await asyncio.sleep(0.05)
+    assert [each.qos.reliable for each in node.subscriptions] == [True]
+    made.close()
 
 
 async def test_a_node_says_why_it_hears_nothing() -> None:
@@ -352,7 +380,7 @@ async def test_a_node_says_why_it_hears_nothing() -> None:
     said: list[str] = []
     heard: list[Message] = []
     node = MemoryTransport(wire, loop, "/node")
-    hear(node, "gaze", "std_msgs/msg/String", heard.append, say=said.append, patience=0.01)
+    hear(node, "gaze", "std_msgs/msg/String", heard.append, say=said.append, look=0.01, patience=0.02)
     await until(lambda: said)
     assert said == ["nobody publishes on /gaze (yet); is its node running, and is the topic called so?"]
     sensor = MemoryTransport(wire, loop, "/sensor")

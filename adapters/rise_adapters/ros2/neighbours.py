@@ -2,9 +2,9 @@
 would be done by each of them.
 
 Every session says on the topic `rise/session` (std_msgs/String, latched, JSON) who it is: `id`, `since` (nanoseconds
-since 1970), `state`, and what a person needs to find it. One that is about to begin says that it is `asking` and listens
-for a moment. It stands back when another one is `serving`, or asks and began to ask earlier; of two that begin at once,
-both decide the same. A session that has crashed says nothing any more, whatever the network still shows of it.
+since 1970), `state`, and what a person needs to find it. One that is about to begin says that it is `asking` and
+listens for a moment. It stands back when another one is `serving`, or asks and began to ask earlier; of two that begin
+at once, both decide the same. A session that has crashed says nothing any more, whatever the network still shows of it.
 
 Afterwards a session goes on listening. One that appears then (two networks that are joined) is reported, and neither
 ends: a study that runs is not given up for one that nobody knows.

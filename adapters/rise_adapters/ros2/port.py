@@ -43,8 +43,8 @@ class QoS(Struct, frozen=True):
 
 RELIABLE = QoS()
 SENSOR = QoS(reliable=False)
-"""For subscriptions to whatever others publish: this takes from every publisher, those that promise nothing included
-(cameras, trackers, recognisers), of whom a reliable subscription hears nothing, without a word."""
+"""For subscriptions: this takes from every publisher, those that promise nothing included (cameras, trackers,
+recognisers), of whom a reliable subscription hears nothing, without a word. But what is lost on the way is lost."""
 STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
@@ -68,6 +68,12 @@ class Publisher(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+class Subscription(Handle, Protocol):
+    def publishers(self) -> int:
+        """How many there are that it takes from: of its type, and promising what it asks for."""
+        ...
 
 
 class Client(Protocol):
@@ -103,7 +109,9 @@ class Transport(Protocol):
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher: ...
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle: ...
+    def subscribe(
+        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
+    ) -> Subscription: ...
 
     def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle: ...
 

@@ -147,7 +147,7 @@ class RclpyTransport:
         )
         return _Publisher(self, publisher, form)
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle:
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> _Subscription:
         self._check()
         made, form = self._types.message(type)
         subscription = _Subscription(self, form, taken)
@@ -359,6 +359,9 @@ class _Subscription:
     def _deliver(self, message: Message) -> None:
         if not self._closed:
             self._taken(message)
+
+    def publishers(self) -> int:
+        return 0 if self._closed or self._transport._ended() else int(self.made.get_publisher_count())
 
     def close(self) -> None:
         if not self._closed:

@@ -333,6 +333,9 @@ class DdsSubscription:
         self._handler = taken
         self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
 
+    def publishers(self) -> int:
+        return len(self._reader.get_matched_publications()) if self._remove is not None else 0
+
     def close(self) -> None:
         if self._remove is not None:
             self._remove()

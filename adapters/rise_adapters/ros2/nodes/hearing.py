@@ -1,14 +1,18 @@
-"""Hearing a topic that somebody else publishes, and saying so when nothing can come: ROS itself says nothing then."""
+"""Hearing a topic that somebody else publishes, whatever they promise about delivery; and saying so when nothing can
+come. ROS itself says nothing then: a subscription that asks for more than a publisher promises just hears nothing.
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
 
-from rise_adapters.ros2.port import SENSOR, Handle, Message, Transport
+from rise_adapters.ros2.port import RELIABLE, SENSOR, Message, Subscription, Transport
 
+LOOK = 0.5
+"""Seconds between two looks at who publishes."""
 PATIENCE = 5.0
-"""Seconds until it is said that nobody publishes."""
+"""Seconds until it is said that nothing can come."""
 
 
 def hear(
@@ -18,14 +22,16 @@ def hear(
     taken: Callable[[Message], None],
     *,
     say: Callable[[str], object] = print,
+    look: float = LOOK,
     patience: float = PATIENCE,
 ) -> Heard:
-    """Have `taken` called with every message on `topic`, whatever its publishers promise about delivery.
+    """Have `taken` called with every message on `topic`.
 
-    After `patience` seconds without a message, `say` gets a sentence about what is in the way: nobody publishes, or
-    somebody publishes another type; then again when that changes. Raises PortError.
+    Reliably, so that nothing is lost of what a publisher promises to deliver; as soon as there is a publisher that does
+    not promise it (a sensor's), without asking for that. `say` gets a sentence about what is in the way: nobody
+    publishes, or somebody publishes another type. Raises PortError.
     """
-    return Heard(transport, topic, type, taken, say, patience)
+    return Heard(transport, topic, type, taken, say, look, patience)
 
 
 class Heard:
@@ -38,41 +44,58 @@ class Heard:
         type: str,
         taken: Callable[[Message], None],
         say: Callable[[str], object],
+        look: float,
         patience: float,
     ) -> None:
-        self._transport, self._topic, self._type = transport, transport.resolve(topic), type
-        self._taken, self._say, self._patience = taken, say, patience
-        self._said = ""
+        self._transport, self._name, self._type, self._say = transport, topic, type, say
+        self._topic = transport.resolve(topic)
+        self._seconds, self._patience = look, patience
+        self._taken = taken
         self._came = False
-        self._handle: Handle = transport.subscribe(topic, type, self._take, SENSOR)
-        self._timer = asyncio.get_running_loop().call_later(patience, self._look)
+        self._said = ""
+        self._unmatched = False
+        """At the last look there was a publisher that it does not take from. (It may only just be coming.)"""
+        self._loop = asyncio.get_running_loop()
+        self._begun = self._loop.time()
+        self._best_effort = False
+        self._subscription: Subscription = transport.subscribe(topic, type, self._take, RELIABLE)
+        self._timer = self._loop.call_later(look, self._look)
 
     def close(self) -> None:
         self._timer.cancel()
-        self._handle.close()
+        self._subscription.close()
 
     def _take(self, message: Message) -> None:
         self._came = True
         self._taken(message)
 
     def _look(self) -> None:
-        if self._came:
-            return  # it works; one that falls silent later has nothing to say
+        self._timer = self._loop.call_later(self._seconds, self._look)
         if self._transport.lost():
             return
-        trouble = trouble_with(self._topic, self._type, self._transport.remote_types(self._topic))
+        published = self._transport.remote_types(self._topic)
+        mine = sum(type == self._type for type, _ in published)
+        unmatched = mine > self._subscription.publishers()
+        if unmatched and self._unmatched and not self._best_effort:
+            self._best_effort = True
+            self._subscription.close()
+            self._subscription = self._transport.subscribe(self._name, self._type, self._take, SENSOR)
+        self._unmatched = unmatched
+        if not self._came and self._loop.time() - self._begun >= self._patience:
+            self._tell(trouble_with(self._topic, self._type, published))
+
+    def _tell(self, trouble: str) -> None:
         if trouble != self._said:
             self._said = trouble
             if trouble:
                 self._say(trouble)
-        self._timer = asyncio.get_running_loop().call_later(self._patience, self._look)
 
 
 def trouble_with(topic: str, type: str, published: Sequence[tuple[str, str]]) -> str:
     """Why nothing can come on a topic; empty when something can. `published`: as `Transport.remote_types`."""
-    others = sorted({each for each, _ in published} - {type})
     if not published:
         return f"nobody publishes on {topic} (yet); is its node running, and is the topic called so?"
-    if any(each == type for each, _ in published):
+    others = sorted({each for each, _ in published})
+    if type in others:
         return ""
     return f"{', '.join(others)} is published on {topic}, and this node hears {type}: nothing of it arrives"
