@@ -124,6 +124,7 @@ class _Loader:
             act_settings=settings.act_settings,
             fillers=settings.fillers,
             study=settings.study,
+            may_release=settings.may_release,
             paths=paths,
             known_keys=frozenset(draft.key_sets),
             topics=frozenset(mention.name for mention in draft.waits),

@@ -13,7 +13,20 @@ from rise_engine.scenario.keys import KeyRefusedError, normal_key
 from rise_engine.scenario.model import ActSettings, FillerSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile
 
-TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "fillers", "study", "actions")
+TOP_KEYS = (
+    "title",
+    "robot",
+    "mode",
+    "acts",
+    "rules",
+    "memory",
+    "keys",
+    "act",
+    "fillers",
+    "control",
+    "study",
+    "actions",
+)
 BINDINGS: dict[str, FunctionName] = {
     "act": "startCommunicationRobotAct",
     "rule": "startInteractionRule",
@@ -38,6 +51,7 @@ _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
 _STUDY_KEYS = ("participants", "conditions")
 MOST_PARTICIPANTS = 1_000_000
+_CONTROL_KEYS = ("may_release",)
 _FILLER_KEYS = ("offer_after", "auto_after")
 LEAST_AUTO, MOST_FILLER = 0.5, 600.0
 """Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
@@ -64,6 +78,7 @@ class Settings:
         self.keys = self.read_keys()
         self.act_settings = self.read_acts()
         self.fillers = self.read_fillers()
+        self.may_release = self.read_control()
 
     def error(self, code: str, place: Place, message: str) -> None:
         self.findings.error(code, place, message)
@@ -255,6 +270,23 @@ class Settings:
         else:
             return float(value)
         return otherwise
+
+    def read_control(self) -> tuple[str, ...]:
+        """Who may release a stop beside who holds control."""
+        table = self.subtable("control")
+        if table is None:
+            return ()
+        unknown_keys(table, _CONTROL_KEYS, self.findings)
+        names = table.values.get("may_release", [])
+        if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):
+            self.error(
+                "wrong-type",
+                table.value_place("may_release"),
+                "`may_release` is a list of names: of ROS nodes, with namespace, or of programs on the link: "
+                'may_release = ["/supervisor"]',
+            )
+            return ()
+        return tuple(name.strip() for name in names)
 
     def flag(self, table: Table, key: str) -> bool:
         value = table.values.get(key, False)

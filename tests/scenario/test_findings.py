@@ -269,6 +269,10 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         {"scenario.toml": "[fillers]\noffer_after = -1\nauto_after = 'x'\nafter = 1"},
         ["scenario.toml:2:15 out-of-range", "scenario.toml:3:14 wrong-type", "scenario.toml:4:1 unknown-key"],
     ),
+    "control": (
+        {"scenario.toml": "[control]\nmay_release = '/boss'\nmay_relase = []"},
+        ["scenario.toml:2:15 wrong-type", "scenario.toml:3:1 unknown-key"],
+    ),
     "fillers without any": ({"scenario.toml": "[fillers]\nauto_after = 4"}, ["scenario.toml:2:1 no-filler"]),
     "fillers too soon": (
         {
