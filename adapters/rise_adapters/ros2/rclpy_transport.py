@@ -230,7 +230,7 @@ class RclpyTransport:
     def clients_of(self, service: str) -> list[str]:
         if self._ended():
             return []
-        # As in `remote_types`: on DDS, who writes this topic calls the service.
+        # As in `server_ends`: on DDS, who writes this topic calls the service.
         infos = self._node.get_publishers_info_by_topic(f"rq{self.resolve(service)}Request", no_mangle=True)
         return sorted({f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if not self._own(info)})
 
