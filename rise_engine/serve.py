@@ -53,6 +53,7 @@ from rise_engine.session.lines import header_line
 from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
+from rise_engine.text import clean, told_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -430,13 +431,13 @@ def to_person(order: Order) -> Callable[[Word], None]:
 
     def say(word: Word) -> None:
         for line in word.lines:
-            sys.stderr.write(line + "\n")
+            sys.stderr.write(clean(line) + "\n")
         for folder, sentence in word.unfinished:
-            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
         if word.others:
             sys.stderr.write("of other participants or conditions, and not recovered for this one:\n")
         for folder, sentence in word.others:
-            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
         if word.code == UNFINISHED and not word.unfinished:
             sys.stderr.write("say --new to begin, or name theirs to go on with one (--participant, --condition)\n")
         elif word.code == UNFINISHED:
@@ -455,7 +456,7 @@ def to_starter(descriptor: int) -> Callable[[Word], None]:
 
     def say(word: Word) -> None:
         with suppress(OSError):  # it has gone; the session goes on without it
-            os.write(descriptor, msgspec.json.encode(word) + b"\n")
+            os.write(descriptor, msgspec.json.encode(told_all(msgspec.to_builtins(word))) + b"\n")
         os.close(descriptor)
 
     return say
