@@ -134,9 +134,10 @@ def main() -> None:
 @main.command()
 @_FOLDER
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+@click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
 @_ROBOT
 @_MODE
-def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> None:
+def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode: str | None) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
     Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
@@ -144,7 +145,7 @@ def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> No
     from rise_engine.reports import check_report
 
     folder = require_folder(folder)
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
 
 
 @main.command("eval", cls=_ExpressionCommand)

@@ -17,32 +17,41 @@ if TYPE_CHECKING:
 # --- check ----------------------------------------------------------------------------------------------------------
 
 
-def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool) -> int:
-    """Print every finding; the exit status is 1 when one of them is an error."""
-    scenario, findings = _load(folder, robot, mode)
+def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool = False) -> int:
+    """Print every finding, with `all_of_them` also what was silenced; the exit status is 1 when one is an error."""
+    from rise_engine.scenario import load
+
+    loaded = load(folder, robot=robot, mode=mode)
+    scenario, findings, silenced = loaded.scenario, loaded.findings, loaded.silenced
     if scenario is not None:
         findings += _of_driver(scenario)
     errors = sum(finding.severity == "error" for finding in findings)
     warnings = len(findings) - errors
     if as_json:
-        rows = [
-            {
-                "file": finding.place.file,
-                "line": finding.place.line,
-                "column": finding.place.column,
-                "severity": finding.severity,
-                "code": finding.code,
-                "message": finding.message,
-            }
-            for finding in findings
-        ]
-        print_document(_json({"errors": errors, "warnings": warnings, "findings": rows}))
+        rows = [_finding_row(finding) for finding in findings]
+        quiet = [{**_finding_row(each.finding), "reason": each.reason} for each in silenced]
+        print_document(_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": quiet}))
     else:
         for finding in findings:
             _print(str(finding))
+        for each in silenced if all_of_them else ():
+            told = each.finding
+            _print(f"{told.place}: silenced {told.code}: {told.message} (reason: {each.reason})")
         found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "no findings"
+        found += f", {len(silenced)} silenced" if silenced else ""
         _print(f"{found}{_content(scenario)}")
     return 1 if errors else 0
+
+
+def _finding_row(finding: Finding) -> dict[str, Any]:
+    return {
+        "file": finding.place.file,
+        "line": finding.place.line,
+        "column": finding.place.column,
+        "severity": finding.severity,
+        "code": finding.code,
+        "message": finding.message,
+    }
 
 
 def _of_driver(scenario: Scenario) -> list[Finding]:
