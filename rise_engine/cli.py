@@ -149,18 +149,23 @@ def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode
 
 
 @main.command("eval", cls=_ExpressionCommand)
-@click.argument("expression")
+@click.argument("expression", required=False)
+@click.option("--functions", is_flag=True, help="List the functions: what each takes and gives, with an example.")
 @click.option(
     "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
-def evaluate(expression: str, memory: str, as_json: bool) -> None:
+def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool) -> None:
     """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
 
     Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
     """
-    from rise_engine.reports import UnusableMemoryError, eval_report, read_memory
+    from rise_engine.reports import UnusableMemoryError, eval_report, functions_report, read_memory
 
+    if functions:
+        sys.exit(functions_report(as_json=as_json))
+    if expression is None:
+        usage("write an expression, in quotation marks: rise-engine eval '2 + 3' (or --functions)")
     try:
         values = read_memory(memory)
     except UnusableMemoryError as error:

@@ -211,6 +211,23 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     return 0
 
 
+def functions_report(*, as_json: bool) -> int:
+    """Print what each function of the language takes and gives."""
+    from textwrap import wrap
+
+    from rise_engine.expression.signatures import SIGNATURES
+
+    if as_json:
+        rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]
+        print_document(_json({"functions": rows}))
+        return 0
+    for each in SIGNATURES:
+        _print(", ".join(each.written))
+        for line in (*wrap(each.says.replace("`", ""), 90), f"{each.example} = {each.result}"):
+            _print(f"    {line}")
+    return 0
+
+
 def type_name(value: Any) -> str:
     """What a memory value is, in JSON's words (a whole number is an integer)."""
     if value is None:

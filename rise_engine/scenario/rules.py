@@ -154,7 +154,7 @@ class _RuleReader(BlockReader):
                 self.findings.warning(
                     "short-loop",
                     self.file.value_place(element, "after"),
-                    f"after {after} this way leads back to `{name}` and waits for nothing else: every round is recorded "
+                    f"after {after} this way leads back to `{name}` and waits for nothing else: each round is recorded "
                     f"and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event",
                 )
 
