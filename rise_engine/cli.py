@@ -24,6 +24,7 @@ from rise_engine.arguments import (
     split_ros_args,
     usage,
 )
+from rise_engine.terminal import guarded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,26 +77,15 @@ class _Program(click.Group):
             raise
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        _write_everything()
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
             sys.exit(130)
-
-
-def _write_everything() -> None:
-    """Whatever a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`); no command fails because of it."""
-    if sys.stdout is None:  # closed by whoever started this
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError):  # a test's own stream
-            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 class _ExpressionCommand(click.Command):
@@ -459,14 +449,15 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
 
     With DIR, it knows the actions of that scenario and its robot too.
     """
-    from rise_engine.reports import print_document, schema_text
+    from rise_engine.reports import schema_text
+    from rise_engine.terminal import write_xml
 
     if folder is not None:
         folder = require_folder(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(1)
-    print_document(text.rstrip("\n"))
+    write_xml(text.rstrip("\n"))
 
 
 @main.command()

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rise_engine.terminal import write_json
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -30,7 +32,7 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
     if as_json:
         rows = [_finding_row(finding) for finding in findings]
         quiet = [{**_finding_row(each.finding), "reason": each.reason} for each in silenced]
-        print_document(_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": quiet}))
+        write_json(_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": quiet}))
     else:
         for finding in findings:
             _print(str(finding))
@@ -163,7 +165,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     except ExpressionError as error:
         if as_json:
             told = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
-            print_document(_json(told))
+            write_json(_json(told))
         else:
             sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
         return 1
@@ -173,7 +175,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         value = expression.value(memory, chance, missing)
     except EvaluationError as error:
         if as_json:
-            print_document(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
+            write_json(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
         else:
             _print(f"read as    {expression.explicit}")
             sys.stderr.write(f"error: {error}\n")
@@ -184,7 +186,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         holds = f"error: {error}"
     otherwise = differences(expression)
     if as_json:
-        print_document(
+        write_json(
             _json(
                 {
                     "expression": text,
@@ -219,7 +221,7 @@ def functions_report(*, as_json: bool) -> int:
 
     if as_json:
         rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]
-        print_document(_json({"functions": rows}))
+        write_json(_json({"functions": rows}))
         return 0
     for each in SIGNATURES:
         _print(", ".join(each.written))
@@ -277,7 +279,7 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
             }
         )
     if as_json:
-        print_document(_json({"robots": rows}))
+        write_json(_json({"robots": rows}))
     else:
         _print("\n\n".join(_robot_text(row) for row in rows))
     return 0
@@ -395,13 +397,6 @@ def new_report(folder: str, study: str) -> int:
 
 def _print(text: str) -> None:
     sys.stdout.write(text + "\n")
-
-
-def print_document(text: str) -> None:
-    """Print JSON or XML: UTF-8 on every terminal, because an escaped character would spoil it."""
-    sys.stdout.flush()
-    sys.stdout.buffer.write(text.encode("utf-8", "backslashreplace") + b"\n")
-    sys.stdout.buffer.flush()
 
 
 def _json(value: Any) -> str:

@@ -48,6 +48,7 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
+from rise_engine.text import clean, told_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -353,9 +354,9 @@ def to_person(order: Order) -> Callable[[Word], None]:
 
     def say(word: Word) -> None:
         for line in word.lines:
-            sys.stderr.write(line + "\n")
+            sys.stderr.write(clean(line) + "\n")
         for folder, sentence in word.unfinished:
-            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
         if word.code == UNFINISHED:
             sys.stderr.write("say --recover to go on with the latest, or --new\n")
         elif word.code == REFUSED:
@@ -372,7 +373,7 @@ def to_starter(descriptor: int) -> Callable[[Word], None]:
 
     def say(word: Word) -> None:
         with suppress(OSError):  # it has gone; the session goes on without it
-            os.write(descriptor, msgspec.json.encode(word) + b"\n")
+            os.write(descriptor, msgspec.json.encode(told_all(msgspec.to_builtins(word))) + b"\n")
         os.close(descriptor)
 
     return say

@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from rise_engine import __version__
+from rise_engine.terminal import guarded
 from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
 from rise_tui.start.starting import Asked, start
 
@@ -35,7 +36,8 @@ class _Program(click.Group):
         from rise_engine.arguments import split_ros_args
 
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            return super().main(ours, *rest, obj=theirs, **more)
 
 
 _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")

@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from rise_engine.bridge import Wire
 from rise_engine.link.places import PlaceError, runtime_folder
+from rise_engine.text import meant_all, told_all
 
 PATIENCE = 30.0
 """Seconds that an engine has to say whether it serves."""
@@ -88,9 +89,10 @@ class Starting:
             self._problem = str(error)
             os.close(ready)
             return
+        order = msgspec.json.encode(told_all(msgspec.to_builtins(options))).decode()
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rise_engine.serve_process", msgspec.json.encode(options).decode(), str(ready)],
+                [sys.executable, "-m", "rise_engine.serve_process", order, str(ready)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -119,7 +121,7 @@ class Starting:
         os.close(self._ready)
         if not text.endswith(b"\n"):
             return self._no_word()
-        word = msgspec.json.decode(text, type=Word)
+        word = msgspec.convert(meant_all(msgspec.json.decode(text)), Word)
         if word.code == 0:
             if self._process is not None:
                 self._process.returncode = 0  # it is nobody's child: no warning that it still runs

@@ -81,14 +81,15 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
     own = {mention.name for mention in draft.raises}
     by_engine = engine_topics(draft)
     awaited = {mention.name for mention in draft.waits}
-    missing_acts = {m.name for m in draft.act_mentions if m.name not in draft.acts}
-    missing_acts.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
+    missing = {m.name for m in draft.act_mentions if m.name not in draft.acts}
+    missing.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
+    by_missing = {name + ending for name in missing for ending in ACT_ENDINGS}
     near = _Nearest(own | by_engine)
     for mention in draft.waits:
         name = mention.name
         if name in own or name in by_engine:
             continue
-        if any(name == missing + ending for missing in missing_acts for ending in ACT_ENDINGS):
+        if name in by_missing:
             continue  # the missing act is a finding already
         findings.warning(
             "unraised-event",

@@ -31,6 +31,7 @@ from rise_engine.scenario import load
 from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.lines import FORMAT
+from rise_engine.text import meant_all, told_all
 
 _NO_WISH = Wire()
 INFO, JOURNAL, COPY = "session.toml", "journal.jsonl", "scenario"
@@ -130,7 +131,7 @@ def read_info(folder: Path) -> SessionInfo:
                 f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
                 "install that version"
             )
-        return msgspec.convert(values, SessionInfo)
+        return msgspec.convert(meant_all(values), SessionInfo)
     except FileNotFoundError:
         raise SessionError(f"{folder} is no session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
@@ -261,4 +262,4 @@ def _toml(info: SessionInfo) -> str:
 
 def _text(value: Any) -> str:
     """A TOML value: strings, numbers and lists are written as in JSON, where DEL needs an escape too."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f").encode("utf-8", "replace").decode()
+    return json.dumps(told_all(value), ensure_ascii=False).replace("\x7f", "\\u007f")

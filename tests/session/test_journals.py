@@ -28,9 +28,8 @@ from .journals import Made
 
 quick = settings(
     max_examples=150,
-    deadline=None,
     phases=[phase for phase in Phase if phase is not Phase.explain],
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    suppress_health_check=[*settings().suppress_health_check, HealthCheck.function_scoped_fixture],
 )
 
 
