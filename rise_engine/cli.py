@@ -129,9 +129,10 @@ def main() -> None:
 @main.command()
 @_FOLDER
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+@click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
 @_ROBOT
 @_MODE
-def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> None:
+def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode: str | None) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
     Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
@@ -139,22 +140,27 @@ def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> No
     from rise_engine.reports import check_report
 
     folder = require_folder(folder)
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
 
 
 @main.command("eval", cls=_ExpressionCommand)
-@click.argument("expression")
+@click.argument("expression", required=False)
+@click.option("--functions", is_flag=True, help="List the functions: what each takes and gives, with an example.")
 @click.option(
     "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
-def evaluate(expression: str, memory: str, as_json: bool) -> None:
+def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool) -> None:
     """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
 
     Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
     """
-    from rise_engine.reports import UnusableMemoryError, eval_report, read_memory
+    from rise_engine.reports import UnusableMemoryError, eval_report, functions_report, read_memory
 
+    if functions:
+        sys.exit(functions_report(as_json=as_json))
+    if expression is None:
+        usage("write an expression, in quotation marks: rise-engine eval '2 + 3' (or --functions)")
     try:
         values = read_memory(memory)
     except UnusableMemoryError as error:

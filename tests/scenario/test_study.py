@@ -69,6 +69,8 @@ TABLES = {
     "[act.A]\nholt = true": "hold",
     "[act.A]\ncallingType = 'None'": "calling_type",
     "[fillers]\noffer = 3": "offer_after",
+    "[check]\nalow = []": "allow",
+    "[check]\nallow = [{ code = 'unset-key', key = 'k', reason = 'r', resaon = 'r' }]": "reason",
     "[actions.Drive]\nchanels = ['base']": "channels",
     "[actions.Drive]\nchannels = ['base']\nparameters.place = { type = 'text', requird = true }": "required",
     "[actions.Drive.parameters.place]\ntype = 'number'\nminimun = 3": "minimum",
