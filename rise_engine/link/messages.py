@@ -89,6 +89,7 @@ class State(Struct, frozen=True):
     running: list[int]
     waiting: list[int]
     unhandled: list[EventRecord]
+    forgotten: int = 0
 
 
 class Welcome(Struct, tag_field="type", tag="hello", frozen=True):

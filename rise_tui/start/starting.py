@@ -89,6 +89,21 @@ class PlainTerminal:
             return None
 
 
+class ProgressLine:
+    """How far an engine is that is still coming up: one line of the terminal, which is written over."""
+
+    def __init__(self) -> None:
+        self._told = False
+
+    def tell(self, sentence: str) -> None:
+        self._told = True
+        click.echo(f"\r\x1b[2K{sentence}", nl=False)
+
+    def clear(self) -> None:
+        if self._told:
+            click.echo("\r\x1b[2K", nl=False)
+
+
 def start(asked: Asked) -> NoReturn:
     """Do what is asked; ends the process with its exit status."""
     try:
@@ -232,11 +247,15 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_tui.start.launch import told_of
     from rise_tui.start.launch_process import RUNNING
 
-    found = starting.wait()
+    progress = ProgressLine()
+    found = starting.wait(progress.tell)
+    progress.clear()
     if isinstance(found, Refused) and found.unfinished:
         from rise_tui.start import choose
 
-        found = start_engine(replace(wanted, unfinished=choose.recovery(found.unfinished, PlainTerminal())))
+        chosen = choose.recovery(found.unfinished, PlainTerminal())
+        found = start_engine(replace(wanted, unfinished=chosen), progress.tell)
+        progress.clear()
     if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
         _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):
