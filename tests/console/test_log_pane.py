@@ -387,3 +387,35 @@ def test_marking_a_line() -> None:
     assert marked(line, [(1, 4)]) == (("a", "muted"), ("bc", "match"), ("d", "match"), ("ef", "plain"))
     assert marked(line, []) == line
     assert marked(line, [(0, 1), (5, 6), (9, 12)]) == (("a", "match"), ("bc", "muted"), ("de", "plain"), ("f", "match"))
+
+
+async def test_older_tasks_that_are_in_the_record_only_are_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: what can be searched, copied or saved from here is not silently incomplete."""
+    monkeypatch.setattr("rise_engine.view.TASK_LOG", 40)
+    monkeypatch.setattr("rise_engine.view.FORGET", 10)
+    monkeypatch.chdir(tmp_path)
+    async with console(size=(200, 50)) as it:
+        it.screen.panes.go_to("log")
+        pane, log = log_of(it)
+        store = it.screen.session.store
+        events(it, 50)
+        await it.until(lambda: log.count == 50)
+        assert pane.title.text.strip().endswith("following")
+        await it.press("up")
+        selected = log.current
+        events(it, 3, start=50)
+        await it.until(lambda: log.count == 42)
+        assert store.log == list(store.view.tasks) and store.view.forgotten == 11
+        assert log.current == selected, "the cursor stays on its task"
+        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        pane.set_filter("topic")
+        await it.until(lambda: fully_shown(pane) and "42 of 42" in pane.title.text)
+        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        events(it, 10, start=53)
+        await it.until(lambda: fully_shown(pane) and "41 of 41" in pane.title.text)
+        pane.do("log.save")
+        await it.press("enter")
+        await it.until(lambda: "saved 41 rows" in it.notice)
+        assert "; 22 older tasks are in the record only: rise-engine export " in it.notice
