@@ -202,7 +202,8 @@ ACTIONS: tuple[Action, ...] = (
            "it.",
            "say", _sayable),
     Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
-           "Marks the last act as wrong, late, early or double. It changes nothing but the record.",
+           "Marks what you did last, whatever it was, as wrong, late, early or double. It changes nothing but the "
+           "record.",
            "mistake", _markable),
     Action("repeat", "Repeat the failed act", ("ctrl+e",), "console",
            "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),

@@ -181,10 +181,9 @@ class ConsoleApp(KeyWatch):
     @on(ConsoleScreen.SettingsAsked)
     def _settings_asked(self) -> None:
         if self._session is not None and self._settings is not None:
-            hello = self._session.store.hello
             from rise_tui.screens.settings import SettingsScreen  # not needed to begin
 
-            screen = SettingsScreen(self._settings, hello.scenario, hello.mode, hello.robot, self._launcher)
+            screen = SettingsScreen(self._settings, self._session.store, self._launcher)
             self.push_screen(screen, self._settings_chosen)
 
     def _settings_chosen(self, chosen: tuple[Scenario, Settings] | None) -> None:

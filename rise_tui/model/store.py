@@ -198,6 +198,11 @@ class Store:
         return self.hello.you or f"wizard:{self.wizard}"
 
     @property
+    def person(self) -> str:
+        """Who sits here, as the record names what they do: a second console is no second person."""
+        return self.me.partition("#")[0]
+
+    @property
     def has_control(self) -> bool:
         """Whether this console may act. An engine that gives no names has one console only."""
         return not self.hello.you or self.view.control == self.hello.you
