@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -356,7 +355,11 @@ async def test_a_console_in_a_browser_saves_nothing_and_says_why(tmp_path: Path)
         it.screen.panes.go_to("log")
         await it.press("enter", "s")
         await it.until(lambda: "in a browser, which writes no files" in it.notice)
-        assert os.listdir(tmp_path) == []
+    assert names_in(tmp_path) == []
+
+
+def names_in(folder: Path) -> list[str]:
+    return [each.name for each in folder.iterdir()]
 
 
 def test_without_a_folder_of_the_session_it_is_the_current_one(tmp_path: Path) -> None:
