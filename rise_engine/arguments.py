@@ -162,15 +162,20 @@ def number(option: str, text: str, wanted: str, most: float, *, least_excluded: 
     return value
 
 
-def require_folder(folder: str) -> None:
+def require_folder(folder: str) -> str:
+    """A scenario's place: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
     from pathlib import Path
 
+    from rise_engine.scenario.shipped import hint, place_of
+
+    folder = place_of(folder)
     path = Path(folder)
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
-        return
+        return folder
+    problem = f"there is no folder {folder}{hint()}"
     if path.exists():
-        usage(f"{folder} is no scenario: give a folder, or the path of its scenario.toml")
-    usage(f"there is no folder {folder}")
+        problem = f"{folder} is no scenario: give a folder, or the path of its scenario.toml"
+    return usage(problem)
 
 
 def usage(message: str) -> NoReturn:

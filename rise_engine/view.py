@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
     EventRecord,
     MemoryRecord,
     MistakeRecord,
+    NoteRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
@@ -33,6 +34,8 @@ from rise_engine.kernel.records import (
 
 TASK_LOG = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
+REMARKS, LONGEST_REMARK = 500, 1_000
+"""Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
 
 
 class ActionView(Struct, gc=False):
@@ -115,6 +118,21 @@ class MemoryView(Struct):
     changed: float
 
 
+class RemarkView(Struct, gc=False):
+    """Something to be read among the tasks that is none: a note, a change of the robot's link, a rule's fault."""
+
+    kind: str
+    """`note`, `robot` or `fault`."""
+    t: float
+    source: str
+    """Who wrote the note; `robot`; or the rule."""
+    text: str
+    status: str = ""
+    """Of the robot: connected, degraded or lost."""
+    after: int = 0
+    """The id of the latest task before it."""
+
+
 class CueView(Struct):
     """The participant's last cue."""
 
@@ -170,6 +188,8 @@ class View(Struct):
     """Every task of the session (up to TASK_LOG), by id, in order of arrival."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
+    remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=REMARKS))
+    """The latest notes, changes of the robot's link and faults of rules, in order."""
 
     def apply(self, record: AnyRecord) -> None:
         """Take one record in. Records must come in order and without gaps."""
@@ -188,7 +208,11 @@ class View(Struct):
             case EventRecord(taken_by=None):
                 self.unhandled.append(record)
             case RobotRecord():
+                if self.robot is not None or record.status != "connected":  # that all is well to begin with is no news
+                    self._remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
                 self.robot = record
+            case NoteRecord():
+                self._remark(RemarkView("note", record.t, record.source, record.text))
             case StopRecord():
                 self.stop = StopView(
                     record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
@@ -224,6 +248,12 @@ class View(Struct):
         """The one of these acts that was asked for last; None when none was."""
         latest = max(((self.acts[name].latest, name) for name in acts if name in self.acts), default=(0, None))
         return latest[1] if latest[0] else None
+
+    def _remark(self, remark: RemarkView) -> None:
+        remark.after = next(reversed(self.tasks), 0)
+        if len(remark.text) > LONGEST_REMARK:
+            remark.text = f"{remark.text[: LONGEST_REMARK - 1]}…"
+        self.remarks.append(remark)
 
     def _cue(self, record: CueRecord) -> None:
         if record.status == "marked":
@@ -313,6 +343,8 @@ class View(Struct):
             action.ended = record.t
 
     def _rule(self, record: RuleRecord) -> None:
+        if record.status == "faulted":
+            self._remark(RemarkView("fault", record.t, f"rule:{record.name}", record.reason))
         rule = self.rules.setdefault(record.name, RuleView())
         rule.status, rule.reason = record.status, record.reason
         rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous

@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 from rise_engine import __version__
+from rise_engine.terminal import guarded
 from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
 from rise_tui.start.starting import Asked, start
 
@@ -27,7 +28,8 @@ class _Program(click.Group):
         from rise_engine.arguments import split_ros_args
 
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            return super().main(ours, *rest, obj=theirs, **more)
 
 
 _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")
@@ -62,7 +64,12 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 )
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one.")
-@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name.")
+@click.option(
+    "--here",
+    is_flag=True,
+    help="With --recover: also one that another computer had last, where nobody can see whether it still has.",
+)
+@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name or socket.")
 @click.option("--observe", is_flag=True, help="Only watch: stop everything and add notes, but never take control.")
 @click.option(
     "--wizard",
@@ -149,6 +156,8 @@ def _check_usage(asked: Asked) -> None:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
     if asked.new and asked.recover:
         raise click.UsageError("say either --new or --recover")
+    if asked.here and not asked.recover:
+        raise click.UsageError("--here goes with --recover")
     which = {"--config": asked.folder, "--session": asked.session, "--replay": asked.replay}
     named = [name for name, value in which.items() if value is not None]
     if len(named) > 1:

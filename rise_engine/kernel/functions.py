@@ -151,7 +151,7 @@ class Functions:
                 task.ref,
             )
         )
-        core.events.append((topic, source))
+        core.events.append((topic, source, core.cause))
 
     def _assign(self, task: Submit) -> None:
         memory = self._rules.memory

@@ -76,6 +76,9 @@ class Kernel:
             core.step += 1
         elif kind is not TimerElapsed:  # timers of one moment are one go: a loop of empty waits is a runaway too
             core.step += 1
+        else:
+            core.resumed = core.step
+        core.cause = None
         records: list[AnyRecord] = []
         commands: list[Command] = []
         core.records, core.commands = records, commands

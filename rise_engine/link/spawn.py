@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from rise_engine.bridge import Wire
 from rise_engine.link.places import PlaceError, runtime_folder
+from rise_engine.text import meant_all, told_all
 
 PATIENCE = 30.0
 """Seconds that an engine has to say whether it serves."""
@@ -37,6 +38,8 @@ class Options(Struct, frozen=True):
     unfinished: str = "ask"
     """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder. With a
     participant or a condition, only a session of theirs is recovered."""
+    here: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
     first: tuple[dict[str, str], ...] = ()
     """What is submitted at the beginning of a new session (`Submit`, as JSON has it)."""
 
@@ -63,6 +66,8 @@ class Refused(Struct, frozen=True):
     """Sessions that could be recovered: folder, and a sentence about it."""
     others: list[tuple[str, str]] = []
     """Those that did not end either and are of other participants or conditions than the one that was named."""
+    socket: str = ""
+    """Where the session is reached that runs already, if it is not reached by its name."""
 
 
 class Word(Struct):
@@ -76,6 +81,8 @@ class Word(Struct):
     unfinished: list[tuple[str, str]] = []
     others: list[tuple[str, str]] = []
     recovered: bool = False
+    socket: str = ""
+    """Of a refusal because the session runs: where it is reached."""
 
 
 Outcome: TypeAlias = Started | Refused
@@ -96,9 +103,10 @@ class Starting:
             self._problem = str(error)
             os.close(ready)
             return
+        order = msgspec.json.encode(told_all(msgspec.to_builtins(options))).decode()
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rise_engine.serve_process", msgspec.json.encode(options).decode(), str(ready)],
+                [sys.executable, "-m", "rise_engine.serve_process", order, str(ready)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -127,14 +135,14 @@ class Starting:
         os.close(self._ready)
         if not text.endswith(b"\n"):
             return self._no_word()
-        word = msgspec.json.decode(text, type=Word)
+        word = msgspec.convert(meant_all(msgspec.json.decode(text)), Word)
         if word.code == 0:
             if self._process is not None:
                 self._process.returncode = 0  # it is nobody's child: no warning that it still runs
             return Started(word.name, word.folder, word.lines, word.recovered)
         if self._process is not None:
             self._process.wait()
-        return Refused(word.code, word.lines, word.unfinished, word.others)
+        return Refused(word.code, word.lines, word.unfinished, word.others, word.socket)
 
     def _no_word(self) -> Refused:
         """What it left in its log instead."""

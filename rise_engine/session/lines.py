@@ -19,6 +19,7 @@ from msgspec import Struct
 
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
+from rise_engine.text import told_all
 
 FORMAT = 1
 """Goes up when older programs could not read what is written."""
@@ -116,18 +117,8 @@ def read_line(data: bytes) -> Line:
     return header
 
 
-def writable(value: Any) -> Any:
-    """JSON-like `value` with every text such that UTF-8 can hold it: half characters, as they stand for the bytes of a
-    file name that is no text, become `\\udcff`."""
-    match value:
-        case str():
-            return value.encode("utf-8", "backslashreplace").decode()
-        case dict():
-            return {writable(key): writable(each) for key, each in value.items()}
-        case list() | tuple():
-            return [writable(each) for each in value]
-        case _:
-            return value
+writable = told_all
+"""JSON-like values with every text such that UTF-8 can hold it: half characters become `\\udcff`."""
 
 
 @cache

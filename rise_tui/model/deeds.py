@@ -27,6 +27,9 @@ FUNCTION_WORDS = {
     "nextFiller": "filler",
     "markMistake": "mistake",
     "goOn": "go on",
+    "note": "note",
+    "robot": "robot",
+    "fault": "rule",
 }
 """A task's function in a word or two."""
 

@@ -46,8 +46,8 @@ def newest(tasks: dict[int, TaskView], me: str) -> TaskView | None:
 
 
 def name_of(task: TaskView, key: KeyBinding | None) -> str:
-    """An act by its name, what was said by its words, all else by what it is and does; and the key for it."""
+    """An act by its name, what was said by its words, all else by its key and what the author calls that, or it does."""
     if task.function in ACTS:
         return act_words(task.function, task.behavior)
     words = done(task.function, task.behavior) or describe(task.function, task.behavior)
-    return f"{key.label}: {words}" if key is not None else words
+    return f"{key.label}: {key.title or words}" if key is not None else words

@@ -61,7 +61,9 @@ class ConsoleScreen(QuietScreen[None]):
         self.keyboard = Keyboard(self)
 
     def compose(self) -> ComposeResult:
+        self.painting.fit()
         yield self.status
+        yield self.painting.band
         yield self.alarm
         yield self.call
         yield self.failure
@@ -70,6 +72,7 @@ class ConsoleScreen(QuietScreen[None]):
         yield self.mistake
         yield self.note
         yield self.say_line
+        yield self.painting.strip
         yield self.hints
 
     def on_mount(self) -> None:
@@ -85,6 +88,7 @@ class ConsoleScreen(QuietScreen[None]):
             self.questions.look_again()
 
     def on_resize(self) -> None:
+        self.painting.fit()
         finding.watch_size(self)
 
     def on_screen_resume(self, event: events.ScreenResume) -> None:

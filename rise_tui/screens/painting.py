@@ -15,6 +15,7 @@ from rise_tui.model.store import Store, Topic
 from rise_tui.quiet import QuietScreen, Slices
 from rise_tui.screens.arrangement import Arrangement
 from rise_tui.widgets.alarm import AlarmBar, CallBar, FailureBar
+from rise_tui.widgets.band import KeyStrip, SpeechBand
 from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
 from rise_tui.widgets.mistake import MistakeLine
 from rise_tui.widgets.note import NoteLine
@@ -43,6 +44,7 @@ class Painting:
         self.status, self.alarm, self.call = StatusLine(), AlarmBar(), CallBar()
         self.failure = FailureBar()
         self.notice, self.hints = NoticeLine(), KeyHints()
+        self.band, self.strip = SpeechBand(), KeyStrip()
         self.say, self.mistake = SayLine(store), MistakeLine()
         self._store, self._panes, self._later = store, panes, later
         self._dirty: set[Topic] = set()
@@ -78,6 +80,7 @@ class Painting:
     def tick(self) -> None:
         """Once a second."""
         self.status.draw(self._store)
+        self.band.draw(self._store)
         self.say.draw()
         if self._store.cut is not None or self.alarm.counts:
             self.alarm.draw(self._store)
@@ -91,6 +94,8 @@ class Painting:
         if (view.running or view.waiting) and not self._store.gone:
             self.repaint("acts", "act", "scheduler")
             self.say.draw()
+        if self.band.counts(self._store):
+            self.band.draw(self._store)
 
     def _tick_cue(self) -> None:
         """Several times a second, and only while somebody waits for an answer."""
@@ -121,8 +126,16 @@ class Painting:
         self._store.notice = None
         self._draw_notice()
 
+    def fit(self) -> None:
+        """The size of the terminal has changed, or is known now."""
+        size = self._panes.app.size
+        self.band.fit(self._store, size)
+        self.strip.fit(self._store, size)
+
     def draw_bars(self) -> None:
         self.status.draw(self._store)
+        self.band.draw(self._store)
+        self.strip.draw(self._store)
         self.alarm.draw(self._store)
         self._draw_call()
         self.failure.draw(self._store)
@@ -172,6 +185,8 @@ class Painting:
                 yield pane.repaint
         if dirty & {"status", "stop", "cue"}:
             yield self._draw_status
+        if dirty & {"acts", "rules", "memory", "status", "stop", "cue"}:
+            yield self._draw_band
         if dirty & {"status", "stop"}:
             yield self._draw_alarm
         if dirty & {"acts", "tasks", "status", "stop", "memory"}:
@@ -181,7 +196,7 @@ class Painting:
         typing = self.say.is_open or self.mistake.is_open
         if dirty & {"acts", "status", "stop"} or (typing and dirty & {"tasks", "memory"}):
             yield self._draw_fields
-        some = bool(self._store.log), bool(self._store.view.memory)  # some actions are only for what there is
+        some = bool(self._store.log.all), bool(self._store.view.memory)  # some actions are only for what there is
         if dirty & {"acts", "status", "stop"} or some != self._some:
             self._some = some
             yield self.draw_hints
@@ -189,6 +204,10 @@ class Painting:
     def _draw_status(self) -> None:
         self.status.draw(self._store)
         self._count_cue()
+
+    def _draw_band(self) -> None:
+        self.band.draw(self._store)
+        self.strip.draw(self._store)
 
     def _draw_alarm(self) -> None:
         self.alarm.draw(self._store)

@@ -50,6 +50,8 @@ def process_launcher(who: str, role: Role) -> Launcher:
             return Recovered(SocketClient(found.name, who, role), told_of(found))
         if found is not None and found.code != RUNNING:
             raise EngineGone("; ".join(found.lines))
+        if found is not None and found.socket:
+            return Recovered(SocketClient(found.socket, who, role))
         if name not in running():
             raise EngineGone("nobody has recovered it yet")
         return Recovered(SocketClient(name, who, role))  # somebody else has

@@ -43,6 +43,7 @@ class Asked(Struct, frozen=True, kw_only=True):
     """Where acts, rules and memory are read, as it was written: `KIND=PATH`."""
     new: bool = False
     recover: bool = False
+    here: bool = False
     session: str | None = None
     observe: bool = False
     wizard: str | None = None
@@ -188,7 +189,8 @@ def _left_over() -> list[str]:
 
 def running_session(asked: Asked) -> str:
     """The name of the running session that is meant. Raises NothingChosenError."""
-    from rise_engine.link.places import PlaceError, abouts, find, running, session_name
+    from rise_engine.link.elsewhere import everywhere
+    from rise_engine.link.places import PlaceError, find, running, session_name
     from rise_tui.start import choose
     from rise_tui.start.settings import scenario_place
 
@@ -196,13 +198,24 @@ def running_session(asked: Asked) -> str:
         if asked.session is not None:
             return find(asked.session)
         if asked.folder is None:
-            return choose.session(abouts(), PlainTerminal(), _left_over)
+            return choose.session(everywhere(), PlainTerminal(), _left_over)
         name = session_name(scenario_place(asked.settings))
         if name in running():
             return name
+        if elsewhere := _reached_elsewhere(asked.settings):
+            return elsewhere
     except PlaceError as error:
         _nothing(str(error))
     _nothing(f"no session of {asked.folder} is running")
+
+
+def _reached_elsewhere(settings: Settings) -> str:
+    """The socket of the scenario's session when it runs with another runtime folder; empty when none does."""
+    from rise_engine.session.folder import running_folders
+    from rise_tui.start.settings import scenario_place
+
+    holders = running_folders(str(Path(scenario_place(settings)).absolute())).values()
+    return next((holder.socket for holder in holders if holder is not None and holder.is_here), "")
 
 
 def _serve(asked: Asked) -> NoReturn:
@@ -242,6 +255,8 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     except PlaceError as error:
         _nothing(str(error))
     if asked.observe:
+        if elsewhere := _reached_elsewhere(settings):
+            _join(elsewhere, asked, keys)
         _nothing(f"no session of {settings.folder} is running, and --observe starts none")
     if asked.unfinished == "ask" and not PlainTerminal().interactive:
         from rise_engine.session.folder import unfinished
@@ -255,7 +270,7 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_engine.link.spawn import Refused, Starting, start_engine
 
     wanted = options(settings, asked.seed, asked.unfinished)
-    wanted = replace(wanted, wizard=asked.wizard or login_name(), first=_first(asked))
+    wanted = replace(wanted, wizard=asked.wizard or login_name(), here=asked.here, first=_first(asked))
     starting = Starting(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
     prepare_textual(asked.display)
@@ -271,8 +286,8 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
         named = whose(settings.participant, settings.condition)
         chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
         found = start_engine(replace(wanted, unfinished=chosen))
-    if isinstance(found, Refused) and found.code == RUNNING:  # somebody else has just started it
-        _open_on(name, None, asked, keys)
+    if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
+        _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):
         _refuse(found.lines, settings.folder, found.code)
     unused = (

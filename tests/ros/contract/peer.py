@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
 from rise_adapters.ros2.choose import open_transport
@@ -49,8 +50,14 @@ class Peer:
     def type_hash(self, type: str) -> str:
         return self._transport.type_hash(type)
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        return self._transport.remote_types(name)
+    def ends(self, what: str, name: str) -> list[dict[str, Any]]:
+        return [msgspec.to_builtins(end) for end in getattr(self._transport, f"{what}_ends")(name)]
+
+    def topics(self) -> list[str]:
+        return self._transport.topics()
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return self._transport.strangers()
 
     def nodes(self) -> list[str]:
         return self._transport.nodes()

@@ -28,6 +28,7 @@ from rise_adapters.ros2.choose import open_transport
 from rise_adapters.ros2.port import PortError, Transport
 from rise_engine.arguments import split_ros_args
 from rise_engine.bridge import BridgeError
+from rise_engine.terminal import guarded
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]
@@ -69,9 +70,10 @@ def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None
     options = parser.parse_args(ours)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(line_buffering=True, errors="backslashreplace")
+            stream.reconfigure(line_buffering=True)
     try:
-        asyncio.run(_run(work, options, theirs))
+        with guarded():
+            asyncio.run(_run(work, options, theirs))
     except BridgeError as error:
         _fail(parser, error.lines)
     except (NodeError, PortError) as error:
