@@ -104,6 +104,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     metavar="[PORT]",
     help=f"Show a running session in browsers on this machine; without a port, {WEB_PORT}.",
 )
+@click.option("--in-browser", is_flag=True, hidden=True)
 @click.version_option(__version__)
 @click.pass_context
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:

@@ -98,6 +98,8 @@ class Store:
     wizard: str
     now: Callable[[], float]
     """Session time in seconds."""
+    in_browser: bool = False
+    """This console is shown by `rise-tui --web`."""
     view: View = field(init=False)
     refs: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
     """How this console's own references begin; a second console of the same wizard has others."""
@@ -205,6 +207,11 @@ class Store:
     def me(self) -> str:
         """How the session calls this console."""
         return self.hello.you or f"wizard:{self.wizard}"
+
+    @property
+    def person(self) -> str:
+        """Who sits here, as the record names what they do: a second console is no second person."""
+        return self.me.partition("#")[0]
 
     @property
     def has_control(self) -> bool:

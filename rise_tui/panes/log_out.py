@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rise_engine.view import TaskView
-from rise_tui.export import NotSaved, TooLong, for_clipboard, on_the_way, save, table
+from rise_tui.export import NotSaved, TooLong, folder_for, for_clipboard, on_the_way, save, table
 from rise_tui.messages import Told
 from rise_tui.model.states import State
 from rise_tui.model.task_text import task_rows
+from rise_tui.start.choose import tilde
 from rise_tui.text import Row, clock
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class LogOut:
     # --- a file -------------------------------------------------------------------------------------------------------
 
     def free_name(self) -> str:
-        """A name that says when, for the current folder."""
+        """A name that says when; it goes into the session's folder."""
         return f"rise-log_{datetime.now():%Y-%m-%d}_{clock(self._pane.store.now()).replace(':', '-')}.tsv"
 
     def save(self, name: str) -> None:
@@ -90,11 +91,11 @@ class LogOut:
         pane = self._pane
         tasks = list(self._shown())
         try:
-            path = await asyncio.to_thread(save, name, tasks)
+            path = await asyncio.to_thread(save, name, tasks, folder_for(pane.store.hello.folder))
         except NotSaved as why:
             self._tell(f"not saved: {why}")
         else:
-            self._tell(f"saved {_rows(len(tasks))} to {path}{self._without()}")
+            self._tell(f"saved {_rows(len(tasks))} to {tilde(str(path))}{self._without()}")
             if pane.save_bar.is_open:
                 pane.save_bar.close()
                 pane.screen.set_focus(pane.rows)

@@ -54,6 +54,8 @@ class Asked(Struct, frozen=True, kw_only=True):
     keys: str | None = None
     fresh: bool = False
     web: int | None = None
+    in_browser: bool = False
+    """This is the console of one browser (`rise_tui.web.seat`)."""
 
     @property
     def role(self) -> Role:
@@ -417,6 +419,7 @@ def _open(
         client=client,
         told=told,
         keys=keys,
+        in_browser=asked.in_browser,
         keeper=Keeper(kept, fresh=asked.fresh, said=said, keeps=not asked.observe and asked.replay is None),
     )
     app.run(mouse=asked.display.mouse)
