@@ -37,7 +37,7 @@ class Strip(NamedTuple):
 
 
 def strip_rows(scenario: Scenario, keys: StudyKeys, width: int, height: int) -> int:
-    """As many lines as all keys but those of acts need, at most two; in a tall terminal two where acts have keys too."""
+    """As many lines as all keys but those of acts need, at most two; in a tall terminal two where acts have keys."""
     if not scenario.keys:
         return 0
     every = [*keys.answers, *keys.others]
