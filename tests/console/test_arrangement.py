@@ -19,7 +19,14 @@ from tests.console.fake import FakeClient, demo
     ("size", "layout"),
     [
         *(((70, 20), "one"), ((79, 60), "one"), ((120, 23), "one"), ((80, 24), "two"), ((100, 30), "two")),
-        *(((120, 40), "two"), ((200, 29), "two"), ((179, 50), "two"), ((180, 40), "all"), ((200, 50), "all"), ((300, 90), "all")),
+        *(
+            ((120, 40), "two"),
+            ((200, 29), "two"),
+            ((179, 50), "two"),
+            ((180, 40), "all"),
+            ((200, 50), "all"),
+            ((300, 90), "all"),
+        ),
     ],
 )
 def test_the_layout_by_size(size: tuple[int, int], layout: str) -> None:
