@@ -40,12 +40,12 @@ TONES: dict[str, Tone] = {
 
 
 def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
-    """Lines for a sentence. Where there is room for it, one more for the sentence after it."""
+    """Lines for a sentence. Where there is room for it at least two, so that a short one leaves one for the next."""
     most = MOST_TALL if height >= TALL else MOST
     longest = longest_sentence(scenario, memory)
     if not longest:
         return 1
-    return min(most, len(_wrapped(_quoted(longest), width)) + int(height >= TALL))
+    return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
 
 
 def band(store: Store, width: int, rows: int) -> tuple[Line, ...]:

@@ -66,26 +66,8 @@ def test_keys_that_a_rule_may_wait_for_lead_then_events_values_and_rules_then_ac
     assert [key.label for key in keys.answers] == ["n", "a"]
     assert [key.label for key in keys.others] == ["m", "u"]
     assert [key.label for key in keys.acts] == ["g", "p", "b", "."]
-    assert shown(store_of(demo()), 200, 1)[0].split() == (
-        [
-            "n",
-            "next",
-            "a",
-            "Again",
-            "m",
-            "Main",
-            "u",
-            "understood",
-            "g",
-            "Greet",
-            "p",
-            "Praise",
-            "b",
-            "Goodbye",
-            ".",
-            "Filler",
-        ]
-    )
+    line = " n next  a Again  m Main  u understood  g Greet  p Praise  b Goodbye  . Filler"
+    assert shown(store_of(demo()), 200, 1) == [line]
 
 
 def test_a_rule_that_only_answers_itself_is_not_waited_for() -> None:

@@ -274,7 +274,8 @@ def test_a_filler_that_would_come_by_itself_is_told() -> None:
 def test_what_only_a_condition_decides_is_said_to_be_perhaps(tmp_path: Path) -> None:
     speech = "<Speech><actionID>1</actionID><message>Hello</message></Speech>"
     body = (
-        '<State id="S"><transition after="5s" cond="n = 1" target="T"/><transition eventTopic="/go" target="T"/></State>'
+        '<State id="S"><transition after="5s" cond="n = 1" target="T"/>'
+        '<transition eventTopic="/go" target="T"/></State>'
         '<State id="T"><onEntry><if cond="n = 1"><function startCommunicationRobotAct="A"/></if>'
         '<function startCommunicationRobotAct="B"/></onEntry><transition eventTopic="/B_end" target="S"/></State>'
     )
