@@ -206,7 +206,7 @@ def _topic(wire: Transport, carrier: Carrier) -> _Found:
         found.nodes[end.node] = None
         misfit = _other_type(wire, found, carrier.type, end, carrier.type)
         if misfit is None and (lacks := _lacks(carrier.topic_qos, end.qos)):
-            says = f"is wanted {lacks[1]} by {_node(end.node)}, and is published here {lacks[0]}"
+            says = f"is wanted {lacks[1]}{_by(end)}, and is published here {lacks[0]}"
             misfit = _quality(full, says, "qos", lacks[3])
         if misfit is None:
             fits = True
@@ -224,7 +224,7 @@ def _other_middleware(wire: Transport, full: str, end: End) -> Misfit | None:
     if vendors.services_cross(wire.vendor, end.vendor) != "no":
         return None
     says = (
-        f"is offered by {_node(end.node)} over {vendors.called(end.vendor)}, and this program uses "
+        f"is offered{_by(end)} over {vendors.called(end.vendor)}, and this program uses "
         f"{vendors.called(wire.vendor)}: services and actions do not cross from one to the other"
     )
     return Misfit(OTHER_MIDDLEWARE, full, says, _one_middleware(wire, end.vendor))
@@ -252,7 +252,7 @@ def _other_type(wire: Transport, found: _Found, named: str, end: End, wanted: st
         found.unannounced = True
     elif own != end.hash:
         what = named if wanted.startswith(named) else _whole(wanted)
-        says = f"is {found.verb} by {_node(end.node)} with another version of {what}"
+        says = f"is {found.verb}{_by(end)} with another version of {what}"
         return Misfit(OTHER_VERSION, found.full, says, _SAME_RELEASE)
     return None
 
@@ -301,6 +301,11 @@ def _node(name: str) -> str:
     if name.startswith("/"):
         return f"the node {name}"
     return f"a program {name or 'whose node is not known'}"
+
+
+def _by(end: End) -> str:
+    """Whose it is. (That is announced separately, and may come later or never.)"""
+    return f" by {_node(end.node)}" if end.node else ""
 
 
 def _listed(names: Iterable[str]) -> str:
