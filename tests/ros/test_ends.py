@@ -84,7 +84,9 @@ def test_e1_a_robot_of_another_version_is_not_connected_until_the_right_one_come
     bench.robot_appears().hashes.update({type: OTHER for name in TYPES for type in types_of(TYPES[name])})
     bench.run(6)
     (told,) = bench.of(RobotRecord)
-    assert told.status == "lost" and told.detail.startswith("other-version: /pepper/rise/")
+    assert told.status == "lost" and told.detail.startswith(
+        "other-version: Pepper has other versions of types; build both anew (/pepper/rise/speech is offered by"
+    )
     bench.act()
     bench.run(7)
     assert "other-version" in bench.ending(TASK)

@@ -38,7 +38,14 @@ OTHER_TYPE, OTHER_VERSION, OTHER_MIDDLEWARE, OTHER_QUALITY = (
     "other-quality",
 )
 """Words that a reason begins with (docs/explanation/ros2.md)."""
-WORDS = (OTHER_TYPE, OTHER_VERSION, OTHER_MIDDLEWARE, OTHER_QUALITY)
+IN_SHORT = {
+    OTHER_TYPE: "offers other types than its profile names",
+    OTHER_VERSION: "has other versions of types; build both anew",
+    OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
+    OTHER_QUALITY: "wants another quality of service",
+}
+"""What a whole robot is or does of which nothing fits, as short as a small screen needs it."""
+WORDS = tuple(IN_SHORT)
 
 _SAME_RELEASE = "build its interface package from the same release on both sides, and start both again"
 
