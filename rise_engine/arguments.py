@@ -33,10 +33,11 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
 
 
 def places_of(places: tuple[str, ...]) -> dict[str, str]:
+    """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
     named = dict(each.partition("=")[::2] for each in places)
-    for kind in named:
-        if kind not in ("acts", "rules", "memory"):
-            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH")
+    for kind, path in named.items():
+        if kind not in ("acts", "rules", "memory") or not path.strip():
+            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH, in the scenario's folder")
     return named
 
 
@@ -56,12 +57,11 @@ def first_tasks(
     problems += [
         f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
     ]
-    assigned = []
-    for setting in settings:
-        try:
-            assigned.append(_setting(setting))
-        except ValueError as error:
-            problems.append(f"error: --set {setting}: {error}")
+    assigned: list[str] = []
+    try:
+        assigned = assignments(settings)
+    except UnusableError as error:
+        problems.append(str(error))
     if problems:
         raise UnusableError("\n".join(problems))
     source = "wizard:command-line"
@@ -70,6 +70,19 @@ def first_tasks(
         *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
         *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
     )
+
+
+def assignments(settings: Sequence[str]) -> list[str]:
+    """Every `--set` as an assignment. Raises UnusableError with all that cannot be used."""
+    assigned, problems = [], []
+    for setting in settings:
+        try:
+            assigned.append(_setting(setting))
+        except ValueError as error:
+            problems.append(f"error: --set {setting}: {error}")
+    if problems:
+        raise UnusableError("\n".join(problems))
+    return assigned
 
 
 def _setting(text: str) -> str:
@@ -149,15 +162,20 @@ def number(option: str, text: str, wanted: str, most: float, *, least_excluded: 
     return value
 
 
-def require_folder(folder: str) -> None:
+def require_folder(folder: str) -> str:
+    """A scenario's place: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
     from pathlib import Path
 
+    from rise_engine.scenario.shipped import hint, place_of
+
+    folder = place_of(folder)
     path = Path(folder)
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
-        return
+        return folder
+    problem = f"there is no folder {folder}{hint()}"
     if path.exists():
-        usage(f"{folder} is no scenario: give a folder, or the path of its scenario.toml")
-    usage(f"there is no folder {folder}")
+        problem = f"{folder} is no scenario: give a folder, or the path of its scenario.toml"
+    return usage(problem)
 
 
 def usage(message: str) -> NoReturn:

@@ -53,6 +53,11 @@ _CONDITION = click.option(
     default="",
     help="The session's condition; one of the study's, if it lists any.",
 )
+_HERE = click.option(
+    "--here",
+    is_flag=True,
+    help="Go on also with one that another computer had last, where nobody can see whether it still has.",
+)
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 
 
@@ -143,7 +148,7 @@ def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> No
     """
     from rise_engine.reports import check_report
 
-    require_folder(folder)
+    folder = require_folder(folder)
     sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
 
 
@@ -236,7 +241,7 @@ def run(
     end = None
     if until != "idle":
         end = number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", _LATEST)
-    require_folder(folder)
+    folder = require_folder(folder)
     try:
         scenario = load_or_refuse(folder, robot=robot, mode=mode)
         if scenario is None:
@@ -284,6 +289,7 @@ def run(
 @click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
 @click.option("--session", "session", metavar="SESSION", help="Go on with this session.")
+@_HERE
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--speed", metavar="N", default="1", help="How many times faster.")
 @click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
@@ -295,7 +301,13 @@ def run(
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
 )
-@click.option("--place", "places", metavar="KIND=PATH", multiple=True, help="Another place for acts, rules or memory.")
+@click.option(
+    "--place",
+    "places",
+    metavar="KIND=PATH",
+    multiple=True,
+    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+)
 def serve(
     folder: str,
     name: str | None,
@@ -304,6 +316,7 @@ def serve(
     acts: tuple[str, ...],
     recover: bool,
     session: str | None,
+    here: bool,
     new: bool,
     speed: str,
     seed: int | None,
@@ -329,7 +342,9 @@ def serve(
     pace = number("--speed", speed, "a number above 0, up to 1000000", _FASTEST, least_excluded=True)
     if (recover or session is not None) and new:
         usage("say either --recover or --new")
-    require_folder(folder)
+    folder = require_folder(folder)
+    if here and not recover and session is None:
+        usage("--here goes with --recover or --session")
     which = session or ("recover" if recover else "new" if new else "ask")
     first: tuple[Submit, ...] = ()
     if settings or rules or acts:
@@ -358,8 +373,27 @@ def serve(
         condition=condition,
         name=name,
         unfinished=which,
+        here=here,
     )
     sys.exit(serve_session(order, to_person(order)))
+
+
+@main.command()
+@click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
+@click.option("--from", "study", metavar="NAME", help="The shipped study that is copied.")
+@click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
+def new(folder: str | None, study: str | None, listing: bool) -> None:
+    """Make a study of your own in DIR, a new or empty folder, from one that comes with the program.
+
+    Exit status: 0; 1 when it could not be made; 2 wrong usage.
+    """
+    from rise_engine.reports import new_report, studies_report
+
+    if listing:
+        sys.exit(studies_report())
+    if folder is None or study is None:
+        usage("say where and from what, as in: rise-engine new my-study --from lablinking (--list shows all)")
+    sys.exit(new_report(folder, study))
 
 
 @main.command()
@@ -372,7 +406,7 @@ def sessions(as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("which", metavar="[NAME|DIR]", required=False)
+@click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
 def stop(which: str | None) -> None:
     """End a running session: the robot is stopped, the record is completed.
 
@@ -406,7 +440,7 @@ def replay(session: str, scenario: str | None, as_json: bool, speed: str | None)
         pace = number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
         sys.exit(play_report(session, pace))
     if scenario is not None:
-        require_folder(scenario)
+        scenario = require_folder(scenario)
     sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
 
 
@@ -438,7 +472,7 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
     from rise_engine.reports import print_document, schema_text
 
     if folder is not None:
-        require_folder(folder)
+        folder = require_folder(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(1)
@@ -453,7 +487,7 @@ def robots(folder: str | None, as_json: bool) -> None:
     from rise_engine.reports import robots_report
 
     if folder is not None:
-        require_folder(folder)
+        folder = require_folder(folder)
     sys.exit(robots_report(folder, as_json=as_json))
 
 
@@ -472,7 +506,7 @@ def doctor(folder: str | None, robot: str | None, ros: Transport, seconds: str, 
     from rise_engine.reports import doctor_report
 
     if folder is not None:
-        require_folder(folder)
+        folder = require_folder(folder)
     patience = number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
     wire = Wire(ros, click.get_current_context().obj)
     sys.exit(doctor_report(folder, robot=robot, wire=wire, seconds=patience, as_json=as_json))

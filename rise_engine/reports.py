@@ -330,6 +330,40 @@ def _robot_text(row: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+# --- the studies that come with the program -------------------------------------------------------------------------
+
+
+def studies_report() -> int:
+    """Print the shipped studies, one in a line."""
+    from rise_engine.scenario.shipped import listed
+
+    lines = listed()
+    _print("\n".join(lines) if lines else "no study is installed with the program")
+    return 0 if lines else 1
+
+
+def new_report(folder: str, study: str) -> int:
+    """Copy a shipped study and say how to go on; the exit status is 1 when it could not be copied."""
+    from pathlib import Path
+    from shlex import quote
+
+    from rise_engine.scenario.shipped import NotCopied, copy, listed, shipped
+
+    try:
+        number = copy(study, Path(folder))
+    except NotCopied as why:
+        sys.stderr.write(f"error: {why}\n")
+        if study not in shipped():
+            sys.stderr.write("".join(f"  {line}\n" for line in listed()))
+        return 1
+    _print(f"{folder}: {number} files of the study {study}, which are yours to change")
+    _print(f"  check it   rise-engine check {quote(folder)}")
+    _print(f"  run it     rise-tui --config {quote(folder)}")
+    if (Path(folder) / "README.md").exists():
+        _print(f"  read       {Path(folder) / 'README.md'}")
+    return 0
+
+
 # --- small things ---------------------------------------------------------------------------------------------------
 
 

@@ -41,16 +41,21 @@ from rise_engine.session.folder import (
     abandon,
     create,
     describe,
+    is_of,
+    read_info,
+    running_folders,
     sessions_folder,
     unfinished,
+    whose,
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
+from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 OK, REFUSED, USAGE, RUNNING, UNFINISHED, LOST, FAILED, UNRECORDED = 0, 1, 2, 3, 4, 5, 70, 74
 """Exit statuses (docs/reference/rise-engine.md)."""
@@ -82,19 +87,36 @@ class Order(Struct, frozen=True):
     """Who takes part, as the record is to name them; an earlier session goes on with its own."""
     condition: str = ""
     """One of the scenario's `[study] conditions`, where it lists any."""
+    wizard: str = ""
+    """Who begins it, for the session's folder."""
     name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
     """What to do when an earlier session of the folder did not end: ask (refuse and say so), new, recover (the latest),
     or the path of the session to recover."""
+    here: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
 
 
 class Refusal(Exception):
     """Nothing is served."""
 
-    def __init__(self, code: int, *lines: str, unfinished: list[tuple[str, str]] | None = None) -> None:
+    def __init__(
+        self,
+        code: int,
+        *lines: str,
+        unfinished: Sequence[Path] = (),
+        others: Sequence[Path] = (),
+        socket: str = "",
+    ) -> None:
         super().__init__("\n".join(lines))
-        self.word = Word(code, lines=list(lines), unfinished=unfinished or [])
+        self.word = Word(
+            code, lines=list(lines), unfinished=_described(unfinished), others=_described(others), socket=socket
+        )
+
+
+def _described(folders: Sequence[Path]) -> list[tuple[str, str]]:
+    return [(str(folder), describe(folder)) for folder in folders]
 
 
 def serve(order: Order, say: Callable[[Word], None]) -> int:
@@ -104,12 +126,13 @@ def serve(order: Order, say: Callable[[Word], None]) -> int:
     except Refusal as refusal:
         say(refusal.word)
         return refusal.word.code
-    with session.claim:
-        try:
-            return asyncio.run(_Serving(session, say).run())
-        except Refusal as refusal:
-            say(refusal.word)
-            return refusal.word.code
+    try:
+        return asyncio.run(_Serving(session, say).run())
+    except Refusal as refusal:
+        say(refusal.word)
+        return refusal.word.code
+    finally:
+        session.close()
 
 
 class _Prepared:
@@ -118,6 +141,8 @@ class _Prepared:
     def __init__(self, order: Order) -> None:
         self.order = order
         self.recovered: Recovered | None = None
+        self.lock: JournalLock | None = None
+        """Of the journal of a session that goes on, until that is open."""
         try:
             self.name = order.name or session_name(Path(order.folder))
             claimed = claim(self.name)
@@ -129,33 +154,68 @@ class _Prepared:
         try:
             self._choose()
         except BaseException:
-            claimed.close()
+            self.close()
             raise
+
+    def close(self) -> None:
+        """Let go of what is still held."""
+        if self.lock is not None:
+            self.lock.release()
+        self.claim.close()
 
     def _choose(self) -> None:
         order = self.order
+        self._refuse_second()
         which: Path | None = None
         if order.unfinished not in ("ask", "new", "recover"):
             try:
                 which = find_session(order.unfinished)
+                self._check_meant(which)
             except SessionError as error:
                 raise Refusal(USAGE, str(error)) from None
         else:
             there = unfinished(str(Path(order.folder).absolute()))
+            meant = [folder for folder in there if is_of(read_info(folder), order.participant, order.condition)]
+            others = [folder for folder in there if folder not in meant]
             if there and order.unfinished == "ask":
                 raise Refusal(
                     UNFINISHED,
                     "an earlier session of this scenario did not end: recover it, or begin a new one",
-                    unfinished=[(str(folder), describe(folder)) for folder in there],
+                    unfinished=meant,
+                    others=others,
                 )
-            if there and order.unfinished == "recover":
-                which = there[0]
+            if others and not meant and order.unfinished == "recover":
+                raise Refusal(
+                    UNFINISHED,
+                    f"no session of {whose(order.participant, order.condition)} waits to be recovered",
+                    others=others,
+                )
+            if meant and order.unfinished == "recover":
+                which = meant[0]
             for folder in there if order.unfinished == "new" else ():
                 abandon(folder)
         if which is not None:
             self._recover(which)
         else:
             self._begin()
+
+    def _refuse_second(self) -> None:
+        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
+        if self.order.name is not None:
+            return
+        for folder, holder in running_folders(str(Path(self.order.folder).absolute())).items():
+            socket = holder.socket if holder is not None and holder.is_here else ""
+            raise Refusal(RUNNING, running_words(folder, holder), socket=socket)
+
+    def _check_meant(self, which: Path) -> None:
+        """Nobody's session goes on as somebody else's. Raises SessionError."""
+        order, info = self.order, read_info(which)
+        if not is_of(info, order.participant, order.condition):
+            named = whose(order.participant, order.condition)
+            raise SessionError(
+                f"{which.name} is the session of {whose(info.participant, info.condition)}, not of {named}: "
+                "nothing was started"
+            )
 
     def _begin(self) -> None:
         order = self.order
@@ -169,10 +229,26 @@ class _Prepared:
         self.speed, self.faults, self.wire = order.speed, order.faults, order.wire
         self._files = loaded.files
 
-    def make_folder(self) -> None:
-        """Of a new session, once nothing is in its way."""
-        if self.recovered is not None:
-            return
+    def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
+        """Of the session that goes on, or of a new one in a folder of its own, once nothing is in its way."""
+        try:
+            if self.recovered is not None:
+                journal = open(self.folder / JOURNAL, self.recovered.size, self.lock)
+                self.lock = None  # it is the journal's now
+                return journal
+            root = sessions_folder()
+            with suppress(OSError):
+                root.mkdir(0o700, parents=True, exist_ok=True)
+            with beginning(root):
+                self._refuse_second()
+                self._make_folder()
+                return open(self.folder / JOURNAL, 0, None)
+        except OSError as error:
+            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        except SessionError as error:
+            raise Refusal(UNRECORDED, str(error)) from None
+
+    def _make_folder(self) -> None:
         try:
             self.folder = create(
                 sessions_folder(),
@@ -185,13 +261,20 @@ class _Prepared:
                 versions=versions(),
                 participant=self.order.participant,
                 condition=self.order.condition,
+                wizard=self.order.wizard,
             )
         except SessionError as error:
             raise Refusal(UNRECORDED, str(error)) from None
 
     def _recover(self, which: Path) -> None:
         try:
-            self.recovered = recover(which)
+            with beginning(which.parent):
+                self._refuse_second()
+                self.lock = JournalLock(which / JOURNAL, here=self.order.here)
+            self.recovered = recover(which, lock=self.lock)
+        except JournalLocked as error:
+            holder = error.holder
+            raise Refusal(RUNNING, str(error), socket=holder.socket if holder and holder.is_here else "") from None
         except SessionError as error:
             raise Refusal(LOST, f"{which.name} cannot be recovered: {error}") from None
         info = self.recovered.info
@@ -239,22 +322,15 @@ class _Serving:
         recovered = prepared.recovered
         clock = RealClock(loop, prepared.speed, recovered.t if recovered is not None else 0.0)
         robot = prepared.make_robot(clock, bridge)
-        prepared.make_folder()
 
         def changed() -> None:
             with suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(engine.look_at_journal)
 
-        try:
-            journal = Journal(
-                prepared.folder / JOURNAL,
-                size=recovered.size if recovered is not None else 0,
-                changed=changed,
-                later=loop.call_soon,
-                now=clock.now,
-            )
-        except OSError as error:
-            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        def open_journal(path: Path, size: int, lock: JournalLock | None) -> Journal:
+            return Journal(path, size=size, lock=lock, changed=changed, later=loop.call_soon, now=clock.now)
+
+        journal = prepared.open_journal(open_journal)
         if recovered is None:
             journal.append(header_line(f"rise-tui {versions()['rise-tui']}"))
             resumption = None
@@ -286,6 +362,7 @@ class _Serving:
             await server.start()
         except OSError as error:
             raise Refusal(FAILED, f"the session's socket cannot be made: {error}") from None
+        journal.lock.tell(str(prepared.claim.socket.absolute()))
         looking = loop.create_task(self._look(engine))
         self._begin(engine, recovered)
         if bridge is not None:
@@ -356,7 +433,13 @@ def to_person(order: Order) -> Callable[[Word], None]:
             sys.stderr.write(line + "\n")
         for folder, sentence in word.unfinished:
             sys.stderr.write(f"  {sentence}\n    {folder}\n")
-        if word.code == UNFINISHED:
+        if word.others:
+            sys.stderr.write("of other participants or conditions, and not recovered for this one:\n")
+        for folder, sentence in word.others:
+            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+        if word.code == UNFINISHED and not word.unfinished:
+            sys.stderr.write("say --new to begin, or name theirs to go on with one (--participant, --condition)\n")
+        elif word.code == UNFINISHED:
             sys.stderr.write("say --recover to go on with the latest, or --new\n")
         elif word.code == REFUSED:
             sys.stderr.write(f"{order.folder} was refused: nothing was started\n")

@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
     EventRecord,
     MemoryRecord,
     MistakeRecord,
+    NoteRecord,
     RobotRecord,
     RuleRecord,
     SessionRecord,
@@ -33,6 +34,8 @@ from rise_engine.kernel.records import (
 
 TASK_LOG = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
+REMARKS, LONGEST_REMARK = 500, 1_000
+"""Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
 
 
 class ActionView(Struct, gc=False):
@@ -115,6 +118,21 @@ class MemoryView(Struct):
     changed: float
 
 
+class RemarkView(Struct, gc=False):
+    """Something to be read among the tasks that is none: a note, a change of the robot's link, a rule's fault."""
+
+    kind: str
+    """`note`, `robot` or `fault`."""
+    t: float
+    source: str
+    """Who wrote the note; `robot`; or the rule."""
+    text: str
+    status: str = ""
+    """Of the robot: connected, degraded or lost."""
+    after: int = 0
+    """The id of the latest task before it."""
+
+
 class CueView(Struct):
     """The participant's last cue."""
 
@@ -150,6 +168,8 @@ class View(Struct):
     """Why it ended, once it has."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when that console has gone since."""
     asked: str | None = None
     """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
@@ -162,10 +182,14 @@ class View(Struct):
     """ACTIVE tasks of acts, oldest first."""
     waiting: list[int] = field(default_factory=list)
     """PENDING tasks in the scheduler's order, next first."""
+    failed: list[int] = field(default_factory=list)
+    """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session (up to TASK_LOG), by id, in order of arrival."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
+    remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=REMARKS))
+    """The latest notes, changes of the robot's link and faults of rules, in order."""
 
     def apply(self, record: AnyRecord) -> None:
         """Take one record in. Records must come in order and without gaps."""
@@ -184,7 +208,11 @@ class View(Struct):
             case EventRecord(taken_by=None):
                 self.unhandled.append(record)
             case RobotRecord():
+                if self.robot is not None or record.status != "connected":  # that all is well to begin with is no news
+                    self._remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
                 self.robot = record
+            case NoteRecord():
+                self._remark(RemarkView("note", record.t, record.source, record.text))
             case StopRecord():
                 self.stop = StopView(
                     record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
@@ -201,6 +229,8 @@ class View(Struct):
                 self.asked = record.by
             case ControlRecord():
                 self.control, self.asked = record.holder, None
+                if record.holder is not None and record.holder.startswith("wizard:"):
+                    self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason
@@ -218,6 +248,12 @@ class View(Struct):
         """The one of these acts that was asked for last; None when none was."""
         latest = max(((self.acts[name].latest, name) for name in acts if name in self.acts), default=(0, None))
         return latest[1] if latest[0] else None
+
+    def _remark(self, remark: RemarkView) -> None:
+        remark.after = next(reversed(self.tasks), 0)
+        if len(remark.text) > LONGEST_REMARK:
+            remark.text = f"{remark.text[: LONGEST_REMARK - 1]}…"
+        self.remarks.append(remark)
 
     def _cue(self, record: CueRecord) -> None:
         if record.status == "marked":
@@ -251,6 +287,9 @@ class View(Struct):
             task.ended = record.t
         if record.function in ("startCommunicationRobotAct", "say"):
             self._act_task(record, task)
+            self._failures(record)
+        elif record.function == "goOn" and record.status == "SUCCEEDED":
+            self.failed = [id for id in self.failed if str(id) != record.behavior]
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
             self.rules.setdefault(record.behavior, RuleView()).task = record.id
 
@@ -275,6 +314,22 @@ class View(Struct):
                 act.typical = took if act.typical is None else act.typical + (took - act.typical) / (act.runs + 1)
                 act.runs += 1
 
+    def _failures(self, record: TaskRecord) -> None:
+        """A failed act stays one until it is answered, or done after all."""
+        if record.status not in ("ABORTED", "SUCCEEDED") or not (self.failed or record.status == "ABORTED"):
+            return
+        before = [
+            at
+            for at, id in enumerate(self.failed)
+            if (self.tasks[id].function, self.tasks[id].behavior) == (record.function, record.behavior)
+        ]
+        if record.status == "ABORTED" and before:
+            self.failed[before[0]] = record.id
+        elif record.status == "ABORTED":
+            self.failed.append(record.id)
+        elif before:
+            del self.failed[before[0]]
+
     def _action(self, record: ActionRecord) -> None:
         task = self.tasks.get(record.task)
         if task is None:
@@ -288,6 +343,8 @@ class View(Struct):
             action.ended = record.t
 
     def _rule(self, record: RuleRecord) -> None:
+        if record.status == "faulted":
+            self._remark(RemarkView("fault", record.t, f"rule:{record.name}", record.reason))
         rule = self.rules.setdefault(record.name, RuleView())
         rule.status, rule.reason = record.status, record.reason
         rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous
@@ -302,4 +359,6 @@ class View(Struct):
         for id, task in self.tasks.items():
             if task.status in FINAL:
                 del self.tasks[id]
+                if id in self.failed:
+                    self.failed.remove(id)
                 return

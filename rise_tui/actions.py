@@ -154,6 +154,14 @@ def _markable(store: Store) -> str:
     return store.cannot_tell() or ("" if store.view.tasks else "nothing has been started yet")
 
 
+def _failed(store: Store) -> str:
+    return store.cannot_act() or ("" if store.view.failed else "no act has failed")
+
+
+def _repeatable(store: Store) -> str:
+    return _failed(store) or store.cannot_start()
+
+
 def _releasable(store: Store) -> str:
     return store.cannot_act() or ("" if store.state == "STOPPED" else "nothing is stopped")
 
@@ -167,7 +175,7 @@ def _start_values(store: Store) -> str:
 
 
 def _logged(store: Store) -> str:
-    return "" if store.log else "there is no task yet"
+    return "" if store.log.all else "there is no row yet"
 
 
 _memory = _some("the memory is empty", lambda store: store.view.memory)
@@ -196,6 +204,11 @@ ACTIONS: tuple[Action, ...] = (
     Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
            "Marks the last act as wrong, late, early or double. It changes nothing but the record.",
            "mistake", _markable),
+    Action("repeat", "Repeat the failed act", ("ctrl+e",), "console",
+           "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
+    Action("go-on", "Go on without the failed act", ("ctrl+k",), "console",
+           "Puts the red bar away: you have seen that the act failed, and go on. It changes nothing but the record.",
+           "", _failed),
     Action("safe", "LIVE or SAFE", ("ctrl+x",), "console",
            "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),
@@ -274,6 +287,11 @@ ACTIONS: tuple[Action, ...] = (
            "details", _logged),
     Action("log.follow", "Follow the newest task", ("end",), "log",
            "Goes to the end and stays there. Scrolling up pauses; the title counts what is new.", "follow"),
+    Action("log.unfold", "Show what rules did for themselves", ("right",), "log",
+           "By default the log shows what people and the robot did. This shows the rules' own events, values and rules "
+           "too; it stays so for later sessions.", "rules' own"),
+    Action("log.fold", "Hide what rules did for themselves", ("left",), "log",
+           "Only what people and the robot did: tasks of wizards and programs, acts, failures, notes."),
     Action("log.time", "Go to a time", (), "log",
            "Goes to the row nearest to a time of the session: 14:32, -30s (before now), now.", "", _logged),
     Action("log.copy", "Copy the row", (), "log",

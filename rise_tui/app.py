@@ -24,7 +24,6 @@ from rise_tui.actions import bindings, use_keys
 from rise_tui.model.notice import Notice
 from rise_tui.quiet import EmptyScreen, KeyWatch, click_driver, outlet_of
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.finding import offer_tour
 from rise_tui.session import Session
 from rise_tui.start import leaving
@@ -276,26 +275,38 @@ class ConsoleApp(KeyWatch):
             self.run_worker(self.action_quit())
 
     async def action_quit(self) -> None:
-        if isinstance(self.screen, Dialog) and self.screen.has_class("-quit"):
+        if self.screen.has_class("-quit"):
             return
         session = self._session
         recoverable = session is not None and self._recoverable(session)
         if session is None or session.store.hello.replay or (session.store.gone and not recoverable):
             await self._leave(0)
             return
-        if recoverable:
-            dialog = leaving.question_of_gone(session.store)
-        else:
-            dialog = leaving.question(session.store, outlives=self._launcher.outlives)
+        if not recoverable and not self._launcher.outlives:
+            self._ask_to_end(session)
+            return
+        dialog = leaving.question_of_gone(session.store) if recoverable else leaving.question(session.store)
         dialog.add_class("-quit")
 
         def answered(key: str | None) -> None:
             if key == "r":
                 self.run_worker(self._recover(session), exclusive=True, group="restart")
-            elif key in ("d", "l") or (key == "e" and self._may_end(session)):
-                self.run_worker(self._leave(0, end=key == "e"))
+            elif key in ("d", "l"):
+                self.run_worker(self._leave(0))
+            elif key == leaving.END_KEY:
+                self._ask_to_end(session)
 
         self.push_screen(dialog, answered)
+
+    def _ask_to_end(self, session: Session) -> None:
+        question = leaving.question_of_end(session.store)
+        question.add_class("-quit")
+
+        def answered(yes: bool | None) -> None:
+            if yes and self._may_end(session):
+                self.run_worker(self._leave(0, end=True))
+
+        self.push_screen(question, answered)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Rows of the task log outside the console: on the clipboard of the wizard's terminal, or in a file. No widget here."""
+"""Rows of the log outside the console: on the clipboard of the wizard's terminal, or in a file. No widget here."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def row(task: TaskView) -> dict[str, Any]:
     took = task.ended - task.started if task.ended is not None and task.started is not None else None
     times = (task.submitted, task.started, task.ended, waited, took)
     values = (
-        *(task.id, *map(_rounded, times), task.source, task.function, task.calling_type, task.behavior),
+        *(task.id or None, *map(_rounded, times), task.source, task.function, task.calling_type, task.behavior),
         *(task.status, task.reason, task.mark, *map(_rounded, (task.cue_at, task.key_at, task.robot_at))),
     )
     return dict(zip(COLUMNS, values, strict=True))

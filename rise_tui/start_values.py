@@ -13,6 +13,7 @@ from typing import Any
 from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.shipped import is_shipped
 from rise_tui.text import value_text
 
 
@@ -25,6 +26,10 @@ def file_of(scenario: Scenario) -> Path:
     folder = Path(scenario.folder)
     if not scenario.folder or not folder.is_dir():
         raise NotWritable(f"the scenario's folder is not on this computer: {scenario.folder or 'none'}")
+    if name := is_shipped(folder):
+        raise NotWritable(
+            f"this study comes with the program and stays as it is; copy it: rise-engine new DIR --from {name}"
+        )
     path = folder / (scenario.paths.get("memory") or DEFAULT_PLACES["memory"])
     if path.exists() and not path.is_file():
         raise NotWritable(f"{path} is not a file")

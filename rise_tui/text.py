@@ -67,6 +67,18 @@ def fit_end(text: str, width: int) -> str:
     return fit("…" + text.lstrip(), width)
 
 
+def fit_middle(text: str, width: int) -> str:
+    """As `fit`, but what does not fit is lost in the middle: names that begin alike stay apart (`partic…_name`)."""
+    text = clean(text)
+    if width < 5 or cell_len(text) <= width:
+        return fit(text, width)
+    end = text[-(width // 2) :]
+    while cell_len(end) > width // 2:
+        end = end[1:]
+    head = set_cell_size(text, width - 1 - cell_len(end)).rstrip()
+    return fit(f"{head}…{end}", width)
+
+
 def cell(text: str, width: int, tone: Tone = "plain", *, right: bool = False) -> Span:
     """A piece of fixed width, as one column of a row."""
     return fit(text, width, right=right), tone

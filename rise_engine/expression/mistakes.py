@@ -69,7 +69,8 @@ def no_operand(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
         written = before.value + token.value
         return ExpressionError(f"`{written}` is no operator", text, before.start + 1, f"write `{token.kind}=`")
     if token.kind == "+":
-        return ExpressionError("`+` needs a value on its left", text, column, "leave the `+` out")
+        hint = "alone it stands only before a number that is written out; leave it out"
+        return ExpressionError("`+` needs a value on its left", text, column, hint)
     if token.kind == ")" and before is not None and before.kind == "(":
         return ExpressionError("there is nothing between the brackets", text, column)
     if token.kind == "," and before is not None and before.kind in (",", "("):

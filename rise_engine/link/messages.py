@@ -18,7 +18,7 @@ from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
 from rise_engine.link.client import Journaling, Pulse, Reply, Role, Verb
 from rise_engine.session.lines import writable
-from rise_engine.view import ActView, CueView, MemoryView, RuleView, StopView, TaskView, View
+from rise_engine.view import ActView, CueView, MemoryView, RemarkView, RuleView, StopView, TaskView, View
 
 VERSION = 1
 LINE_LIMIT = 1_048_576
@@ -89,6 +89,9 @@ class State(Struct, frozen=True):
     running: list[int]
     waiting: list[int]
     unhandled: list[EventRecord]
+    failed: list[int] = field(default_factory=list)
+    wizard: str = ""
+    remarks: list[RemarkView] = []
 
 
 class Welcome(Struct, tag_field="type", tag="hello", frozen=True):
@@ -194,6 +197,8 @@ class About(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
     participant: str = ""
     """Who takes part, as the record names them."""
     condition: str = ""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when their console has gone."""
     replay: bool = False
     trouble: str = ""
     """Why nothing can be recorded; while this is set, the session is paused."""
@@ -245,7 +250,7 @@ def to_client(data: bytes) -> ToClient:
 
 def state_of(view: View) -> State:
     values: dict[str, Any] = {name: getattr(view, name) for name in State.__struct_fields__}
-    return State(**{**values, "unhandled": list(view.unhandled)})
+    return State(**{**values, "unhandled": list(view.unhandled), "remarks": list(view.remarks)})
 
 
 def view_of(state: State, tasks: Iterable[TaskView]) -> View:
@@ -254,6 +259,7 @@ def view_of(state: State, tasks: Iterable[TaskView]) -> View:
     for name in State.__struct_fields__:
         setattr(view, name, getattr(state, name))
     view.unhandled = deque(state.unhandled, View().unhandled.maxlen)
+    view.remarks = deque(state.remarks, View().remarks.maxlen)
     for act in view.acts.values():
         if act.last is not None:
             act.last = view.tasks.get(act.last.id, act.last)

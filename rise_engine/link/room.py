@@ -175,6 +175,7 @@ class Room:
             clients=list(self.members),
             participant=view.session.participant if view.session is not None else "",
             condition=view.session.condition if view.session is not None else "",
+            wizard=view.wizard,
             replay=self.replay,
             trouble=engine.journaling.trouble,
             pid=os.getpid(),
@@ -240,11 +241,22 @@ class Room:
             return "the session has not begun yet"
         if not isinstance(message, Submit) or message.function in FOR_ALL:
             return ""
-        if member.role == "node" or member is self._holder:
+        if member.role == "node":
+            return self._may_not_release(member) if message.function == "releaseStop" else ""
+        if member is self._holder:
             return ""
         if member.role == "observer":
             return "an observer only watches, adds notes and can stop everything; attach as a wizard to do more"
         return f"you do not hold control: {self._who_holds()}"
+
+    def _may_not_release(self, member: Member) -> str:
+        """A stop is not undone by whatever program happens to run: by a person, or by one that the study names."""
+        named = self.engine.scenario.may_release
+        who = member.source.partition(":")[2]
+        if who in named:
+            return ""
+        others = f"or {', '.join(named)}" if named else "or a program that scenario.toml names: [control] may_release"
+        return f"{who} may not release a stop: only who holds control may, {others}"
 
     def _who_holds(self) -> str:
         holder = self._holder
@@ -339,7 +351,9 @@ def copy_of(view: View, open: Iterable[int] | None = None) -> View:
         memory=dict(view.memory),
         running=list(view.running),
         waiting=list(view.waiting),
+        failed=list(view.failed),
         unhandled=deque(view.unhandled, view.unhandled.maxlen),
+        remarks=deque(view.remarks, view.remarks.maxlen),
     )
 
 

@@ -32,8 +32,15 @@ class Options(Struct, frozen=True):
     participant: str = ""
     """Who takes part, as the record is to name them; a session that goes on keeps its own."""
     condition: str = ""
+    wizard: str = ""
+    """Who begins it; a session that goes on keeps its own."""
     unfinished: str = "ask"
-    """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder."""
+    """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder. With a
+    participant or a condition, only a session of theirs is recovered."""
+    here: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
+    first: tuple[dict[str, str], ...] = ()
+    """What is submitted at the beginning of a new session (`Submit`, as JSON has it)."""
 
 
 class Started(Struct, frozen=True):
@@ -56,6 +63,10 @@ class Refused(Struct, frozen=True):
     lines: list[str]
     unfinished: list[tuple[str, str]] = []
     """Sessions that could be recovered: folder, and a sentence about it."""
+    others: list[tuple[str, str]] = []
+    """Those that did not end either and are of other participants or conditions than the one that was named."""
+    socket: str = ""
+    """Where the session is reached that runs already, if it is not reached by its name."""
 
 
 class Word(Struct):
@@ -67,7 +78,10 @@ class Word(Struct):
     folder: str = ""
     lines: list[str] = []
     unfinished: list[tuple[str, str]] = []
+    others: list[tuple[str, str]] = []
     recovered: bool = False
+    socket: str = ""
+    """Of a refusal because the session runs: where it is reached."""
 
 
 Outcome: TypeAlias = Started | Refused
@@ -126,7 +140,7 @@ class Starting:
             return Started(word.name, word.folder, word.lines, word.recovered)
         if self._process is not None:
             self._process.wait()
-        return Refused(word.code, word.lines, word.unfinished)
+        return Refused(word.code, word.lines, word.unfinished, word.others, word.socket)
 
     def _no_word(self) -> Refused:
         """What it left in its log instead."""

@@ -57,6 +57,10 @@ class Draft:
         self.raises: list[Mention] = []
         self.key_reads: list[Mention] = []
         """Memory keys that conditions and templates read and that have no fallback."""
+        self.key_questions: list[Mention] = []
+        """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
+        self.key_writes: list[Mention] = []
+        """Memory keys that rules and key bindings set."""
         self.key_sets: set[str] = set()
         """Memory keys that start values, rules and key bindings set."""
         self.bare_keys: list[BareKey] = []

@@ -217,6 +217,8 @@ class KeyBinding(Struct, frozen=True):
     function: FunctionName
     behavior: str
     place: Place = Place("")
+    title: str = ""
+    """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
 
 
 class ActSettings(Struct, frozen=True):
@@ -256,6 +258,8 @@ class Scenario(Struct, frozen=True):
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
     fillers: FillerSettings = FillerSettings()
     study: dict[str, Json] = field(default_factory=dict)
+    may_release: tuple[str, ...] = ()
+    """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
     known_keys: frozenset[str] = frozenset()

@@ -13,7 +13,20 @@ from rise_engine.scenario.keys import KeyRefusedError, normal_key
 from rise_engine.scenario.model import ActSettings, FillerSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile
 
-TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "fillers", "study", "actions")
+TOP_KEYS = (
+    "title",
+    "robot",
+    "mode",
+    "acts",
+    "rules",
+    "memory",
+    "keys",
+    "act",
+    "fillers",
+    "control",
+    "study",
+    "actions",
+)
 BINDINGS: dict[str, FunctionName] = {
     "act": "startCommunicationRobotAct",
     "rule": "startInteractionRule",
@@ -31,9 +44,14 @@ _WANTED = {
     "stop_act": "name an act",
     "stop_rule": "name a rule",
 }
+LONGEST_TITLE = 24
+"""Characters of a key's `label`: it stands beside others in one line."""
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
+_STUDY_KEYS = ("participants", "conditions")
+MOST_PARTICIPANTS = 1_000_000
+_CONTROL_KEYS = ("may_release",)
 _FILLER_KEYS = ("offer_after", "auto_after")
 LEAST_AUTO, MOST_FILLER = 0.5, 600.0
 """Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
@@ -56,11 +74,11 @@ class Settings:
         self.places: dict[str, str] = {
             key: self.text(key, "") for key in ("acts", "rules", "memory") if key in file.values
         }
-        study = self.subtable("study")
-        self.study: dict[str, Any] = study.values if study else {}
+        self.study = self.read_study()
         self.keys = self.read_keys()
         self.act_settings = self.read_acts()
         self.fillers = self.read_fillers()
+        self.may_release = self.read_control()
 
     def error(self, code: str, place: Place, message: str) -> None:
         self.findings.error(code, place, message)
@@ -84,6 +102,38 @@ class Settings:
             return Table(self.file, (key,), values)
         self.error("wrong-type", self.file.place(key), f"`{key}` is a table: [{key}]")
         return None
+
+    def read_study(self) -> dict[str, Any]:
+        """Who takes part and in which conditions. What only people read stands in a comment, or in a README."""
+        table = self.subtable("study")
+        if table is None:
+            return {}
+        unknown_keys(table, _STUDY_KEYS, self.findings)
+        study: dict[str, Any] = {}
+        participants = table.values.get("participants")
+        if participants is not None:
+            if isinstance(participants, bool) or not isinstance(participants, int):
+                message = "`participants` is a whole number: how many take part"
+                self.error("wrong-type", table.value_place("participants"), message)
+            elif not 1 <= participants <= MOST_PARTICIPANTS:
+                message = f"`participants` is from 1 to {MOST_PARTICIPANTS}"
+                self.error("out-of-range", table.value_place("participants"), message)
+            else:
+                study["participants"] = participants
+        conditions = table.values.get("conditions")
+        if conditions is not None:
+            names = [one for one in conditions if isinstance(one, str)] if isinstance(conditions, list) else []
+            where = table.value_place("conditions")
+            if not isinstance(conditions, list) or len(names) < len(conditions):
+                self.error("wrong-type", where, '`conditions` is a list of texts: ["A", "B"]')
+            elif not names or not all(name.strip() == name and name for name in names):
+                self.error("missing-value", where, "each condition has a name, without blanks around it")
+            elif len(set(names)) < len(names):
+                twice = next(name for at, name in enumerate(names) if name in names[:at])
+                self.error("duplicate-name", where, f"the condition `{twice}` stands there twice")
+            else:
+                study["conditions"] = names
+        return study
 
     def read_keys(self) -> dict[str, KeyBinding]:
         table = self.subtable("keys")
@@ -113,10 +163,11 @@ class Settings:
             self.error("binding", table.value_place(written), f"a key submits something; {example}")
             return None
         inner = Table(self.file, ("keys", written), value)
-        unknown_keys(inner, tuple(BINDINGS), self.findings)
+        unknown_keys(inner, (*BINDINGS, "label"), self.findings)
+        title = self.title_of(inner)
         given = [name for name in BINDINGS if name in value]
         if len(given) != 1:
-            if len(given) > 1 or not value:
+            if len(given) > 1 or not value.keys() - {"label"}:
                 self.error("binding", place, f"a key submits exactly one thing; {example}")
             return None
         name = given[0]
@@ -143,7 +194,29 @@ class Settings:
                 column = where.column + error.column
                 self.error("assignment", Place(where.file, where.line, column), expression_message(error))
                 return None
-        return KeyBinding(key, written, BINDINGS[name], behavior, place)
+        return KeyBinding(key, written, BINDINGS[name], behavior, place, title)
+
+    def title_of(self, binding: Table) -> str:
+        """What the author calls a key: a word or two, or empty."""
+        value = binding.values.get("label", "")
+        if "label" not in binding.values:
+            return ""
+        where = binding.value_place("label")
+        if not isinstance(value, str):
+            self.error("wrong-type", where, '`label` is a text: label = "not understood"')
+            return ""
+        title = " ".join(value.split())
+        if not title:
+            message = "`label` is empty; write what the key means in a word or two, or leave `label` out"
+            self.error("missing-value", where, message)
+        elif len(title) > LONGEST_TITLE:
+            message = f"`label` has {len(title)} characters; there is room for {LONGEST_TITLE}"
+            self.error("out-of-range", where, message)
+        elif not title.isprintable():
+            self.error("wrong-value", where, "`label` has a character that cannot be shown")
+        else:
+            return title
+        return ""
 
     def read_acts(self) -> dict[str, ActSettings]:
         table = self.subtable("act")
@@ -197,6 +270,23 @@ class Settings:
         else:
             return float(value)
         return otherwise
+
+    def read_control(self) -> tuple[str, ...]:
+        """Who may release a stop beside who holds control."""
+        table = self.subtable("control")
+        if table is None:
+            return ()
+        unknown_keys(table, _CONTROL_KEYS, self.findings)
+        names = table.values.get("may_release", [])
+        if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):
+            self.error(
+                "wrong-type",
+                table.value_place("may_release"),
+                "`may_release` is a list of names: of ROS nodes, with namespace, or of programs on the link: "
+                'may_release = ["/supervisor"]',
+            )
+            return ()
+        return tuple(name.strip() for name in names)
 
     def flag(self, table: Table, key: str) -> bool:
         value = table.values.get(key, False)

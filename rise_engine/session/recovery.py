@@ -1,8 +1,8 @@
 """Recovery: an unfinished session as it was when its engine went away, made again from the inputs in its journal.
 
 First everything is worked out and checked; only then the folder is touched. Whatever is cut off or written anew is kept
-beside it (`journal.torn-1`, `journal.damaged-1.jsonl`, ...): nothing is ever thrown away. The caller has made sure that
-no engine is running the session.
+beside it (`journal.torn-1`, `journal.damaged-1.jsonl`, ...): nothing is ever thrown away. The journal is locked before
+anything of it is read, so that no engine runs the session meanwhile.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import Disk, sentence
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, read_info
 from rise_engine.session.lines import header_line, record_line
+from rise_engine.session.lock import JournalLock
 from rise_engine.session.reading import Contents, read_bytes, read_journal
 from rise_engine.session.replay import Replayed, replay, require_inputs, session_scenario
 from rise_engine.view import View
@@ -47,8 +48,22 @@ class Recovered(Struct):
     """What was found and done, in sentences for a person."""
 
 
-def recover(folder: Path, disk: Disk | None = None) -> Recovered:
-    """Raises SessionError when the session has ended or cannot be recovered; its journal is as it was, then."""
+def recover(folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None) -> Recovered:
+    """`lock`: of the journal, for who goes on with it; without it, the journal is locked for this time only.
+
+    Raises SessionError when the session runs, has ended or cannot be recovered; its journal is as it was, then.
+    """
+    if lock is not None:
+        return _recover(folder, disk or Disk(), lock)
+    read_info(folder)  # whether it is a session at all
+    lock = JournalLock(folder / JOURNAL)
+    try:
+        return _recover(folder, disk or Disk(), lock)
+    finally:
+        lock.release()
+
+
+def _recover(folder: Path, disk: Disk, lock: JournalLock) -> Recovered:
     path = folder / JOURNAL
     info = read_info(folder)
     contents = read_journal(path)
@@ -75,7 +90,7 @@ def recover(folder: Path, disk: Disk | None = None) -> Recovered:
             view.apply(record)
 
     try:
-        size = _Repair(path, contents, done, info, disk or Disk(), report).carry_out()
+        size = _Repair(path, contents, done, info, disk, report, lock).carry_out()
     except OSError as error:
         raise SessionError(f"{path} cannot be repaired: {sentence(error)}") from None
     if done.unwritten:
@@ -100,7 +115,14 @@ class _Repair:
     """Makes a journal whole that is torn or damaged."""
 
     def __init__(
-        self, path: Path, contents: Contents, done: Replayed, info: SessionInfo, disk: Disk, report: list[str]
+        self,
+        path: Path,
+        contents: Contents,
+        done: Replayed,
+        info: SessionInfo,
+        disk: Disk,
+        report: list[str],
+        lock: JournalLock,
     ) -> None:
         self._path = path
         self._contents = contents
@@ -108,6 +130,7 @@ class _Repair:
         self._info = info
         self._disk = disk
         self._report = report
+        self._lock = lock
 
     def carry_out(self) -> int:
         """The journal's size afterwards. Raises OSError."""
@@ -132,7 +155,13 @@ class _Repair:
         fresh = path.with_name(f"{path.name}.new")
         fresh.unlink(missing_ok=True)  # of a repair that was interrupted
         self._write(fresh, whole)
-        os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
+        locked = self._lock.lock_next(fresh)
+        try:
+            os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
+        except OSError:
+            os.close(locked)
+            raise
+        self._lock.moved(locked)
         disk.sync_folder(path.parent)
         if self._contents.damaged:
             places = ", ".join(map(str, self._contents.damaged))

@@ -26,6 +26,10 @@ FUNCTION_WORDS = {
     "markCue": "cue",
     "nextFiller": "filler",
     "markMistake": "mistake",
+    "goOn": "go on",
+    "note": "note",
+    "robot": "robot",
+    "fault": "rule",
 }
 """A task's function in a word or two."""
 

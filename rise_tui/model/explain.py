@@ -95,24 +95,26 @@ class Raisers:
 
 def raised_by_rule(rule: Rule) -> frozenset[str]:
     """Every topic that a rule raises anywhere, without its slash."""
-    return frozenset(_raised(rule))
+    raised = (function.argument for function in functions_of(rule) if function.name == "raiseEventTopic")
+    return frozenset(map(normal_topic, raised))
 
 
-def _raised(rule: Rule) -> Iterator[str]:
+def functions_of(rule: Rule) -> Iterator[Function]:
+    """Every function anywhere in a rule."""
     for state in rule.states.values():
         for block in (state.on_entry, state.on_exit, *(transition.block for transition in state.transitions)):
-            yield from _raised_in(block)
+            for function, _ in functions_in(block):
+                yield function
 
 
-def _raised_in(block: Block | tuple[Statement, ...]) -> Iterator[str]:
+def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:
+    """Every function of a block, and whether it is run whatever the memory and chance say."""
     for statement in block:
         match statement:
-            case Function(name="raiseEventTopic"):
-                yield normal_topic(statement.argument)
+            case Function():
+                yield statement, sure
             case If():
                 for branch in statement.branches:
-                    yield from _raised_in(branch.block)
+                    yield from functions_in(branch.block, sure=False)
             case OneOf():
-                yield from _raised_in(statement.choices)
-            case _:
-                pass
+                yield from functions_in(statement.choices, sure=False)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from math import ceil
 from typing import Any
 
 from rich.cells import cell_len
 
-from rise_engine.expression import Assignment, Env, EvaluationError, Expression, LanguageError, store
+from rise_engine.expression import Expression
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_engine.view import RuleView
 from rise_tui.model.conditions import parts_of
@@ -143,22 +142,7 @@ class Reasons:
 
     def _setters(self, part: Expression, memory: Mapping[str, Any]) -> list[str]:
         """The scenario's keys that set a value with which this part holds."""
-        found = []
-        heads = {key.partition(".")[0] for key in part.keys}
-        for key in self._store.scenario.keys.values():
-            if key.function != "assignValue":
-                continue
-            assignment = _assignment(key.behavior)
-            if assignment is None or assignment.key.partition(".")[0] not in heads:
-                continue
-            try:
-                value = assignment.evaluate(Env(memory), self._store.scenario.known_keys)
-                changed, value = store(memory, assignment.key, value)
-                if part.as_condition({**memory, changed: value}):
-                    found.append(key.label)
-            except EvaluationError:
-                continue
-        return found
+        return [key.label for key in self._store.study_keys.setting(part, memory)]
 
     def _taken_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
         """Who would take the event instead: one event is taken by one transition of one rule."""
@@ -185,11 +169,3 @@ def _says_it(part: Expression, truth: Truth) -> bool:
 
 def _takes(transition: Transition, event: str, memory: Mapping[str, Any]) -> bool:
     return transition.event == event and (transition.condition is None or truth_of(transition.condition, memory).holds)
-
-
-@lru_cache(256)
-def _assignment(text: str) -> Assignment | None:
-    try:
-        return Assignment.parse(text)
-    except LanguageError:
-        return None

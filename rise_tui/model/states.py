@@ -36,6 +36,15 @@ TASK_STATES = {
     "REJECTED": State("✗", "rejected", "wait"),
 }
 
+REMARK_STATES = {
+    "note": State("·", "", "plain"),
+    "connected": State("●", "connected", "plain"),
+    "degraded": State("◐", "degraded", "wait"),
+    "lost": State("✗", "lost", "fault"),
+    "fault": State("✗", "faulted", "fault"),
+}
+"""Rows of the log that are no tasks: by what they are, or by the robot's link."""
+
 ACTION_STATES = {
     "started": State("►", "started", "accent"),
     "accepted": State("►", "running", "accent"),
@@ -78,6 +87,9 @@ def rule_state(store: Store, name: str) -> State:
 
 
 def task_state(task: TaskView) -> State:
+    if not task.id:  # a row of the log that is no task
+        what = task.behavior if task.function == "robot" else task.function
+        return REMARK_STATES.get(what, State("·", "", "plain"))
     return TASK_STATES.get(task.status, State("?", task.status.lower(), "plain"))
 
 

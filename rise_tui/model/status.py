@@ -1,6 +1,6 @@
 """What the status line says, and what of it gives way in a narrow terminal. Pure; knows no widget.
 
-Mode, robot, link and whether keys act never give way. Cells keep their places: what comes and goes has its room kept.
+Who takes part, the condition, mode, robot, link, cue and whether keys act never give way. The title does first.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rise_tui.model.control import short
 from rise_tui.model.cue import cue_line
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Span, Tone, clock, crop, duration, fit, spread, width_of
+from rise_tui.text import Line, Span, Tone, cells, clean, clock, crop, duration, fit, spread, width_of
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
 FRESH = 2.0
@@ -18,10 +18,12 @@ FRESH = 2.0
 OLD = 3.0
 """From this age on something is wrong, whatever the link's word says."""
 TITLE = 12
-"""Cells that the title keeps before anything else gives way."""
+"""Cells that the title keeps before anything else gives way, where there is some room."""
 NAME = 12
-CUE, CUE_SHORT = 17, 12
-"""Room that is kept for the cue."""
+LEAST_TITLE = 8
+"""Cells below which a title says nothing."""
+USUAL = 100
+"""From this width on the title keeps TITLE cells."""
 STATE = 9
 """Room for the longest of LIVE, SAFE, LOCKED and STOPPED."""
 
@@ -37,32 +39,47 @@ class Cell(NamedTuple):
 
 
 def status_line(store: Store, width: int) -> Line:
-    """The whole line in exactly `width` cells."""
-    participant, condition = _participant(store)
-    both = (f"{participant} · {condition}",) if participant and condition else ()
-    named: tuple[Line, ...] = tuple(((f"  {text}", "strong"),) for text in (*both, participant or condition) if text)
-    right, who = _fitted([*_cells(store), Cell((*named, ()), (6, 11)[-len(named) :])], width - TITLE)
-    title: Line = ((f" {store.scenario.title}", "muted" if who else "strong"),)
-    room = max(0, width - width_of(right) - 1 - width_of(who))
-    return spread((*crop(title, room), *who), right, width)
+    """The whole line in exactly `width` cells.
+
+    Who takes part and in which condition comes first, whatever else is there. Then the title, which has the room that
+    is left, and gives way to the cue while one is counted, so that nothing else moves.
+    """
+    who = _who(store, width)
+    title: Line = ((f"  {store.scenario.title}" if who else f" {store.scenario.title}", "muted" if who else "strong"),)
+    room = width - width_of(who) - 1
+    best = sum(width_of(cell.variants[0]) for cell in _cells(store, padded=True))
+    padded = best + width_of(title) <= room  # no blanks are kept while something is cut
+    kept = min(width_of(title), TITLE) if width >= USUAL else 0
+    right = _fitted(_cells(store, padded=padded), max(0, room - kept))
+    who = crop(who, max(0, width - width_of(right) - 1))
+    room = width - width_of(who) - width_of(right) - 1
+    return spread((*who, *(crop(title, room) if room >= min(LEAST_TITLE, width_of(title)) else ())), right, width)
 
 
-def _fitted(cells: list[Cell], width: int) -> tuple[Line, Line]:
-    """The cells in the best variants that fit together; the last one, which stands elsewhere, apart."""
-    chosen = [0] * len(cells)
-    while sum(width_of(cell.variants[at]) for cell, at in zip(cells, chosen, strict=True)) > width:
-        open_ends = [index for index, cell in enumerate(cells) if chosen[index] < len(cell.variants) - 1]
+def _who(store: Store, width: int) -> Line:
+    """`P07 · hesitation`. Only in a terminal that has no room for it a long one is cut."""
+    participant, condition = (clean(text) for text in _participant(store))
+    half = max(8, width // 6)
+    parts = [fit(text, min(cells(text), half)).rstrip() for text in (participant, condition) if text]
+    return ((f" {' · '.join(parts)}", "strong"),) if parts else ()
+
+
+def _fitted(made: list[Cell], width: int) -> Line:
+    """The cells in the best variants that fit together."""
+    chosen = [0] * len(made)
+    while sum(width_of(cell.variants[at]) for cell, at in zip(made, chosen, strict=True)) > width:
+        open_ends = [index for index, cell in enumerate(made) if chosen[index] < len(cell.variants) - 1]
         if not open_ends:
             break
-        chosen[min(open_ends, key=lambda index: cells[index].keep[chosen[index]])] += 1
-    lines = [cell.variants[at] for cell, at in zip(cells, chosen, strict=True)]
-    return tuple(span for line in lines[:-1] for span in line), lines[-1]
+        chosen[min(open_ends, key=lambda index: made[index].keep[chosen[index]])] += 1
+    return tuple(span for cell, at in zip(made, chosen, strict=True) for span in cell.variants[at])
 
 
-def _cells(store: Store) -> list[Cell]:
+def _cells(store: Store, *, padded: bool) -> list[Cell]:
+    """Those at the right. The cue is the first, beside the title: what comes and goes moves nothing else."""
     if store.gone or store.cut is not None:
-        return [_mode(store), *_robot(store), _time(store), *_end(store)]
-    return [_mode(store), *_robot(store), _recording(store), _time(store), _cue(store), *_end(store)]
+        return [_mode(store), *_robot(store), _time(store), *_end(store, padded)]
+    return [_cue(store), _mode(store), *_robot(store), _recording(store), _time(store), *_end(store, padded)]
 
 
 def _participant(store: Store) -> tuple[str, str]:
@@ -127,18 +144,13 @@ def _time(store: Store) -> Cell:
 
 
 def _cue(store: Store) -> Cell:
-    """The room stays when nothing is counted; where there is little, only while something is."""
+    """The time since the cue, while it is counted."""
     now = store.now()
     full, brief = cue_line(store.view.cue, now), cue_line(store.view.cue, now, short=True)
-    return Cell((_padded(full, CUE), _padded(brief, CUE_SHORT), brief and ((" ", "plain"), *brief)), (5, 8))
+    return Cell(((GAP, *full), ((" ", "plain"), *brief)) if full else ((),), (5,))
 
 
-def _padded(line: Line, width: int) -> Line:
-    room = width - 1 - width_of(line)
-    return ((" ", "plain"), *line, (" " * max(0, room), "plain"))
-
-
-def _end(store: Store) -> list[Cell]:
+def _end(store: Store, padded: bool) -> list[Cell]:
     """Whether keys start anything, and who may press them."""
     me = short(store.me)
     name = fit(me, min(len(me), NAME))
@@ -149,8 +161,8 @@ def _end(store: Store) -> list[Cell]:
         return [Cell(((GAP, (" CUT, attaching again ", "alarm"), (" ", "plain")),))]
     words = _state(store)
     if store.has_control and not store.hello.replay:
-        padding: Line = ((" " * max(0, STATE - width_of(words)), "plain"),)
-        return [Cell(((("  ", "plain"), *words, *padding), (("  ", "plain"), *words)), (2,)), own]
+        padding: Line = ((" " * max(0, STATE - width_of(words)), "plain"),) if padded else ()
+        return [Cell(((GAP, *words, *padding),)), own]
     if store.hello.replay:
         return [Cell(((*((GAP, *words) if words else ()), (" ", "plain")),))]
     holder = short(store.view.control)

@@ -35,7 +35,10 @@ from rise_tui.model.armed import STARTS, Guard, why_not
 from rise_tui.model.awaited import Awaited, Waits
 from rise_tui.model.deeds import done, news
 from rise_tui.model.graph import estimate
+from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
+from rise_tui.model.saying import Saying, Speeches
+from rise_tui.model.study_keys import StudyKeys
 from rise_tui.model.undo import UndoStack
 from rise_tui.model.unheard import Unheard
 
@@ -100,8 +103,8 @@ class Store:
     """How this console's own references begin; a second console of the same wizard has others."""
     sent: dict[str, Sent] = field(default_factory=dict)
     """By the console's own reference."""
-    log: list[int] = field(default_factory=list)
-    """Task ids in order of arrival."""
+    log: LogRows = field(default_factory=LogRows)
+    """The rows of the log, in order of arrival."""
     notice: Notice | None = None
     gone: str = ""
     """Why the session is over or the engine has gone; empty while it lives."""
@@ -139,6 +142,8 @@ class Store:
     missed: list[int] = field(default_factory=list)
     """Tasks that raised an event for which nobody was waiting, in the order in which that came out."""
 
+    study_keys: StudyKeys = field(init=False)
+    speeches: Speeches = field(init=False)
     _unheard: Unheard = field(init=False)
     _waits: Waits = field(init=False)
     _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
@@ -146,6 +151,7 @@ class Store:
 
     def __post_init__(self) -> None:
         self._unheard, self._waits = Unheard(self.missed), Waits(self.scenario)
+        self.study_keys, self.speeches = StudyKeys(self.scenario), Speeches(self.scenario)
         for key in reversed(self.scenario.keys.values()):  # of several, the first of the file
             self._keys[key.function, key.behavior.strip().lstrip("/")] = key
         self._take_in(self.hello)
@@ -166,12 +172,13 @@ class Store:
 
     def _take_in(self, hello: Hello) -> None:
         self.hello, self.view, self.journaling = hello, hello.view, hello.journaling
-        self.log[:] = self.view.tasks
-        self.said = next((id for id in reversed(self.log) if self.view.tasks[id].function == "say"), 0)
+        self.log.take_in(self.view)
+        self.said = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.missed.clear()
         self.marked.clear()
         self.changes.forget()
         self._unheard.forget()
+        self.speeches.take_in(self.view)
 
     @property
     def scenario(self) -> Scenario:
@@ -237,6 +244,16 @@ class Store:
         """Why a key that asks for this function does nothing now, or empty."""
         return self.cannot_start() if function in STARTS else self.cannot_act()
 
+    def saying(self) -> Saying:
+        """What the robot says, or said last."""
+        return self.speeches.now(self.view, self.now())
+
+    def awaited_keys(self) -> frozenset[str]:
+        """The study's keys that a running rule waits for, as Textual spells them."""
+        states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
+        busy = (self.view.tasks[id].behavior for id in (*self.view.running, *self.view.waiting))
+        return self.study_keys.awaited(states, self.memory, busy) if states else frozenset()
+
     def awaited(self) -> Awaited:
         """What the running rules wait for now."""
         states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
@@ -277,8 +294,11 @@ class Store:
                 continue
             if isinstance(record, TaskRecord):
                 changed |= self._task(record)
-            holder = self.view.control
+            holder, remarks = self.view.control, self.view.remarks[-1] if self.view.remarks else None
             self.view.apply(record)
+            if self.view.remarks and self.view.remarks[-1] is not remarks:
+                self.log.remark(self.view.remarks[-1])
+                changed.add("tasks")
             self.notice = news(record) or self.notice
             if isinstance(record, StopRecord) and record.status == "released":
                 live = f": {self.guard}" if self.has_control or self.guard != "LIVE" else ""
@@ -290,11 +310,16 @@ class Store:
                 self.taken = taken or (None if self.has_control else self.taken)
             if isinstance(record, EventRecord):
                 known = len(self.missed)
-                self.notice = self._unheard.came(record, self.view) or self.notice
+                told = self._unheard.came(record, self.view)
+                self.notice = told or self.notice
                 if len(self.missed) > known:
                     changed.add("tasks")
+                    if told is not None:
+                        self.log.surface(self.missed[-1])
             elif isinstance(record, MemoryRecord) and record.source == self.me:
                 self.changes.took(record)
+            elif isinstance(record, ActionRecord):
+                self.speeches.ended(record, self.view)
             elif isinstance(record, MistakeRecord):
                 self.marked.append(record.task)
             changed |= _TOPICS.get(type(record), _NOTHING)
@@ -313,8 +338,10 @@ class Store:
     def _task(self, record: TaskRecord) -> frozenset[Topic]:
         changed = _TASK.get(record.function, _OTHER_TASK)
         if record.id not in self.view.tasks:
-            self.log.append(record.id)
+            self.log.task(record)
             self.said = record.id if record.function == "say" else self.said
+        elif record.status in ("REJECTED", "ABORTED"):
+            self.log.surface(record.id)
         if record.ref is not None:
             if self.sent.pop(record.ref, None) is not None:
                 changed = _LISTS

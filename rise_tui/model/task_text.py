@@ -22,7 +22,8 @@ MARKS = {"wrong": "the wrong act", "late": "too late", "early": "too early", "do
 def task_rows(task: TaskView, state: State, now: float, width: int) -> list[Row]:
     """All that is known of a task at session time `now`, in rows of at most `width` cells."""
     lines: list[Line] = [*field(FUNCTION_WORDS.get(task.function, task.function), task.behavior, width, "strong")]
-    lines += field("state", f"{state.glyph} {state.word}", width, state.tone)
+    if state.word:
+        lines += field("state", f"{state.glyph} {state.word}", width, state.tone)
     if task.reason:
         lines += field("reason", task.reason, width, state.tone)
     if task.mark:
@@ -30,7 +31,8 @@ def task_rows(task: TaskView, state: State, now: float, width: int) -> list[Row]
     lines += field("from", task.source, width)
     if task.calling_type:
         lines += field("calling type", CALLING.get(task.calling_type, task.calling_type), width)
-    lines += field("task", f"{task.id} · {task.function}", width, "muted")
+    if task.id:
+        lines += field("task", f"{task.id} · {task.function}", width, "muted")
     lines += [(), *_times(task, now, width)]
     for action in task.actions.values():
         lines += [(), *_action(action, now, width)]

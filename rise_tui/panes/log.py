@@ -1,4 +1,4 @@
-"""Every DomainTask of the session, newest last; a hundred thousand of them scroll like ten."""
+"""What people and the robot did, newest last, on request with all that rules did; 100,000 rows scroll like ten."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from rise_tui.actions import bindings
 from rise_tui.messages import Told
 from rise_tui.model.deeds import describe
 from rise_tui.model.filtering import BrokenFilter
+from rise_tui.model.log_rows import row_of
 from rise_tui.model.sieve import Sieve
 from rise_tui.model.store import Store
 from rise_tui.model.times import EXAMPLES, NoTime, moment
@@ -23,7 +24,7 @@ from rise_tui.panes.pane import Pane
 from rise_tui.text import Line, Tone, clock, marked, plain
 from rise_tui.widgets.ask import AskBar
 from rise_tui.widgets.rows import RowView
-from rise_tui.widgets.task_log import TaskLog
+from rise_tui.widgets.task_log import NARROW, TaskLog
 
 if TYPE_CHECKING:
     from rise_tui.panes.log_out import LogOut
@@ -35,7 +36,7 @@ SHOWN_EVERY = 0.2
 
 
 class LogPane(Pane):
-    """The task log with its filter."""
+    """The log with its filter."""
 
     PLACE = "log"
     BINDINGS = bindings("log")
@@ -49,6 +50,10 @@ class LogPane(Pane):
         self.time_bar = AskBar("go to ", EXAMPLES)
         self.save_bar = AskBar("save as ", "name.tsv or name.jsonl")
         self._sieve: Sieve | None = None
+        self._sifted: list[int] | None = None
+        """The rows that the sieve goes through."""
+        self.unfolded = False
+        """Whether the rules' own rows are shown as well."""
         self._searching = False
         self._attached = store.attached
         self._later = 0, 0
@@ -64,8 +69,19 @@ class LogPane(Pane):
     def rows(self) -> TaskLog:
         return self.log_view
 
-    def _find(self, id: int) -> TaskView | None:
-        return self.store.view.tasks.get(id)
+    def _find(self, row: int) -> TaskView | None:
+        return self.store.log.find(row, self.store.view)
+
+    @property
+    def _rows(self) -> list[int]:
+        """Those that there are, before any filter."""
+        return self.store.log.all if self.unfolded else self.store.log.main
+
+    def unfold(self, unfolded: bool) -> None:
+        """Show what rules did for themselves, or hide it."""
+        if unfolded != self.unfolded:
+            self.unfolded = unfolded
+            self.repaint()
 
     # --- what is shown -----------------------------------------------------------------------------------------------
 
@@ -74,8 +90,9 @@ class LogPane(Pane):
         self._attached = self.store.attached
         if self.filter is None:
             self._sieve = None
-        elif self._sieve is None or anew or self._sieve.filter is not self.filter:
-            self._sieve = Sieve(self.filter, self.store.log, self.log_view.text_of, self._lives)
+        elif self._sieve is None or anew or self._sieve.filter is not self.filter or self._sifted is not self._rows:
+            self._sifted = self._rows
+            self._sieve = Sieve(self.filter, self._sifted, self.log_view.text_of, self._lives)
         self._look_again()
         if self._sieve is not None and not self._work(self._sieve):
             self._search()
@@ -86,11 +103,11 @@ class LogPane(Pane):
         missed, marks = self.store.missed, self.store.marked
         if self._sieve is not None:
             for one in (*missed[self._later[0] :], *marks[self._later[1] :]):
-                self._sieve.look_again_at(one)
+                self._sieve.look_again_at(row_of(one))
         self._later = len(missed), len(marks)
 
     def _show(self, *, restart: bool = False) -> None:
-        self.log_view.show(self._sieve.matching if self._sieve is not None else self.store.log, restart=restart)
+        self.log_view.show(self._sieve.matching if self._sieve is not None else self._rows, restart=restart)
         self._show_title()
 
     def _lives(self, id: int) -> bool:
@@ -138,10 +155,19 @@ class LogPane(Pane):
         state = "following" if view.following else f"paused, {view.unseen} new" if view.unseen else "paused"
         if self._sieve is not None or self.problem:
             more = "" if self._sieve is None or self._sieve.done else "…"
-            note = self.filter_note(view.count, len(self.store.log), more)
+            note = self.filter_note(view.count, len(self._rows), more)
             self.title.draw(note if self.problem else (*note, (f"  {state}", tone)))
+            return
+        brief = self.title.size.width < NARROW
+        own: Line = ()
+        if hidden := self.store.log.own:
+            what = f"+{hidden} by rules" if brief else f"rules' own: {hidden} {'shown' if self.unfolded else 'hidden'}"
+            own = ((f"{what} ", "muted"), ("←" if self.unfolded else "→", "key"))
+        if view.following and view.count:
+            self.title.draw(own if own and brief else (*own, ("  " if own else "", "plain"), (state, tone)))
         else:
-            self.title.draw(((state if view.count else "no task yet", tone),))
+            rest: Line = ((state if view.count else "nothing yet", tone),)
+            self.title.draw((*own, ("  ", "plain"), *rest) if own else rest)
 
     @on(RowView.Moved)
     def _moved(self, event: RowView.Moved) -> None:
@@ -163,6 +189,8 @@ class LogPane(Pane):
 
     def do(self, action: str) -> None:
         match action:
+            case "log.unfold" | "log.fold":
+                self.unfold(action == "log.unfold")
             case "log.follow":
                 self.log_view.follow()
             case "log.details":

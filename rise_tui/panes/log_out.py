@@ -101,7 +101,8 @@ class LogOut:
             self._saving = False
 
     def _shown(self) -> Iterator[TaskView]:
-        found = (self._pane.store.view.tasks.get(id) for id in list(self._pane.log_view.ids))
+        log, view = self._pane.store.log, self._pane.store.view
+        found = (log.find(row, view) for row in list(self._pane.log_view.ids))
         return (task for task in found if task is not None)
 
     def _tell(self, text: str) -> None:

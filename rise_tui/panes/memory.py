@@ -16,11 +16,13 @@ from rise_tui.model.nested import NoSuchPart, Path, part, parts, removed, replac
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import value_rows
 from rise_tui.panes.pane import ListPane
-from rise_tui.text import Line, Row, Span, age, cell, clock, type_word, value_text
+from rise_tui.text import Line, Row, Span, age, cell, cells, clock, fit_middle, type_word, value_text
 from rise_tui.widgets.editor import Present, RowEditor
 
 ADD = "\0add"
 """The row that adds a key; keyboards without Insert reach it with Enter."""
+LEAST_VALUE = 8
+"""Cells that a value keeps beside a long key."""
 MOST_PARTS = 200
 """Parts of one value that are shown as rows."""
 
@@ -33,11 +35,12 @@ class Columns(NamedTuple):
     age: int
 
     @classmethod
-    def of(cls, width: int) -> Columns:
+    def of(cls, width: int, longest: int = 0) -> Columns:
+        """`longest`: cells of the longest key. Keys get what they need as long as values keep some room."""
         kind, when = 8, 6
         source = 0 if width < 56 else min(20, width // 5)
         rest = width - kind - when - source - 4
-        key = min(26, max(10, rest // 2))
+        key = min(26, max(10, rest // 2, min(longest, rest - LEAST_VALUE)))
         return cls(key, rest - key, kind, source, when)
 
 
@@ -70,7 +73,7 @@ class MemoryPane(ListPane):
     # --- rows ---------------------------------------------------------------------------------------------------------
 
     def make_rows(self, width: int) -> list[Row]:
-        columns = Columns.of(width)
+        columns = self._columns(width)
         self._paths.clear()
         rows = []
         for key, entry in self.store.view.memory.items():
@@ -80,6 +83,9 @@ class MemoryPane(ListPane):
         if self.editor.is_open:
             self.editor.check()
         return rows
+
+    def _columns(self, width: int) -> Columns:
+        return Columns.of(width, max(map(cells, self.store.view.memory), default=0))
 
     def _parts(self, path: Path, value: Any, columns: Columns) -> Iterator[Row]:
         """The rows below an unfolded value."""
@@ -105,7 +111,7 @@ class MemoryPane(ListPane):
         text = value_text(value)
         line: list[Span] = [
             (fold, "muted"),
-            cell(label, columns.key),
+            (fit_middle(label, columns.key), "plain"),
             (" ", "plain"),
             cell(text, columns.value, "strong"),
             (" ", "plain"),
@@ -228,7 +234,7 @@ class MemoryPane(ListPane):
         self.list.select(self.list.current if path else ADD)
         last = self.list.size.height - 1
         y = 1 + min(self.list.cursor - self.list.scroll_offset.y, max(0, last - 1))  # a second row may be needed below
-        columns = Columns.of(self.list.row_width)
+        columns = self._columns(self.list.row_width)
         text = value_text(value) if key else ""
         self.editor.open(written(path), key, text, self._present, y=y, key_width=columns.key, value_width=columns.value)
 

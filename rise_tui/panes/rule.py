@@ -17,6 +17,7 @@ from rise_tui.model.state_drawing import HERE, Now, draw
 from rise_tui.model.state_graph import Layout, lay_out
 from rise_tui.model.states import rule_state
 from rise_tui.model.store import Store
+from rise_tui.model.study_keys import RULE
 from rise_tui.panes.pane import ListPane
 from rise_tui.text import Line, Row, clock, crop, headed
 from rise_tui.widgets.rows import RowList
@@ -27,6 +28,8 @@ AHEAD = 4
 """Rows below the present state that should be in view with it."""
 USUAL = 0.6
 """The reasons keep room for this share of a rule's states; only the others move the graph."""
+LEAST_GRAPH = 2
+"""Rows that the graph keeps in a pane where there is little room: the reasons come first."""
 GAP = 12
 """Rows of the pane from which on an empty one stands between the reasons and the graph."""
 
@@ -59,8 +62,11 @@ class RulePane(ListPane):
 
     @property
     def _rule(self) -> Rule | None:
+        """Before any has run, and as long as none is selected: the one that the study's first key for a rule starts."""
+        rules = self.store.scenario.rules
         name = self.store.rule_shown or next(iter(self.store.view.stack()), "")
-        return self.store.scenario.rules.get(name) or next(iter(self.store.scenario.rules.values()), None)
+        first = next((key.behavior for key in self.store.scenario.keys.values() if key.function == RULE), "")
+        return rules.get(name) or rules.get(first) or next(iter(rules.values()), None)
 
     def body(self) -> Sequence[Widget]:
         return [self.list, self.graph]
@@ -148,7 +154,8 @@ class RulePane(ListPane):
         room = self.size.height - 1
         gap = int(room > GAP)
         need = max(self._usual_rows(rule), self.list.count)
-        rows = max(1, min(need, (room - gap) * 3 // 5))
+        share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH
+        rows = max(1, min(need, share))
         if self.list.styles.height is None or self.list.styles.height.value != rows:
             self.list.styles.height = rows
         if self.graph.styles.margin.top != gap:

@@ -10,6 +10,7 @@ from rise_engine.scenario.model import KeyBinding
 from rise_tui.actions import key_in_words
 from rise_tui.model import armed
 from rise_tui.model.deeds import describe
+from rise_tui.model.failures import unanswered
 from rise_tui.model.gate import Gate, Timer, Trigger
 from rise_tui.model.mistakes import newest_act
 from rise_tui.model.notice import Notice
@@ -91,7 +92,7 @@ class Acting:
     def _fire(self, trigger: Trigger, at: float) -> None:
         if reason := self._store.cannot(trigger.function):
             self._refuse(trigger, reason)
-        elif trigger.function == "say":
+        elif trigger.function == "say" and self._typed:
             self._painting.say.taken(self._typed)
             self._run(self._say(self._typed, trigger, self._pressed(at)))
         else:
@@ -114,6 +115,24 @@ class Acting:
         else:
             self._painting.clear_notice()
         self._painting.changed({"acts"})
+
+    # --- failed acts ---
+
+    def repeat(self) -> None:
+        """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
+        failed = next(iter(unanswered(self._store)), None)
+        if failed is None:
+            return
+        settings = self._store.scenario.settings_of(failed.behavior)
+        hold = failed.function == "startCommunicationRobotAct" and settings.hold
+        self._typed = ""
+        self.start(Trigger(failed.function, failed.behavior, settings.debounce, hold, failed.calling_type))
+
+    def go_on(self) -> None:
+        """Put the failure away that is shown."""
+        failed = next(iter(unanswered(self._store)), None)
+        if failed is not None and not self.gate.pasting:
+            self.send("goOn", str(failed.id))
 
     # --- LIVE, SAFE, LOCKED ---
 

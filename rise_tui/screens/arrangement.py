@@ -1,4 +1,4 @@
-"""Where the lists and panes stand: one, two or all of them beside the control area, by the size of the terminal."""
+"""Where the lists and panes stand: two or all of them beside the control area, by the size of the terminal."""
 
 from __future__ import annotations
 
@@ -27,13 +27,20 @@ MONITORING = (*UPPER, *LOWER)
 
 LEAST = (70, 20)
 """Columns and rows below which nothing could be read."""
+SMALL = (80, 24)
+"""Below this there is room for one monitoring pane only."""
 
 
 def layout_for(width: int, height: int) -> Layout:
-    """One monitoring pane at 80x24, two at 120x40, all from 180 columns."""
-    if width < 100 or height < 30:
+    """Two monitoring panes from 80x24 on, all from 180 columns; in a smaller terminal there is room for one."""
+    if width < SMALL[0] or height < SMALL[1]:
         return "one"
-    return "all" if width >= 180 else "two"
+    return "all" if width >= 180 and height >= 30 else "two"
+
+
+def is_narrow(width: int) -> bool:
+    """Whether lists give way to monitoring panes."""
+    return width < 100
 
 
 def too_small(width: int, height: int) -> bool:
@@ -52,6 +59,7 @@ class Arrangement(Container):
         #monitoring { width: 1fr; layout: vertical; }
         #upper { height: 3fr; } #lower { height: 2fr; }
         &.-two { #control { width: 52; } }
+        &.-narrow { #control { width: 38; } }
         &.-all {
             #control { width: 60; }
             #monitoring { layout: horizontal; }
@@ -69,8 +77,15 @@ class Arrangement(Container):
 
     def __init__(self, store: Store) -> None:
         super().__init__()
-        made = (RulePane, ActPane, MemoryPane, LogPane, SchedulerPane)
-        panes: list[Pane] = [ActsPane(store), RulesPane(store), *(make(store) for make in made)]
+        self.log_pane = LogPane(store)
+        monitoring: list[Pane] = [
+            RulePane(store),
+            ActPane(store),
+            MemoryPane(store),
+            self.log_pane,
+            SchedulerPane(store),
+        ]
+        panes: list[Pane] = [ActsPane(store), RulesPane(store), *monitoring]
         self.panes: dict[str, Pane] = {pane.PLACE: pane for pane in panes}
         self._groups = {
             "control": Vertical(id="control"),
@@ -81,13 +96,14 @@ class Arrangement(Container):
         self._active = {"upper": "rule", "lower": "log"}
         self._front = "rule"
         self._layout_kind: Layout = "one"
+        self._narrow = True
         self._zoomed = ""
         self._placed: tuple[str, ...] = ()
         rules = len(store.scenario.rules)
         self.panes["rules"].styles.height = max(4, rules + 1)
 
     def compose(self) -> ComposeResult:
-        self._layout_kind = layout_for(*self.app.size)
+        self._layout_kind, self._narrow = layout_for(*self.app.size), is_narrow(self.app.size.width)
         self._place()  # now: a class that came later would have everything styled and laid out twice
         with self._groups["control"]:
             yield from (self.panes[name] for name in CONTROL)
@@ -107,10 +123,8 @@ class Arrangement(Container):
 
     def on_resize(self, event: events.Resize) -> None:
         size = self.app.size
-        kind = layout_for(size.width, size.height)
-        if kind != self._layout_kind:
-            self._layout_kind = kind
-            self._place_all()
+        self._layout_kind, self._narrow = layout_for(size.width, size.height), is_narrow(size.width)
+        self._place_all()
 
     @property
     def layout_kind(self) -> Layout:
@@ -207,12 +221,13 @@ class Arrangement(Container):
     @property
     def _placing(self) -> tuple[str, ...]:
         """All that decides what is shown where."""
-        return (self._layout_kind, self._zoomed, *self._active.values(), self._front)
+        return (self._layout_kind, str(self._narrow), self._zoomed, *self._active.values(), self._front)
 
     def _place(self) -> None:
         self._placed = self._placing
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")
+        self.set_class(self._narrow, "-narrow")
         self.set_class(bool(self._zoomed), "-zoom")
         for name, pane in self.panes.items():
             pane.display = self._shows(name)

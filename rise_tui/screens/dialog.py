@@ -55,11 +55,11 @@ class Dialog(QuietModal[str]):
             with Horizontal(id="buttons"):
                 yield Button(f"{self._no} (esc)", id="no", compact=True)
                 for answer in self._answers:
-                    yield Button(f"{answer.title} ({answer.key})", id=f"answer-{answer.key}", compact=True)
+                    yield Button(f"{answer.title} ({answer.key})", id=_id(answer.key), name=answer.key, compact=True)
 
     def on_mount(self) -> None:
         if self._first:
-            self.set_focus(self.query_one(f"#answer-{self._first}"))
+            self.set_focus(self.query_one(f"#{_id(self._first)}"))
 
     def on_key(self, event: events.Key) -> None:
         if any(event.key == answer.key for answer in self._answers):
@@ -88,4 +88,8 @@ class Dialog(QuietModal[str]):
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
-        self.action_answer((event.button.id or "").rpartition("-")[2].removeprefix("no"))
+        self.action_answer(event.button.name or "")
+
+
+def _id(key: str) -> str:
+    return f"answer-{key.replace('+', '-')}"

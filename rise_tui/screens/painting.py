@@ -14,7 +14,8 @@ from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store, Topic
 from rise_tui.quiet import QuietScreen, Slices
 from rise_tui.screens.arrangement import Arrangement
-from rise_tui.widgets.alarm import AlarmBar, CallBar
+from rise_tui.widgets.alarm import AlarmBar, CallBar, FailureBar
+from rise_tui.widgets.band import KeyStrip, SpeechBand
 from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
 from rise_tui.widgets.mistake import MistakeLine
 from rise_tui.widgets.note import NoteLine
@@ -41,7 +42,9 @@ class Painting:
 
     def __init__(self, store: Store, panes: Arrangement, later: Callable[[float, Callable[[], None]], Timer]) -> None:
         self.status, self.alarm, self.call = StatusLine(), AlarmBar(), CallBar()
+        self.failure = FailureBar()
         self.notice, self.hints = NoticeLine(), KeyHints()
+        self.band, self.strip = SpeechBand(), KeyStrip()
         self.say, self.mistake = SayLine(store), MistakeLine()
         self._store, self._panes, self._later = store, panes, later
         self._dirty: set[Topic] = set()
@@ -77,6 +80,7 @@ class Painting:
     def tick(self) -> None:
         """Once a second."""
         self.status.draw(self._store)
+        self.band.draw(self._store)
         self.say.draw()
         if self._store.cut is not None or self.alarm.counts:
             self.alarm.draw(self._store)
@@ -90,6 +94,8 @@ class Painting:
         if (view.running or view.waiting) and not self._store.gone:
             self.repaint("acts", "act", "scheduler")
             self.say.draw()
+        if self.band.counts(self._store):
+            self.band.draw(self._store)
 
     def _tick_cue(self) -> None:
         """Several times a second, and only while somebody waits for an answer."""
@@ -120,10 +126,19 @@ class Painting:
         self._store.notice = None
         self._draw_notice()
 
+    def fit(self) -> None:
+        """The size of the terminal has changed, or is known now."""
+        size = self._panes.app.size
+        self.band.fit(self._store, size)
+        self.strip.fit(self._store, size)
+
     def draw_bars(self) -> None:
         self.status.draw(self._store)
+        self.band.draw(self._store)
+        self.strip.draw(self._store)
         self.alarm.draw(self._store)
         self._draw_call()
+        self.failure.draw(self._store)
         self._draw_notice()
         self.say.draw()
         self.mistake.draw(self._store)
@@ -170,14 +185,18 @@ class Painting:
                 yield pane.repaint
         if dirty & {"status", "stop", "cue"}:
             yield self._draw_status
+        if dirty & {"acts", "rules", "memory", "status", "stop", "cue"}:
+            yield self._draw_band
         if dirty & {"status", "stop"}:
             yield self._draw_alarm
+        if dirty & {"acts", "tasks", "status", "stop", "memory"}:
+            yield self._draw_failure
         if dirty & {"notice", "cue", "acts"}:
             yield self._draw_notice
         typing = self.say.is_open or self.mistake.is_open
         if dirty & {"acts", "status", "stop"} or (typing and dirty & {"tasks", "memory"}):
             yield self._draw_fields
-        some = bool(self._store.log), bool(self._store.view.memory)  # some actions are only for what there is
+        some = bool(self._store.log.all), bool(self._store.view.memory)  # some actions are only for what there is
         if dirty & {"acts", "status", "stop"} or some != self._some:
             self._some = some
             yield self.draw_hints
@@ -186,9 +205,16 @@ class Painting:
         self.status.draw(self._store)
         self._count_cue()
 
+    def _draw_band(self) -> None:
+        self.band.draw(self._store)
+        self.strip.draw(self._store)
+
     def _draw_alarm(self) -> None:
         self.alarm.draw(self._store)
         self._draw_call()
+
+    def _draw_failure(self) -> None:
+        self.failure.draw(self._store)
 
     def _draw_fields(self) -> None:
         self.say.draw()

@@ -29,6 +29,7 @@ class Keeper:
         self._theme = ""
         self._path: Path | None = None
         self._places = Places()
+        self._rules_own = False
 
     def restore(self, screen: ConsoleScreen, theme: str) -> str:
         """Put the console as it was left; returns a sentence when something was not used."""
@@ -38,11 +39,14 @@ class Keeper:
         if not self._fresh:
             places, trouble = load(self._path, Places)
             said = said or trouble
-            screen.panes.restore(places.layout)
-            for name, text in places.filters.items():
-                if text and name in screen.panes.panes:
-                    screen.panes.panes[name].set_filter(text)
+            if places.session and places.session == screen.session.store.hello.folder:
+                screen.panes.restore(places.layout)
+                for name, text in places.filters.items():
+                    if text and name in screen.panes.panes:
+                        screen.panes.panes[name].set_filter(text)
+            screen.panes.log_pane.unfold(self.preferences.rules_own)
         self._places = _places(screen)
+        self._rules_own = screen.panes.log_pane.unfolded
         return said
 
     def look(self, screen: ConsoleScreen, theme: str) -> list[tuple[Path, Preferences | Places]]:
@@ -57,6 +61,9 @@ class Keeper:
         if theme != self._theme:
             self._theme = theme
             changed.append(self._common(theme=theme))
+        if screen.panes.log_pane.unfolded != self._rules_own:
+            self._rules_own = screen.panes.log_pane.unfolded
+            changed.append(self._common(rules_own=self._rules_own))
         return changed
 
     @property
@@ -83,4 +90,4 @@ def write(changed: Iterable[tuple[Path, Preferences | Places]]) -> None:
 
 def _places(screen: ConsoleScreen) -> Places:
     filters = {name: pane.filter_text for name, pane in screen.panes.panes.items() if pane.filter_text}
-    return Places(screen.panes.layout_state(), filters)
+    return Places(screen.session.store.hello.folder, screen.panes.layout_state(), filters)

@@ -11,7 +11,7 @@ from msgspec import Struct
 from rise_engine.link.client import Client, Hello
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.model import Scenario
-from rise_tui.start.settings import Settings, expanded, folder_of, nothing_in
+from rise_tui.start.settings import Settings, folder_of, nothing_in, place
 
 if TYPE_CHECKING:
     from rise_engine.link.spawn import Started
@@ -39,7 +39,7 @@ def prepare(settings: Settings) -> Prepared:
 
     if problem := nothing_in(settings):
         return Refused([], problem)
-    loaded = load(settings.folder, robot=settings.robot, mode=settings.mode, places=settings.places)
+    loaded = load(place(settings.folder), robot=settings.robot, mode=settings.mode, places=settings.places)
     return Refused(list(loaded.findings)) if loaded.scenario is None else loaded.scenario
 
 
@@ -108,7 +108,7 @@ def shown(folder: str) -> Shown | None:
 
     from rise_engine.scenario.robots import DEFAULT
 
-    path = expanded(folder)
+    path = place(folder)
     try:
         if not folder.strip() or not folder_of(folder).is_dir():
             return None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from time import monotonic, sleep
 
+from msgspec.structs import replace
+
 from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
 from rise_engine.link.spawn import Options, Refused, Started, start_engine
@@ -25,13 +27,13 @@ def process_launcher(who: str, role: Role) -> Launcher:
 
         until = monotonic() + LET_GO
         while True:
-            found = start_engine(options(settings, settings.seed, "ask"))
+            found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
             if not isinstance(found, Refused):
                 return SocketClient(found.name, who, role, scenario=scenario)
             if found.code != RUNNING or monotonic() > until:
                 break
             sleep(0.1)
-        if found.unfinished:
+        if found.unfinished or found.others:
             raise EngineGone(
                 "an earlier session of that scenario did not end; "
                 f"to recover it or begin a new one: rise-tui --config {scenario_place(settings)}"
@@ -48,6 +50,8 @@ def process_launcher(who: str, role: Role) -> Launcher:
             return Recovered(SocketClient(found.name, who, role), told_of(found))
         if found is not None and found.code != RUNNING:
             raise EngineGone("; ".join(found.lines))
+        if found is not None and found.socket:
+            return Recovered(SocketClient(found.socket, who, role))
         if name not in running():
             raise EngineGone("nobody has recovered it yet")
         return Recovered(SocketClient(name, who, role))  # somebody else has

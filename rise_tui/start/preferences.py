@@ -1,4 +1,4 @@
-"""What a console finds again the next time: layout and filters of each scenario, and the theme.
+"""What a console finds again the next time: layout and filters of a session, the theme, and what the log shows.
 
     $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui     0700
         console.json                                         0600
@@ -27,11 +27,15 @@ class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     theme: str = ""
     tour: bool = False
     """Whether the tour of the first run has been seen."""
+    rules_own: bool = False
+    """Whether the log shows what rules did for themselves."""
 
 
 class Places(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui scenario"):
     """How the console of one scenario was left."""
 
+    session: str = ""
+    """The folder of the session that it showed: only the same session finds it again, and a new one begins as usual."""
     layout: dict[str, str] = {}
     """What `Arrangement.layout_state` gave."""
     filters: dict[str, str] = {}

@@ -17,7 +17,7 @@ import textual_serve
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from rise_engine.link.places import PlaceError, about
-from rise_tui.start.starting import Asked
+from rise_tui.start.starting import Asked, login_name
 from rise_tui.text import clean
 from rise_tui.web.guard import Guard
 from rise_tui.web.page import STATIC, headers, page, welcome
@@ -49,7 +49,7 @@ def serve(name: str, asked: Asked) -> None:
 def arguments(name: str, asked: Asked) -> list[str]:
     """How the console of a browser is started."""
     display = asked.display
-    given = ["--session", name, "--observe", "--wizard", asked.wizard, "--colors", display.colors]
+    given = ["--session", name, "--observe", "--wizard", asked.wizard or login_name(), "--colors", display.colors]
     given += ["--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
     given += ["--theme", display.theme] if display.theme else []
     given += ["--keys", asked.keys] if asked.keys is not None else []

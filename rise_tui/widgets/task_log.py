@@ -1,4 +1,4 @@
-"""The task log's rows: made only when they come into view."""
+"""The log's rows: made only when they come into view."""
 
 from __future__ import annotations
 
@@ -11,13 +11,17 @@ from textual.message import Message
 from textual.strip import Strip
 
 from rise_engine.view import TaskView
+from rise_tui.model.control import short
 from rise_tui.model.deeds import FUNCTION_WORDS
+from rise_tui.model.log_rows import NOTE, task_of
 from rise_tui.model.states import NOT_TAKEN, State, task_state
-from rise_tui.text import Line, Row, Tone, cell, clock, crop, seconds, width_of
+from rise_tui.text import Line, Row, Tone, cell, cells, clock, crop, fit, seconds, width_of
 from rise_tui.widgets.rows import RowView
 
 CALLING = {"Blocking": "block", "None": "none", "": ""}
 NARROW = 56
+TIME, FUNCTION, STATE = 7, 7, 11
+"""Columns of a narrow row; what was done has the rest."""
 REASON = 10
 """A reason that would have less room than this stays out of the row."""
 KEPT = 500
@@ -27,7 +31,7 @@ WIDE = 96
 
 
 class TaskLog(RowView):
-    """A window on a list of task ids."""
+    """A window on a list of rows (see `model.log_rows`)."""
 
     class FollowChanged(Message):
         """It follows, or has stopped following, the newest task."""
@@ -54,7 +58,7 @@ class TaskLog(RowView):
 
     @property
     def ids(self) -> Sequence[int]:
-        """The tasks shown."""
+        """The rows shown."""
         return self._ids
 
     @property
@@ -66,10 +70,12 @@ class TaskLog(RowView):
         return self._row(index, self.row_width)
 
     def _row(self, index: int, width: int) -> Row:
-        task = self._find(self._ids[index])
+        row = self._ids[index]
+        task = self._find(row)
         if task is None:
-            return Row(str(self._ids[index]), ((f" task {self._ids[index]} is in the journal only", "muted"),))
-        return Row(str(task.id), self.mark(self.line_of(task, width)))
+            what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
+            return Row(str(row), ((f" {what} is in the journal only", "muted"),))
+        return Row(str(row), self.mark(self.line_of(task, width)))
 
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
@@ -87,7 +93,7 @@ class TaskLog(RowView):
         self._painted.clear()
 
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
-        """Show these tasks, ascending. A list that was shown before has only grown at its end, unless `restart`.
+        """Show these rows, ascending. A list that was shown before has only grown at its end, unless `restart`.
 
         Of another list, what was in view stays in view, and the cursor stays on its task.
         """
@@ -140,7 +146,7 @@ class TaskLog(RowView):
         task = self._find(id)
         if task is None:
             return id
-        looks = task.status, task.reason, task.mark, task.started, task.ended, id in self._missed_ids
+        looks = task.status, task.reason, task.mark, task.started, task.ended, task.id in self._missed_ids
         return id, width, looks
 
     def action_edge(self, direction: int) -> None:
@@ -199,7 +205,9 @@ class TaskLog(RowView):
         )
 
     def line_of(self, task: TaskView, width: int) -> Line:
-        """One task in one line."""
+        """One row in one line."""
+        if task.function == NOTE:
+            return self._note(task, width)
         state = self.state_of(task)
         function = FUNCTION_WORDS.get(task.function, task.function)
         took = seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
@@ -207,9 +215,7 @@ class TaskLog(RowView):
         tail: Line = ((f" {state.glyph} ", state.tone), cell(state.word, 9, state.tone))
         reason: Line = ((f"  {task.reason}", state.tone),) if task.reason else ()
         if width < NARROW:
-            what = cell(marking(task), 10, "wait") if task.mark else cell(function, 10, tone)
-            head: Line = (cell(f" {clock(task.submitted)}", 10, "muted"), what)
-            return crop((*head, cell(task.behavior, max(6, width - 32)), *tail, *reason), width)
+            return self._narrow(task, state, function, tone, width)
         wide = width >= WIDE
         when = 11 if wide else 9
         rest = width - when - 29 - (7 if wide else 0)
@@ -229,6 +235,42 @@ class TaskLog(RowView):
             cell(took, 6, right=True),
         )
         return crop((*line, *reason), width) if reason and width - width_of(line) >= REASON else line
+
+    def _narrow(self, task: TaskView, state: State, function: str, tone: Tone, width: int) -> Line:
+        """Without who it was. Of what went wrong the reason follows, as far as there is room."""
+        what = cell(marking(task), FUNCTION, "wait") if task.mark else cell(function, FUNCTION, tone)
+        head: Line = (cell(f" {since_start(task.submitted)}", TIME, "muted"), what)
+        bad = bool(task.reason) and state.tone in ("fault", "wait")
+        word = f"{state.glyph} {state.word}"
+        room = width - TIME - FUNCTION - (len(word) + 1 if bad else STATE)
+        name = task.behavior or short(task.source)
+        if not bad:
+            return (*head, cell(name, room), (f" {state.glyph} ", state.tone), cell(state.word, STATE - 3, state.tone))
+        shown = fit(name, min(cells(name), room - 1)).rstrip()
+        return crop((*head, (f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone)), width)
+
+    def _note(self, task: TaskView, width: int) -> Line:
+        """Who wrote it, and the text over all the room that there is."""
+        who = short(task.source)
+        if width < NARROW:
+            head: Line = (cell(f" {since_start(task.submitted)}", TIME, "muted"), cell("note", FUNCTION))
+            return crop((*head, (f"{who}: ", "muted"), (task.behavior, "strong")), width)
+        wide = width >= WIDE
+        when = 11 if wide else 9
+        source = min(20, max(12, (width - when - 29 - (7 if wide else 0)) // 3))
+        head = (
+            cell(f" {clock(task.submitted, tenths=wide)}", when + 1, "muted"),
+            cell(task.source, source - 1, "muted"),
+            (" ", "plain"),
+            cell("note", 10),
+        )
+        return crop((*head, (task.behavior, "strong")), width)
+
+
+def since_start(value: float) -> str:
+    """Session time in few cells: ` 4:05`, `74:05`."""
+    minutes, rest = divmod(int(max(0.0, value)), 60)
+    return f"{minutes:2}:{rest:02}"
 
 
 def marking(task: TaskView) -> str:

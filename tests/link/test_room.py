@@ -159,6 +159,19 @@ def test_the_record_names_the_person_and_control_the_console() -> None:
     assert played.room.attach("anna", "observer").name == "observer:anna"
 
 
+def test_the_name_of_the_wizard_lasts_when_their_console_has_gone() -> None:
+    it = Played()
+    assert it.room.about().wizard == ""
+    for deed in ("wanna attaches", "oben attaches", "wanna leaves"):
+        it.does(deed)
+    assert (it.room.about().control, it.room.about().wizard) == (None, "anna")
+    for deed in ("wanna attaches", "wbob attaches", "wbob takes", "wbob leaves"):
+        it.does(deed)
+    assert it.room.about().wizard == "bob"
+    again = Room(it.engine, view=it.room.view)  # of an engine that goes on with the session
+    assert again.about().wizard == "bob"
+
+
 def test_nothing_comes_before_the_session() -> None:
     """Consoles may attach while the engine is still to start; the session's first record is its own."""
     played = Played(start=False)

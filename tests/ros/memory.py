@@ -109,6 +109,8 @@ class MemoryWire:
         """Everything that was ever sent, in order."""
         self.killed: set[MemoryTransport] = set()
         self.forgotten: set[MemoryTransport] = set()
+        self.first_answer_only = False
+        """As the real transports: of several servers that answer one request, the first counts."""
 
     # --- faults ---
 
@@ -204,6 +206,10 @@ class _Subscription:
         if self.open and self.home.wire.reaches(source, self.home):
             self.taken(deepcopy(message))
 
+    def publishers(self) -> int:
+        wire, home = self.home.wire, self.home
+        return sum(p.matches(self) for t in wire.transports if wire.sees(home, t) for p in t.publishers)
+
     def close(self) -> None:
         self.open = False
         if self in self.home.subscriptions:
@@ -290,8 +296,10 @@ class _Server:
             self.home.servers.remove(self)
 
 
-class _Call(NamedTuple):
-    answer: Callable[[Message], None]
+class _Call:
+    def __init__(self, answer: Callable[[Message], None]) -> None:
+        self.answer = answer
+        self.answered = False
 
 
 class _Client:
@@ -322,10 +330,15 @@ class _Client:
 
     def take(self, server: MemoryTransport, call: _Call, message: Message) -> None:
         if self.open and self.home.wire.reaches(server, self.home):
+            if call.answered and self.home.wire.first_answer_only:
+                return
+            call.answered = True
             call.answer(deepcopy(message))
 
     def close(self) -> None:
         self.open = False
+        if self in self.home.clients:
+            self.home.clients.remove(self)
 
 
 class MemoryTransport:
@@ -349,6 +362,7 @@ class MemoryTransport:
         self.publishers: list[_Publisher] = []
         self.subscriptions: list[_Subscription] = []
         self.servers: list[_Server] = []
+        self.clients: list[_Client] = []
         wire.transports.append(self)
 
     # --- the port ---
@@ -381,7 +395,9 @@ class MemoryTransport:
 
     def client(self, name: str, type: str) -> _Client:
         self._check()
-        return _Client(self, self.resolve(name), type)
+        made = _Client(self, self.resolve(name), type)
+        self.clients.append(made)
+        return made
 
     def fields(self, type: str) -> Mapping[str, str]:
         return self.wire.types.fields(type)
@@ -422,6 +438,11 @@ class MemoryTransport:
 
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
+
+    def clients_of(self, service: str) -> list[str]:
+        full = self.resolve(service)
+        others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
+        return sorted({t.node for t in others for client in t.clients if client.name == full})
 
     def lost(self) -> str:
         return self.why_lost

@@ -572,7 +572,7 @@ def test_a22_a_cancel_of_a_goal_that_the_server_does_not_know() -> None:
     bench.robot_leaves()
     bench.robot_appears()
     bench.stop_act()
-    bench.run(1.1)
+    bench.run(1.5)
     assert bench.ending(TASK).startswith("lost: server-restarted")
     assert bench.notes() == [] and bench.task() == "CANCELED"
     bench.check()

@@ -196,6 +196,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         [
             "scenario.toml:1:9 toml-syntax",
             "scenario.toml:3:15 missing-value",
+            "scenario.toml:5:1 unknown-key",
             "scenario.toml:6:1 duplicate-key",
             "scenario.toml:7:1 duplicate-key",
             "scenario.toml:8:1 wrong-type",
@@ -267,6 +268,10 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "fillers": (
         {"scenario.toml": "[fillers]\noffer_after = -1\nauto_after = 'x'\nafter = 1"},
         ["scenario.toml:2:15 out-of-range", "scenario.toml:3:14 wrong-type", "scenario.toml:4:1 unknown-key"],
+    ),
+    "control": (
+        {"scenario.toml": "[control]\nmay_release = '/boss'\nmay_relase = []"},
+        ["scenario.toml:2:15 wrong-type", "scenario.toml:3:1 unknown-key"],
     ),
     "fillers without any": ({"scenario.toml": "[fillers]\nauto_after = 4"}, ["scenario.toml:2:1 no-filler"]),
     "fillers too soon": (

@@ -12,6 +12,7 @@ from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings
 from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
 from rise_adapters.ros2.face import Face
+from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
 from rise_adapters.ros2.port import PortError, Transport
 from rise_adapters.ros2.rclpy_types import fields as fields_of_rclpy
 from rise_adapters.ros2.robot import Ros2Robot
@@ -46,6 +47,7 @@ class Ros2Bridge:
         transport: Transport,
         profile: RobotProfile | None,
         carriers: Mapping[str, Carrier],
+        neighbours: Neighbours,
         again: Callable[[], Awaitable[Transport]],
     ) -> None:
         """`again` opens another transport like the first, after that was lost; it may raise BridgeError."""
@@ -53,6 +55,7 @@ class Ros2Bridge:
         self._transport = transport
         self._profile = profile
         self._carriers = carriers
+        self._neighbours = neighbours
         self._again = again
         self._robot: Ros2Robot | None = None
         self._room: Room | None = None
@@ -66,10 +69,21 @@ class Ros2Bridge:
 
     def join(self, room: Room) -> None:
         self._room = room
-        self._face = Face(self._transport, room)
+        self._show(self._neighbours)
+
+    def _show(self, neighbours: Neighbours) -> None:
+        assert self._room is not None
+        self._neighbours = neighbours
+        self._face = Face(self._transport, self._room, neighbours)
+        neighbours.met = self._met
+        neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
+
+    def _met(self, other: Session) -> None:
+        self._note(meeting(other))
 
     async def close(self) -> None:
         self._watching.cancel()
+        self._neighbours.close()
         if self._face is not None:
             await self._face.close()
         self._transport.close()
@@ -101,7 +115,7 @@ class Ros2Bridge:
                 if self._robot is not None:
                     self._robot.use(fresh)
                 if self._room is not None and not self._room.engine.ended:
-                    self._face = Face(fresh, self._room)
+                    self._show(Neighbours(fresh, self._neighbours.me))
                 self._note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
                 self._note(f"the new connection to ROS cannot be used: {error}")
@@ -127,9 +141,14 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     transport = await connect()
     sys.setswitchinterval(SWITCH_SECONDS)
     try:
+        neighbours = Neighbours(transport)
         for type in FACE_TYPES:
             transport.fields(type)
         carriers = read_carriers(profile, transport.fields) if profile is not None else {}
+        other = await neighbours.ask()
+        if other is not None:
+            neighbours.close()
+            raise BridgeError(refusal(other, transport))
     except CarrierErrors as errors:
         transport.close()
         raise BridgeError(errors.findings) from None
@@ -139,7 +158,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     except BaseException:
         transport.close()
         raise
-    return Ros2Bridge(transport, profile, carriers, connect)
+    return Ros2Bridge(transport, profile, carriers, neighbours, connect)
 
 
 def check_profile(profile: RobotProfile) -> list[str]:

@@ -58,6 +58,9 @@ class End(Struct, frozen=True):
 
 
 RELIABLE = QoS()
+SENSOR = QoS(reliable=False)
+"""For subscriptions: this takes from every publisher, those that promise nothing included (cameras, trackers,
+recognisers), of whom a reliable subscription hears nothing, without a word. But what is lost on the way is lost."""
 STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
@@ -81,6 +84,12 @@ class Publisher(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+class Subscription(Handle, Protocol):
+    def publishers(self) -> int:
+        """How many there are that it takes from: of its type, and promising what it asks for."""
+        ...
 
 
 class Client(Protocol):
@@ -118,7 +127,9 @@ class Transport(Protocol):
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher: ...
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle: ...
+    def subscribe(
+        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
+    ) -> Subscription: ...
 
     def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle: ...
 
@@ -159,6 +170,11 @@ class Transport(Protocol):
 
     def nodes(self) -> list[str]:
         """Full names of all nodes that are seen, also this one."""
+        ...
+
+    def clients_of(self, service: str) -> list[str]:
+        """Full names of the other nodes that are seen to call a service; each may do so at any moment. (Whose request
+        one is, ROS does not tell a server.)"""
         ...
 
     def lost(self) -> str:

@@ -151,7 +151,7 @@ class RclpyTransport:
         )
         return _Publisher(self, publisher, form)
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle:
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> _Subscription:
         self._check()
         made, form = self._types.message(type)
         subscription = _Subscription(self, form, taken)
@@ -226,6 +226,13 @@ class RclpyTransport:
 
     def nodes(self) -> list[str]:
         return [] if self._ended() else list(self._node.get_fully_qualified_node_names())
+
+    def clients_of(self, service: str) -> list[str]:
+        if self._ended():
+            return []
+        # As in `server_ends`: on DDS, who writes this topic calls the service.
+        infos = self._node.get_publishers_info_by_topic(f"rq{self.resolve(service)}Request", no_mangle=True)
+        return sorted({f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if not self._own(info)})
 
     def lost(self) -> str:
         if not self._lost and not self._context.ok():
@@ -409,6 +416,9 @@ class _Subscription:
     def _deliver(self, message: Message) -> None:
         if not self._closed:
             self._taken(message)
+
+    def publishers(self) -> int:
+        return 0 if self._closed or self._transport._ended() else int(self.made.get_publisher_count())
 
     def close(self) -> None:
         if not self._closed:

@@ -151,6 +151,10 @@ class Graph:
         self._nodes[participant] = counts
         self._owners[participant[:12]] = owners
 
+    def writing(self, topic: str) -> list[str]:
+        """The nodes of others that write a DDS topic, as far as they say so."""
+        return sorted({end.node for end in self.writers(topic) if end.node})
+
     def nodes(self) -> list[str]:
         """Full names, each as often as it is there."""
         return sorted(

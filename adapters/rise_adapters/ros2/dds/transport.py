@@ -177,6 +177,9 @@ class DdsTransport:
     def strangers(self) -> list[tuple[str, str]]:
         return self._graph.strangers()
 
+    def clients_of(self, service: str) -> list[str]:
+        return self._graph.writing(names.request(self.resolve(service)))
+
     def lost(self) -> str:
         return "the transport is closed" if self._closed else self.reading.failed
 
@@ -337,6 +340,9 @@ class DdsSubscription:
         self._codec = codec
         self._handler = taken
         self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
+
+    def publishers(self) -> int:
+        return len(self._reader.get_matched_publications()) if self._remove is not None else 0
 
     def close(self) -> None:
         if self._remove is not None:

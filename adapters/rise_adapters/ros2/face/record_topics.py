@@ -100,8 +100,7 @@ class RecordTopics:
                 return done > 0
             each = self._waiting.popleft()
             if isinstance(each, dict):
-                if self._tasks.subscribers():
-                    self._publish(self._tasks, each)
+                self._publish(self._tasks, each)
             else:
                 self._publish_record(each)
         return True
@@ -124,7 +123,7 @@ class RecordTopics:
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
-        elif isinstance(record, TaskRecord) and self._tasks.subscribers():  # it is not latched: else for nobody
+        elif isinstance(record, TaskRecord):  # also while nobody hears it: who comes later gets the latest of them
             self._publish(
                 self._tasks,
                 {
@@ -137,7 +136,7 @@ class RecordTopics:
                     "status": record.status,
                     "reason": record.reason,
                     "position": -1 if record.position is None else record.position,
-                    "goal_id": record.ref if record.ref is not None and record.source == self._source else "",
+                    "goal_id": record.ref if record.ref is not None and record.source.startswith("ros:") else "",
                 },
             )
         self._publish(

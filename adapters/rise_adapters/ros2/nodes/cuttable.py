@@ -5,7 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_adapters.ros2.port import RELIABLE, Client, End, Handle, Message, Publisher, QoS, Reply, Transport
+from rise_adapters.ros2.port import (
+    RELIABLE,
+    Client,
+    End,
+    Handle,
+    Message,
+    Publisher,
+    QoS,
+    Reply,
+    Subscription,
+    Transport,
+)
 
 
 class CuttableTransport:
@@ -34,8 +45,10 @@ class CuttableTransport:
         self._open.add(publisher)
         return _Publisher(self, publisher)
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle:
-        return self._handle(self._transport.subscribe(topic, type, taken, qos))
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Subscription:
+        subscription = self._transport.subscribe(topic, type, taken, qos)
+        self._open.add(subscription)
+        return _Subscription(self, subscription)
 
     def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle:
         def heard(request: Message, reply: Reply) -> None:
@@ -80,6 +93,9 @@ class CuttableTransport:
     def nodes(self) -> list[str]:
         return self._transport.nodes()
 
+    def clients_of(self, service: str) -> list[str]:
+        return self._transport.clients_of(service)
+
     def lost(self) -> str:
         return self._transport.lost()
 
@@ -93,6 +109,15 @@ class _Handle:
 
     def close(self) -> None:
         self._home.drop(self._handle)
+
+
+class _Subscription(_Handle):
+    def __init__(self, home: CuttableTransport, subscription: Subscription) -> None:
+        super().__init__(home, subscription)
+        self._subscription = subscription
+
+    def publishers(self) -> int:
+        return 0 if self._home.cut_off else self._subscription.publishers()
 
 
 class _Publisher(_Handle):

@@ -12,6 +12,7 @@ import asyncio
 import re
 from argparse import ArgumentTypeError, Namespace
 
+from rise_adapters.ros2.nodes.hearing import hear
 from rise_adapters.ros2.nodes.running import node_parser, run_node
 from rise_adapters.ros2.nodes.session import SessionClient, SessionGoneError
 from rise_adapters.ros2.port import Message, Transport
@@ -76,9 +77,9 @@ class KeywordSpotter:
 async def work(transport: Transport, options: Namespace) -> None:
     spotter = KeywordSpotter(SessionClient(transport), options.keyword, options.key, options.otherwise)
     if options.live_speech:
-        transport.subscribe(options.topic, "hri_msgs/msg/LiveSpeech", spotter.take_live_speech)
+        hear(transport, options.topic, "hri_msgs/msg/LiveSpeech", spotter.take_live_speech)
     else:
-        transport.subscribe(options.topic, "std_msgs/msg/String", spotter.take_string)
+        hear(transport, options.topic, "std_msgs/msg/String", spotter.take_string)
     print(f"listening to {transport.resolve(options.topic)} ({transport.about})")
     await spotter.work()
 

@@ -37,7 +37,7 @@ UNSTEADY_WINDOW = 30.0
 class Presence:
     """Whether something that comes and goes is there, and is there to stay."""
 
-    __slots__ = ("_clock", "_losses", "_ready_at", "count", "ever", "returns", "since", "twice_from_start")
+    __slots__ = ("_clock", "_losses", "_ready_at", "changes", "count", "ever", "since", "twice_from_start")
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -49,8 +49,8 @@ class Presence:
         """It was there once."""
         self.since = 0.0
         """When it appeared."""
-        self.returns = 0
-        """How often it has appeared."""
+        self.changes = 0
+        """How often there were suddenly more or fewer: what was asked before may have been answered by another one."""
         self.twice_from_start = False
         """There were several when it appeared. (One that joins later may replace one that died a moment ago, which DDS
         goes on showing for ten seconds.)"""
@@ -59,8 +59,9 @@ class Presence:
         """Take in how many there are now. True when the last one has just gone."""
         before, self.count = self.count, count
         now = self._clock.now()
+        if count != before:
+            self.changes += 1
         if count and not before:
-            self.returns += 1
             self.ever = True
             self.since = now
             self.twice_from_start = count > 1

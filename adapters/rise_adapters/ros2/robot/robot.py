@@ -172,7 +172,7 @@ class Ros2Robot:
                 reset = carrier.reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     part.say(reset)
-        self._stop = stop = StopAll(self.clock, self._parts, self._running_at, self._stopped)
+        self._stop = stop = StopAll(self.clock, self._parts, self, self._stopped)
         stop.begin()
 
     def seen(self) -> float | None:
@@ -234,6 +234,12 @@ class Ros2Robot:
         self._arm()
         if self._stop is not None:
             self._stop.look()
+
+    # --- what stopping everything needs ---------------------------------------------------------------------------
+
+    def ours(self, part: ActionPart) -> Mapping[bytes, ActionGoal]:
+        """Our goals at a server that are remembered."""
+        return {id: goal for id, goal in self._by_id.items() if goal.part is part}
 
     # --- looking ------------------------------------------------------------------------------------------------
 
@@ -391,11 +397,6 @@ class Ros2Robot:
             self._stop.look()
 
     # --- small things -------------------------------------------------------------------------------------------
-
-    def _running_at(self, part: ActionPart, known: set[bytes]) -> set[bytes]:
-        """Of the goals `known` to a server and of ours there, those that may be running."""
-        ours = {id for id, goal in self._by_id.items() if goal.part is part}
-        return {id for id in ours if self._by_id[id].open} | (known - ours)
 
     def _stopped(self, report: StopReport) -> None:
         self._stop = None

@@ -1,0 +1,130 @@
+"""The strip of the study's own keys: those that are awaited first, then events, assignments and rules, then acts. Pure.
+
+No key jumps: those that some rule may ever wait for share the front, and only among themselves those that are awaited
+now come first; each of the others always has the same place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_tui.model.states import EXPECTED, RUNNING, SENT
+from rise_tui.model.store import Store
+from rise_tui.model.study_keys import ACT, RULE, StudyKeys, title_of
+from rise_tui.text import Line, Span, cells, clean, fit
+
+TITLE, TITLE_NARROW = 24, 16
+"""Cells for what a key is called."""
+NARROW = 100
+TALL = 30
+MOST = 2
+
+
+class Piece(NamedTuple):
+    """A key in the strip, and where: line, first cell, cell after the last. Without a key: how many more there are."""
+
+    key: KeyBinding | None
+    line: int
+    start: int
+    end: int
+
+
+class Strip(NamedTuple):
+    lines: tuple[Line, ...]
+    pieces: tuple[Piece, ...]
+
+
+def strip_rows(scenario: Scenario, keys: StudyKeys, width: int, height: int) -> int:
+    """As many lines as all keys but those of acts need, at most two; in a tall terminal two where acts have keys."""
+    if not scenario.keys:
+        return 0
+    every = [*keys.answers, *keys.others]
+    if height >= TALL or not every:
+        every += keys.acts
+    return 1 if len(_placed(every, width, 1)) == len(every) else MOST
+
+
+def strip(store: Store, width: int, rows: int) -> Strip:
+    """The keys in `rows` lines of `width` cells."""
+    keys, awaited = store.study_keys, store.awaited_keys()
+    ordered = [
+        *(key for key in keys.answers if key.key in awaited),
+        *(key for key in keys.acts if key.key in awaited and _idle(store, key)),
+        *(key for key in keys.answers if key.key not in awaited),
+        *keys.others,
+    ]
+    ordered += [key for key in keys.acts if key not in ordered]
+    places = _placed(ordered, width, rows)
+    lines: list[list[Span]] = [[] for _ in range(rows)]
+    pieces = []
+    for key, (line, start) in zip(ordered, places, strict=False):
+        spans = _spans(key, store, width, key.key in awaited)
+        lines[line] += spans
+        pieces.append(Piece(key, line, start, start + _width(key, width)))
+    if rows and (left := len(ordered) - len(places)):
+        text = _more(left)
+        start = sum(cells(text) for text, _ in lines[-1])
+        gap = max(0, width - start - cells(text) - 1)
+        lines[-1] += [(" " * gap, "plain"), (text[:-1], "muted"), ("?", "key")]
+        pieces.append(Piece(None, rows - 1, start + gap, start + gap + cells(text)))
+    return Strip(tuple(tuple(line) for line in lines), tuple(pieces))
+
+
+def _more(left: int) -> str:
+    return f"+{left} more ?"
+
+
+def _placed(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
+    """Line and cell of each key that there is room for, in order; the last line keeps room to say how many are left."""
+    places: list[tuple[int, int]] = []
+    line = column = 0
+    for at, key in enumerate(keys):
+        needed = _width(key, width)
+        last = at == len(keys) - 1
+        room = width - (cells(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
+        if column + needed > room:
+            line, column = line + 1, 0
+            room = width - (cells(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
+            if line >= rows or needed > room:
+                break
+        places.append((line, column))
+        column += needed
+    return places
+
+
+def _title(key: KeyBinding, width: int) -> str:
+    text = clean(title_of(key))
+    return fit(text, min(cells(text), TITLE_NARROW if width < NARROW else TITLE)).rstrip()
+
+
+def _width(key: KeyBinding, width: int) -> int:
+    return 1 + cells(key.label) + 1 + cells(_title(key, width)) + 1
+
+
+def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[Span]:
+    off = bool(store.cannot(key.function))
+    title = _title(key, width)
+    if store.is_sent((key.function,), key.behavior):
+        mark: Span = (SENT.glyph, SENT.tone)
+    elif key.function in (ACT, RULE) and _runs(store, key):
+        mark = (RUNNING.glyph, RUNNING.tone)
+    elif awaited:
+        mark = (EXPECTED.glyph, "muted" if off else EXPECTED.tone)
+    else:
+        mark = (" ", "plain")
+    return [
+        mark,
+        (key.label, "muted" if off else "key"),
+        (f" {title} ", "muted" if off else "strong" if awaited else "plain"),
+    ]
+
+
+def _runs(store: Store, key: KeyBinding) -> bool:
+    return bool(store.act(key.behavior).running) if key.function == ACT else store.rule(key.behavior).running
+
+
+def _idle(store: Store, key: KeyBinding) -> bool:
+    act = store.act(key.behavior)
+    return not act.running and not act.waiting

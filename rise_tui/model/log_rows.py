@@ -1,0 +1,105 @@
+"""The rows of the log: tasks, what is to be read among them, and which of them are the rules' own housekeeping. Pure.
+
+A row is a number that grows with time: a task's is its id times STEP, and what comes after a task and before the next
+(notes, changes of the robot's link, faults of rules) has the numbers behind that.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+
+from rise_engine.kernel.records import TaskRecord
+from rise_engine.view import RemarkView, TaskView, View
+
+STEP = 1 << 12
+"""Row numbers for each task: its own, and those of remarks before the next task."""
+ACTS = frozenset({"startCommunicationRobotAct", "say", "nextFiller"})
+BY_RULE = "rule:"
+NOTE, ROBOT, FAULT = "note", "robot", "fault"
+"""Functions of the rows that are no tasks."""
+
+
+def row_of(task: int) -> int:
+    """The row of a task."""
+    return task * STEP
+
+
+def task_of(row: int) -> int | None:
+    """The task of a row; None when the row is none."""
+    return None if row % STEP else row // STEP
+
+
+def is_own(task: TaskView | TaskRecord) -> bool:
+    """Whether this is something that a rule did for itself: an event, a value, another rule. What failed is not."""
+    quiet = task.status not in ("REJECTED", "ABORTED")
+    return task.source.startswith(BY_RULE) and task.function not in ACTS and quiet
+
+
+class LogRows:
+    """All rows of one session, and those that people and the robot caused."""
+
+    def __init__(self) -> None:
+        self.all: list[int] = []
+        self.main: list[int] = []
+        """Without the rules' own. Grows at its end in place; for any other change it becomes another list."""
+        self._remarks: dict[int, TaskView] = {}
+
+    @property
+    def own(self) -> int:
+        """How many rows are the rules' own."""
+        return len(self.all) - len(self.main)
+
+    def take_in(self, view: View) -> None:
+        """Begin anew with what a session has so far."""
+        self._remarks.clear()
+        self.all = [row_of(id) for id in view.tasks]
+        self.main = [row_of(id) for id, task in view.tasks.items() if not is_own(task)]
+        for remark in view.remarks:
+            self.remark(remark, in_order=False)
+        self.all.sort()
+        self.main.sort()
+
+    def task(self, record: TaskRecord) -> None:
+        """A task has arrived."""
+        self.all.append(row_of(record.id))
+        if not is_own(record):
+            self.main.append(row_of(record.id))
+
+    def surface(self, task: int) -> None:
+        """A row of a rule's own matters after all: it failed, or nobody was waiting for its event."""
+        row = row_of(task)
+        place = bisect_left(self.main, row)
+        if place == len(self.main):
+            self.main.append(row)
+        elif self.main[place] != row:
+            self.main = list(self.main)
+            insort(self.main, row)
+
+    def remark(self, remark: RemarkView, *, in_order: bool = True) -> None:
+        """A note, or something else to be read among the tasks."""
+        row = row_of(remark.after) + 1
+        while row in self._remarks:
+            row += 1
+        if row % STEP == 0:
+            return  # more than anybody writes between two tasks
+        self._remarks[row] = _shown(remark)
+        for rows in (self.all, self.main):
+            if not in_order or not rows or rows[-1] < row:
+                rows.append(row)
+            else:
+                insort(rows, row)
+
+    def find(self, row: int, view: View) -> TaskView | None:
+        """What a row shows, in the form of a task; None for what is in the journal only."""
+        task = task_of(row)
+        return view.tasks.get(task) if task is not None else self._remarks.get(row)
+
+
+def _shown(remark: RemarkView) -> TaskView:
+    status = "ABORTED" if remark.kind == FAULT or remark.status in ("lost", "degraded") else "SUCCEEDED"
+    text, reason = remark.text, ""
+    if remark.kind == ROBOT:
+        text, reason = remark.status, remark.text
+    elif remark.kind == FAULT:
+        text, reason = remark.source.removeprefix(BY_RULE), remark.text
+    return TaskView(0, remark.kind, text, "", remark.source, status, reason, remark.t, ended=remark.t)

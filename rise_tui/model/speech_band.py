@@ -1,0 +1,269 @@
+"""The band below the top line: what the robot says, and what comes next if nobody does anything. Pure.
+
+Its height is fixed for a session and a size of the terminal: the scenario's longest sentence decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_tui.actions import key_in_words
+from rise_tui.model.coming import KEYS, Coming, Knows, Step, coming
+from rise_tui.model.reasons import whose
+from rise_tui.model.saying import Saying, longest_sentence, still_to_say
+from rise_tui.model.store import Store
+from rise_tui.model.study_keys import RULE, name_title, title_of
+from rise_tui.text import Line, Span, Tone, age, cells, clean, crop, duration, fit, spread, width_of, wrap
+
+GLYPH = 3
+"""Cells before a sentence."""
+NOTE = 15
+"""Cells at the end of the first line: `12.3 s left`, `said 12 min ago`."""
+MOST, MOST_TALL = 3, 4
+"""Lines for a sentence: in a terminal of less than TALL rows, and in others."""
+TALL = 30
+LEAST_SENTENCE = 20
+"""Cells that are left of a sentence beside what else comes next."""
+LABEL = " next  "
+GAP: Span = ("  ·  ", "muted")
+GLYPHS = {"nothing": "·", "sent": "↑", "says": "►", "said": "✓", "unsaid": "✗", "unknown": "✗"}
+TONES: dict[str, Tone] = {
+    "nothing": "muted",
+    "sent": "wait",
+    "says": "strong",
+    "said": "muted",
+    "unsaid": "fault",
+    "unknown": "fault",
+}
+
+
+def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
+    """Lines for a sentence. Where there is room for it, one more for the sentence after it."""
+    most = MOST_TALL if height >= TALL else MOST
+    longest = longest_sentence(scenario, memory)
+    if not longest:
+        return 1
+    return min(most, len(_wrapped(_quoted(longest), width)) + int(height >= TALL))
+
+
+def band(store: Store, width: int, rows: int) -> tuple[Line, ...]:
+    """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
+    saying = store.saying()
+    rest = still_to_say(store.scenario, store.view, store.memory) if not store.gone else []
+    lines = _sentence(saying, store, width, rows)
+    told = len(lines) < rows and bool(rest)
+    if told:
+        lines.append(crop((("   then  ", "muted"), *_joined(rest)), width))
+    lines += [()] * (rows - len(lines))
+    return (*lines, next_line(store, [] if told else rest, width))
+
+
+def counts(store: Store) -> bool:
+    """Whether something in it changes by tenths of a second."""
+    if store.gone or store.cut is not None:
+        return False
+    return bool(store.view.running) or any(step.when in ("timer", "filler") for step in _coming(store).steps)
+
+
+# --- the sentence --------------------------------------------------------------------------------------------------
+
+
+def _sentence(saying: Saying, store: Store, width: int, rows: int) -> list[Line]:
+    tone, note = TONES[saying.kind], _note(saying, store)
+    if saying.kind == "nothing":
+        return [spread(((" · the robot has said nothing yet", "muted"),), (), width)]
+    if store.gone and saying.kind in ("says", "sent"):
+        tone, note = "fault", ("not known", "fault")
+    lead = _lead(saying, store)
+    shown = _wrapped(f"{lead}{_quoted(saying.text)}", width)
+    first = 0
+    if len(shown) > rows:
+        shown, first = _window(f"{lead}{_quoted(saying.text)}", width, rows, saying.share)
+    lines: list[Line] = []
+    for at, text in enumerate(shown):
+        glyph = f" {GLYPHS[saying.kind]} " if at == 0 and first == 0 else " … " if at == 0 else "   "
+        line: Line = ((glyph, "accent" if saying.kind == "says" else tone), (text, tone))
+        lines.append(spread(line, (note, (" ", "plain")), width) if at == 0 else line)
+    return lines
+
+
+def _lead(saying: Saying, store: Store) -> str:
+    if saying.kind == "unsaid":
+        return "NOT SAID TO THE END: " if saying.seconds else "NOT SAID: "
+    return "PERHAPS NOT SAID: " if saying.kind == "unknown" else ""
+
+
+def _note(saying: Saying, store: Store) -> Span:
+    """How it stands, in at most NOTE cells."""
+    more = f" +{saying.more}" if saying.more else ""
+    match saying.kind:
+        case "sent":
+            return f"sent{more}", "wait"
+        case "says":
+            if saying.instead:
+                return fit(f"by {saying.instead}", NOTE - 1).strip(), "wait"
+            if saying.seconds is None:
+                return f"says it{more}", "accent"
+            if saying.seconds < 0:
+                return f"{duration(-saying.seconds)} over{more}", "wait"
+            return f"{duration(saying.seconds)} left{more}", "accent"
+        case "said":
+            return f"said {age(saying.seconds or 0.0)} ago", "muted"
+        case "unsaid" | "unknown":
+            after = f"after {duration(saying.seconds)}" if saying.seconds else "✗"
+            return f"{after}{more}" if after != "✗" else more.strip(), "fault"
+        case _:
+            return "", "muted"
+
+
+def _quoted(text: str) -> str:
+    return f"“{clean(text)}”"
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    """Over as many lines as it needs; the first leaves room for the note."""
+    first, others = max(10, width - GLYPH - NOTE - 2), max(10, width - GLYPH - 1)
+    text = " ".join(clean(text).split())
+    head = wrap(text, first)[0]
+    rest = text[len(head) :].strip()
+    return [head, *wrap(rest, others)] if rest else [head]
+
+
+def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
+    """The lines around what is probably being said, and the number of the first."""
+    every = wrap(text, max(10, width - GLYPH - NOTE - 2))
+    here = min(len(every) - 1, int(share * len(every)))
+    first = min(max(0, here - (rows - 1) // 2), max(0, len(every) - rows))
+    shown = every[first : first + rows]
+    if first + rows < len(every):
+        shown[-1] = f"{shown[-1]} …"
+    return shown, first
+
+
+def _joined(texts: Sequence[str]) -> Line:
+    return tuple((f"{'  ' if at else ''}{_quoted(text)}", "muted") for at, text in enumerate(texts))
+
+
+# --- what comes next -----------------------------------------------------------------------------------------------
+
+
+class _Piece(NamedTuple):
+    """A part of the line."""
+
+    line: Line
+    least: int | None = None
+    """To so many cells it can be cut where there is no room; None: it stays whole, or is left out."""
+
+
+def next_line(store: Store, rest: Sequence[str], width: int) -> Line:
+    """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
+    pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
+    return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store)], width - cells(LABEL))), width)
+
+
+def _laid(pieces: Sequence[_Piece], width: int) -> Line:
+    """Side by side; what comes last is left out first, so that nothing but a sentence is cut."""
+    kept = list(pieces)
+    while len(kept) > 1 and _needed([piece.least or width_of(piece.line) for piece in kept]) > width:
+        kept.pop()
+    over = _needed([width_of(piece.line) for piece in kept]) - width
+    line: list[Span] = []
+    for at, piece in enumerate(kept):
+        if at:
+            line.append(GAP)
+        if piece.least is not None and over > 0:
+            room = max(piece.least, width_of(piece.line) - over)
+            line += crop(piece.line, room)
+        else:
+            line += piece.line
+    return tuple(line)
+
+
+def _needed(widths: Sequence[int]) -> int:
+    return sum(widths) + cells(GAP[0]) * (len(widths) - 1)
+
+
+def _coming(store: Store) -> Coming:
+    known = Knows(store.scenario, store.view, store.memory, store.study_keys, store.now())
+    return coming(known, _left(store))
+
+
+def _left(store: Store) -> float | None:
+    """Seconds until the acts that run one after the other will probably have ended."""
+    longest = 0.0
+    for id in store.view.running:
+        task = store.view.tasks[id]
+        if task.function == "say":
+            left = store.saying().seconds
+        else:
+            usual = store.typical(task.behavior)
+            left = None if usual is None or task.started is None else usual - (store.now() - task.started)
+        if left is None:
+            return None
+        longest = max(longest, left)
+    return longest if store.view.running else None
+
+
+def _by_rules(store: Store) -> list[_Piece]:
+    if why := _nothing(store):
+        return [_Piece(why)]
+    found = _coming(store)
+    pieces = [_Piece(_step(step, store)) for step in found.steps]
+    if found.keys:
+        word = "then" if found.then else "or" if found.steps else "waits for"
+        pieces.append(_Piece(_keys(found.keys, f"{word} {whose(store)}: ")))
+    elif found.other:
+        pieces.append(_Piece(((f"{'then ' if found.then else ''}waits for {clean(found.other)}", "plain"),)))
+    if pieces:
+        return pieces
+    if found.rules:
+        return [_Piece((("nothing by itself", "muted"),))]
+    nothing: Line = (("nothing by itself: no rule runs", "muted"),)
+    first = next((key for key in store.scenario.keys.values() if key.function == RULE), None)
+    if first is None or store.view.running:
+        return [_Piece(nothing)]
+    return [_Piece(nothing), _Piece(_keys((first,), f"{whose(store)}: "))]
+
+
+def _nothing(store: Store) -> Line:
+    """Why nothing will come, whatever the rules say; empty when that is not so."""
+    if store.gone:
+        return (("nothing: the session is over" if store.over else "nothing: the engine has gone", "muted"),)
+    if store.cut is not None:
+        return (("not known: the connection is cut", "wait"),)
+    if store.state == "STOPPED":
+        return (("nothing until the stop is released: ", "muted"), (key_in_words("release"), "key"))
+    if store.journaling.trouble:
+        return (("nothing: the session is paused, because it is not recorded", "wait"),)
+    return ()
+
+
+def _step(step: Step, store: Store) -> Line:
+    if step.when == "turn":
+        more = f" and {len(step.starts) - 1} more" if len(step.starts) > 1 else ""
+        return ((name_title(step.starts[0]), "plain"), (f" (waits{more})", "muted"))
+    when = f"in {duration(step.seconds)}: " if step.when in ("timer", "filler") and step.seconds is not None else ""
+    spans: list[Span] = [(when, "wait")] if when else []
+    if step.condition:
+        spans.append((f"if {clean(step.condition)}: ", "muted"))
+    if step.target:
+        spans.append((f"→ {clean(step.target)}", "plain"))
+    acts = [*map(name_title, step.starts), *(f"perhaps {name_title(name)}" for name in step.perhaps)]
+    if acts:
+        spans.append((f"{': ' if step.target else ''}{', '.join(acts)}", "plain" if step.starts else "muted"))
+    if step.ends:
+        spans.append((f", and {clean(step.rule)} ends", "muted"))
+    if not (step.target or acts or step.ends):
+        spans.append((f"{clean(step.rule)} goes on where it is", "muted"))
+    return tuple(spans)
+
+
+def _keys(keys: Sequence[KeyBinding], lead: str) -> Line:
+    spans: list[Span] = [(lead, "muted")]
+    for at, key in enumerate(keys[:KEYS]):
+        spans += [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(title_of(key)), "plain")]
+    if len(keys) > KEYS:
+        spans.append((f"  +{len(keys) - KEYS}", "muted"))
+    return tuple(spans)
