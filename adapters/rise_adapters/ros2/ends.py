@@ -107,6 +107,21 @@ def nothing(look: Look, carrier: Carrier, full: str) -> str:
     return f"nothing {'offers' if carrier.kind == 'action' else 'listens to'} {full}"
 
 
+def elsewhere(wire: Transport, carrier: Carrier) -> list[str]:
+    """The full names under which others offer an action of the carrier's type (listen to a topic of it)."""
+    own = wire.resolve(carrier.name)
+    names: list[str] = []
+    for topic in wire.topics():
+        if carrier.kind == "action":
+            name = topic.removesuffix(action_topic("", FEEDBACK))
+            found = wire.publisher_ends(topic) if name != topic else []
+        else:
+            name, found = topic, wire.subscriber_ends(topic)
+        if name != own and any(_whole(end.type) == carrier.type for end in found):
+            names.append(name)
+    return names
+
+
 def several(count: int, full: str) -> str:
     """The sentence about an action that is offered more than once."""
     return f"{count} nodes offer {full}, so the robot would do everything {count} times"

@@ -306,7 +306,8 @@ class Ros2Robot:
 
     def _examine(self, part: Part) -> None:
         part.examine()
-        if part.found.unannounced and part.found.whole and part.name not in self._uncompared:
+        unknown = part.found.unannounced or not part.found.whole
+        if unknown and part.presence.settled and part.compared and part.name not in self._uncompared:
             self._uncompared.add(part.name)
             self.note(part, ends.uncompared(part.name))
 
