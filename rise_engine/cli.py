@@ -23,6 +23,7 @@ from rise_engine.arguments import (
     script_of,
     split_ros_args,
     usage,
+    with_parameters,
 )
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class _Program(click.Group):
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         _write_everything()
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
+        if ours[:1] == ["serve"]:
+            ours, theirs = with_parameters(ours, theirs, serve)
         return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
