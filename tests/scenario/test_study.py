@@ -69,6 +69,7 @@ TABLES = {
     "[act.A]\nholt = true": "hold",
     "[act.A]\ncallingType = 'None'": "calling_type",
     "[fillers]\noffer = 3": "offer_after",
+    "[control]\nmay_releas = ['/supervisor']": "may_release",
     "[check]\nalow = []": "allow",
     "[check]\nallow = [{ code = 'unset-key', key = 'k', reason = 'r', resaon = 'r' }]": "reason",
     "[actions.Drive]\nchanels = ['base']": "channels",
