@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
+from rise_engine.scenario import load
 from rise_engine.scenario.actions import core_actions
 from rise_engine.scenario.relaxng import FOLDER, act_schema, act_schema_text, rule_schema, rule_schema_text
 from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
@@ -18,6 +20,7 @@ BEYOND = (
     "unknown-state duplicate-state unreachable-state unreachable-transition no-effect ambiguous-else missing-value",
 )
 """Codes of what a schema cannot see: names, references, values, conditions."""
+SHIPPED = Path(__file__).parents[2] / "scenarios" / "greeting"
 _BEYOND = {code for line in BEYOND for code in line.split()}
 
 
@@ -82,3 +85,24 @@ def test_an_action_is_called_what_an_element_can_be_called(tmp_path: Path, name:
     else:
         assert element
         act_schema(scenario.robot.actions)
+
+
+def test_the_order_of_what_an_action_holds(tmp_path: Path) -> None:
+    """libxml2 refuses some of these when `<interleave>` stands within `<interleave>`, with robots that know more names."""
+    toml = (
+        '[actions.Emotion]\nnames = ["proud"]\nparameters.value = { type = "name", names = ["a"], required = true }\n'
+    )
+    parts = (
+        "<actionID>1</actionID>",
+        "<onFailure>continue</onFailure>",
+        "<value>a</value>",
+        "<duration>600</duration>",
+    )
+    for number, order in enumerate(permutations((*parts, "<waitForActions> </waitForActions>"))):
+        emotion = act(f"<Emotion>{''.join(order)}</Emotion>")
+        if number == 0:
+            scenario, findings = loaded(tmp_path, {"scenario.toml": toml, "acts/a.xml": emotion})
+            assert findings == []
+            schemas = act_schema(scenario.robot.actions), act_schema(load(SHIPPED).scenario.robot.actions)
+        for schema, text in zip(schemas, (emotion, emotion.replace(">a<", ">happy<")), strict=True):
+            assert schema.validate(etree.fromstring(text)), order
