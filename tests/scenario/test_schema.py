@@ -87,22 +87,15 @@ def test_an_action_is_called_what_an_element_can_be_called(tmp_path: Path, name:
         act_schema(scenario.robot.actions)
 
 
-def test_the_order_of_what_an_action_holds(tmp_path: Path) -> None:
-    """libxml2 refuses some of these when `<interleave>` stands within `<interleave>`, with robots that know more names."""
-    toml = (
-        '[actions.Emotion]\nnames = ["proud"]\nparameters.value = { type = "name", names = ["a"], required = true }\n'
-    )
+def test_the_order_of_what_an_action_holds() -> None:
+    """libxml2 refused one of these when an `<interleave>` stood within another, for robots that know more emotions."""
+    schemas = act_schema(core_actions()), act_schema(load(SHIPPED).scenario.robot.actions)
     parts = (
         "<actionID>1</actionID>",
         "<onFailure>continue</onFailure>",
-        "<value>a</value>",
-        "<duration>600</duration>",
+        "<value>sad</value>",
+        "<duration>6</duration>",
     )
-    for number, order in enumerate(permutations((*parts, "<waitForActions> </waitForActions>"))):
-        emotion = act(f"<Emotion>{''.join(order)}</Emotion>")
-        if number == 0:
-            scenario, findings = loaded(tmp_path, {"scenario.toml": toml, "acts/a.xml": emotion})
-            assert findings == []
-            schemas = act_schema(scenario.robot.actions), act_schema(load(SHIPPED).scenario.robot.actions)
-        for schema, text in zip(schemas, (emotion, emotion.replace(">a<", ">happy<")), strict=True):
-            assert schema.validate(etree.fromstring(text)), order
+    for order in permutations((*parts, "<waitForActions> </waitForActions>")):
+        text = act(f"<Emotion>{''.join(order)}</Emotion>")
+        assert all(schema.validate(etree.fromstring(text)) for schema in schemas), order
