@@ -54,6 +54,10 @@ CASES: dict[str, tuple[str, Callable[[], str]]] = {
     "raw less-than signs in values": ("rules/r.xml", lambda: rule(many('<transition cond="a < b"/>\n'))),
     "inner quotation marks": ("rules/r.xml", lambda: rule(many('<transition cond="a = "b""/>\n'))),
     "attributes that nobody knows": ("rules/r.xml", lambda: rule("<transition " + many('a{}="" ') + "/>")),
+    "long names of elements": (
+        "rules/r.xml",
+        lambda: rule("".join(f'<{"a" * 40_000}{n} b="1" c="2"/>' for n in range(SIZE // 40_000))),
+    ),
     "text between tags": ("rules/r.xml", lambda: rule(many('<transition cond="a"/>x'))),
     "text with comments": ("rules/r.xml", lambda: rule(many("<!--a-->b&lt;\r\n"))),
     # rules
