@@ -196,6 +196,8 @@ def _typographic(mended: Mended, findings: Findings, opening: int) -> int:
     for found in _ANY_QUOTE.finditer(text, opening + 1, last):
         if not curly and found.group() == straight:
             return -1  # it is closed as it should be
+        if not curly and not plain_quote(found.group()):
+            continue
         if not _CURLY_ENDS.match(text, found.end()):
             continue
         first = opening if curly else found.start()

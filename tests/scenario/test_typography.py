@@ -78,3 +78,9 @@ def test_on_the_command_line() -> None:
 def test_with_the_marks_mended_the_rest_is_checked(tmp_path: Path) -> None:
     result = loaded(tmp_path, {"rules/r.xml": RULE.replace('"S"/>', '"S"/><x/>')})
     assert found(result) == ["rules/r.xml:1:23 quotes", "rules/r.xml:1:54 unknown-element"]
+
+
+def test_another_straight_mark_is_not_taken_for_one(tmp_path: Path) -> None:
+    result = loaded(tmp_path, {"rules/r.xml": in_state("<if cond=\"a = 'x' and a = <\"/>")})
+    assert all(finding.message for finding in result.findings)
+    assert not any("typographic" in finding.message for finding in result.findings)
