@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from rise_engine.text import clean
+
 if TYPE_CHECKING:
     from rise_engine.kernel.inputs import Submit
     from rise_engine.scenario.model import Scenario
@@ -166,5 +168,5 @@ def require_folder(folder: str) -> str:
 
 
 def usage(message: str) -> NoReturn:
-    click.echo(f"error: {message}", err=True)
+    click.echo(f"error: {clean(message)}", err=True)
     sys.exit(2)

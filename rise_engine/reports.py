@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rise_engine.terminal import write_json
+from rise_engine.text import clean
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -355,7 +356,7 @@ def _robot_text(row: dict[str, Any]) -> str:
             known = ", ".join("any other name" if name == "*" else name for name in names) or "any name"
             lines += wrap(f"{parameter}: {known}", 100, initial_indent="    ", subsequent_indent="      ")
     lines += [f"  {finding}" for finding in row["findings"]]
-    return "\n".join(lines)
+    return "\n".join(map(clean, lines))
 
 
 # --- the studies that come with the program -------------------------------------------------------------------------

@@ -36,13 +36,15 @@ _NAMES = {"\x85": "NEXT LINE", "\x1b": "ESCAPE", "\x00": "NULL"}
 def clean(text: str, *, keep: str = "") -> str:
     """The text with a mark for each character of UNSEEN: `⏎` for a line end, a blank for a tab, `·` for the others.
 
-    Those in `keep` stay: `"\\n"` for a text of several lines.
+    Those in `keep` stay: `"\\n"` for a text of several lines. Bytes of a file name that is no text become `\\udce4`.
     """
     if (text.isascii() and text.isprintable()) or UNSEEN.search(text) is None:  # the first is quicker
         return text
 
     def mark(found: re.Match[str]) -> str:
         character = found[0]
+        if "\ud800" <= character <= "\udfff":
+            return told(character)
         return character if character in keep else {"\n": "⏎", "\t": " "}.get(character, "·")
 
     return UNSEEN.sub(mark, text)

@@ -159,7 +159,9 @@ def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token])
 
 
 def _nearest(word: str, names: Sequence[str] | dict[str, tuple[int, int]]) -> str | None:
+    if len(word) > 16:  # nothing is called so
+        return None
     from difflib import get_close_matches  # only for messages
 
-    found = get_close_matches(word[:40], list(names), n=1, cutoff=0.6)
+    found = get_close_matches(word, list(names), n=1, cutoff=0.6)
     return found[0] if found else None

@@ -18,6 +18,7 @@ _MOST_LEVELS = 150
 """Where this emulation gives up, far beyond what authors write."""
 _OPEN, _CLOSE = "$B", "§"
 _TEXT_MARK = re.compile(r"\ue000(\d+)\ue001")
+_BRACKET = re.compile(r"[()]")
 _BRACKET_MARK = re.compile(r"\$B(\d+)§")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII)
 _TEXT_OPERATOR = re.compile(r"(?<=[\w\s§\ue001])\b(starts\s+with|ends\s+with|contains)\b")
@@ -133,17 +134,26 @@ class _Splitter:
         if self.levels > _MOST_LEVELS:
             raise RefusedError("it is nested too deeply")
         text = text.strip()
-        while (start := text.find("(")) >= 0:
-            level = 0
-            for end in range(start, len(text)):
-                level += (text[end] == "(") - (text[end] == ")")
+        if "(" not in text:
+            return text
+        pieces: list[str] = []
+        at = start = level = 0
+        for mark in _BRACKET.finditer(text):
+            if mark[0] == "(":
                 if level == 0:
-                    break
-            if level or end == start + 1:
-                raise RefusedError("a bracket is empty or not closed")
-            self.brackets.append(text[start + 1 : end])
-            text = f"{text[:start]}{_OPEN}{len(self.brackets) - 1}{_CLOSE}{text[end + 1 :]}"
-        return text
+                    start = mark.start()
+                level += 1
+            elif level > 0:
+                level -= 1
+                if level == 0:
+                    if mark.start() == start + 1:
+                        raise RefusedError("a bracket is empty or not closed")
+                    pieces += (text[at:start], f"{_OPEN}{len(self.brackets)}{_CLOSE}")
+                    self.brackets.append(text[start + 1 : mark.start()])
+                    at = mark.end()
+        if level:
+            raise RefusedError("a bracket is empty or not closed")
+        return "".join(pieces) + text[at:]
 
     def _logic(self, operator: str, parts: list[str], budget: int) -> Node:
         operands: list[Node] = []

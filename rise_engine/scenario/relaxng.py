@@ -39,7 +39,7 @@ def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
     parts.append(
         _doc("Several actions of one type, of which one is picked at each start; never the same twice running.")
     )
-    parts.append('      <interleave>\n        <ref name="common"/>\n        <choice>\n')
+    parts.append("      <interleave>\n" + _COMMON + "        <choice>\n")
     parts += [f'          <oneOrMore><ref name="variant.{spec.name}"/></oneOrMore>\n' for spec in usable]
     parts.append("        </choice>\n      </interleave>\n    </element>\n  </define>\n")
     for spec in usable:
@@ -65,15 +65,14 @@ def rule_schema() -> etree.RelaxNG:
 
 
 def _action(spec: ActionSpec) -> str:
-    body = [_parameter(parameter) for parameter in spec.parameters.values()]
-    fields = "".join(body) or "        <empty/>\n"
+    fields = "".join(_parameter(parameter) for parameter in spec.parameters.values())
+    # One flat interleave for all: libxml2 refuses good files when one of them is within another.
+    variant = f"      <interleave>\n{fields}      </interleave>\n" if fields else "      <empty/>\n"
     return (
         f'  <define name="action.{spec.name}">\n    <element name="{spec.name}">\n{_doc(spec.help)}'
-        f'      <interleave>\n        <ref name="common"/>\n        <ref name="parameters.{spec.name}"/>\n'
-        f"      </interleave>\n    </element>\n  </define>\n"
+        f"      <interleave>\n{_COMMON}{fields}      </interleave>\n    </element>\n  </define>\n"
         f'  <define name="variant.{spec.name}">\n    <element name="{spec.name}">\n{_doc(spec.help)}'
-        f'      <ref name="parameters.{spec.name}"/>\n    </element>\n  </define>\n'
-        f'  <define name="parameters.{spec.name}">\n      <interleave>\n{fields}      </interleave>\n  </define>\n'
+        f"{variant}    </element>\n  </define>\n"
     )
 
 
@@ -131,22 +130,29 @@ _ACT_FRAME = """  <start>
       <zeroOrMore><ref name="action"/></zeroOrMore>
     </element>
   </define>
-  <define name="common">
-    <interleave>
-      <element name="actionID">
-        <a:documentation>The action's id, unique in its act: 1, 2, 3, ...</a:documentation>
-        <text/>
-      </element>
-      <optional><element name="waitForActions">
-        <a:documentation>Ids of the actions that must end before: 1, 2. Default: starts at once.</a:documentation>
-        <text/>
-      </element></optional>
-      <optional><element name="onFailure">
-        <a:documentation>continue: a failure of this action does not end the act.</a:documentation>
-        <value>continue</value>
-      </element></optional>
-    </interleave>
+  <define name="actionID">
+    <element name="actionID">
+      <a:documentation>The action's id, unique in its act: 1, 2, 3, ...</a:documentation>
+      <text/>
+    </element>
   </define>
+  <define name="waitForActions">
+    <element name="waitForActions">
+      <a:documentation>Ids of the actions that must end before: 1, 2. Default: starts at once.</a:documentation>
+      <text/>
+    </element>
+  </define>
+  <define name="onFailure">
+    <element name="onFailure">
+      <a:documentation>continue: a failure of this action does not end the act.</a:documentation>
+      <value>continue</value>
+    </element>
+  </define>
+"""
+
+_COMMON = """        <ref name="actionID"/>
+        <optional><ref name="waitForActions"/></optional>
+        <optional><ref name="onFailure"/></optional>
 """
 
 _RULE_GRAMMAR = """  <start>

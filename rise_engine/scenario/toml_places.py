@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 import tomllib
+from datetime import date, time
+from math import isfinite
 from typing import Any
 
 from msgspec import Struct
 
+from rise_engine.expression.values import is_64_bit
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Source
@@ -90,8 +93,31 @@ def read_toml(source: Source, findings: Findings) -> TomlFile | None:
                 return None
             text = mended
         else:
-            return TomlFile(source if text is source.text else Source(source.name, source.data, text), values)
+            file = TomlFile(source if text is source.text else Source(source.name, source.data, text), values)
+            _check_values(file, findings)
+            return file
     return None
+
+
+def _check_values(file: TomlFile, findings: Findings) -> None:
+    """Every value as JSON has it, as the record and the consoles are told it: dates and times become texts.
+
+    A finding for each number that JSON does not have.
+    """
+    pending: list[tuple[KeyPath, Any]] = [((), file.values)]
+    while pending:
+        path, holder = pending.pop()
+        for key, value in list(holder.items() if isinstance(holder, dict) else enumerate(holder)):
+            here = (*path, str(key))
+            if isinstance(value, dict | list):
+                pending.append((here, value))
+            elif isinstance(value, date | time):
+                holder[key] = value.isoformat()
+            elif isinstance(value, float) and not isfinite(value):
+                findings.error("wrong-value", file.value_place(*here), f"`{value}` is no number that can be used")
+            elif isinstance(value, int) and not is_64_bit(value):
+                sentence = "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)"
+                findings.error("wrong-value", file.value_place(*here), sentence)
 
 
 def _report(message: str, source: Source, text: str, findings: Findings, *, first: bool) -> int:

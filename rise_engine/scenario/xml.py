@@ -56,7 +56,7 @@ _TAG = re.compile(
     re.DOTALL,
 )
 _MAYBE_TEXT = re.compile(r">[ \t\r\n]*+[^< \t\r\n]")
-_ATTRIBUTE = re.compile(r"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_ATTRIBUTE = re.compile(r"(?<=\s)([^\s=/<>\"']++)\s*+=\s*+(?:\"([^\"]*)\"|'([^']*)')")
 _UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n")
 """What is one character of a value and several of the file."""
 _LINE_END = re.compile(r"\r\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import re
@@ -18,8 +19,9 @@ from typing import Any
 import pytest
 
 from rise_engine.link.places import held, lock_path, session_name, socket_path
+from rise_engine.link.socket_client import SocketClient
 from rise_engine.link.spawn import Options, Refused, Started, start_engine
-from rise_engine.session.folder import JOURNAL, read_info
+from rise_engine.session.folder import JOURNAL, read_info, unfinished
 from rise_engine.session.reading import read_journal
 
 from ..engine.processes import ENGINE, engine, folder
@@ -287,3 +289,39 @@ def test_other_users_cannot_connect(places: Path) -> None:
     tried: Any = subprocess.run([sys.executable, "-c", program, str(path)], check=False)
     assert tried.returncode == 13
     assert it.end() == 0
+
+
+def test_a_folder_whose_name_is_no_text(places: Path) -> None:
+    """It was written into the record with a `?`: --recover began a new session, and a console could not start one."""
+    studies = []
+    for name in (b"l\xe4b", b"l\xf6b"):
+        try:
+            studies.append(folder(places / os.fsdecode(name)))
+        except OSError:
+            pytest.skip("this file system has no such names")
+    one, other = studies
+    first = Serving(one, "--act", "Greet")
+    wait_for_record(first.record, b'"status":"accepted"')
+    assert read_info(first.record).scenario_folder == str(one)
+    first.end(signal.SIGKILL)
+    assert unfinished(str(one)) == [first.record] and unfinished(str(other)) == []
+    again = Serving(one, "--recover")
+    assert again.record == first.record
+    assert again.end() == 0
+
+    started = start_engine(Options(str(one), unfinished="new"))
+    assert isinstance(started, Started), started
+    assert asyncio.run(told_folder(started.name)) == str(one)
+    refused = start_engine(Options(str(one)))
+    assert isinstance(refused, Refused)
+    listed = engine("sessions")
+    assert listed.returncode == 0 and session_name(str(one)) in listed.stdout
+    assert engine("stop", one).returncode == 0
+
+
+async def told_folder(name: str) -> str:
+    """Of the scenario, as a console is told."""
+    client = SocketClient(name, "anna")
+    hello = await client.attach()
+    await client.close()
+    return hello.scenario.folder

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
+from rise_engine.scenario import load
 from rise_engine.scenario.actions import core_actions
 from rise_engine.scenario.relaxng import FOLDER, act_schema, act_schema_text, rule_schema, rule_schema_text
 from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
@@ -19,6 +21,7 @@ BEYOND = (
     "short-loop",
 )
 """Codes of what a schema cannot see: names, references, values, conditions."""
+SHIPPED = Path(__file__).parents[2] / "scenarios" / "greeting"
 _BEYOND = {code for line in BEYOND for code in line.split()}
 
 
@@ -83,3 +86,17 @@ def test_an_action_is_called_what_an_element_can_be_called(tmp_path: Path, name:
     else:
         assert element
         act_schema(scenario.robot.actions)
+
+
+def test_the_order_of_what_an_action_holds() -> None:
+    """libxml2 refused one of these when an `<interleave>` stood within another, for robots that know more emotions."""
+    schemas = act_schema(core_actions()), act_schema(load(SHIPPED).scenario.robot.actions)
+    parts = (
+        "<actionID>1</actionID>",
+        "<onFailure>continue</onFailure>",
+        "<value>sad</value>",
+        "<duration>6</duration>",
+    )
+    for order in permutations((*parts, "<waitForActions> </waitForActions>")):
+        text = act(f"<Emotion>{''.join(order)}</Emotion>")
+        assert all(schema.validate(etree.fromstring(text)) for schema in schemas), order
