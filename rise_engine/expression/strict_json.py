@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from rise_engine.expression.environment import Json
 from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.tokens import TYPOGRAPHIC_QUOTES
 from rise_engine.expression.values import MAX_LEVELS, is_64_bit
 
 _TOO_LONG = "a whole number in this JSON value has more than 64 bits"
@@ -28,7 +29,12 @@ def read_json(text: str, start: int) -> Json:
     except json.JSONDecodeError as error:
         column = start + error.pos + 1
         message = error.msg[:1].lower() + error.msg[1:]
-        hint = "JSON wants double quotes" if source[error.pos : error.pos + 1] == "'" else ""
+        found = source[error.pos : error.pos + 1]
+        hint = "JSON wants double quotes" if found == "'" else ""
+        if found in TYPOGRAPHIC_QUOTES and found:
+            message, hint = f"`{found}` is a typographic quotation mark", 'write a straight one: "'
+        elif found.isspace() and found not in " \t\r\n":
+            message, hint = f"the character U+{ord(found):04X} only looks like a blank", "write an ordinary blank"
         raise ExpressionError(f"this is no valid JSON: {message}", text, column, hint) from None
     except _RefusedError as error:
         hint = _SHORTER if str(error) == _TOO_LONG else ""

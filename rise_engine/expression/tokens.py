@@ -66,7 +66,8 @@ _HINTS = {
     "?": "choose with `if` and `else` in the rule",
     ":": "write `=` to compare",
 }
-_TYPOGRAPHIC_QUOTES = "“”„‟‘’‚«»‹›`´"
+TYPOGRAPHIC_QUOTES = "“”„‟‘’‚«»‹›`´"
+_CLOSING = re.compile(rf"[{TYPOGRAPHIC_QUOTES}](?!\w)")
 
 
 class Token(NamedTuple):
@@ -168,9 +169,22 @@ def check_key(text: str, word: str, start: int) -> None:
 def _bad_character(text: str, character: str, start: int) -> ExpressionError:
     column = start + 1
     if character in "\"'":
+        curly = next((found.start() for found in _CLOSING.finditer(text, start + 1)), -1)
+        if curly >= 0:
+            return ExpressionError(
+                f"`{text[curly]}` does not close the text that begins with {character}",
+                text,
+                curly + 1,
+                f"write a straight quote: {character}",
+            )
         return ExpressionError("this text has no closing quote", text, column, f"add {character} at its end")
-    if character in _TYPOGRAPHIC_QUOTES:
-        return ExpressionError(f"`{character}` is no quote here", text, column, "write straight quotes: \" or '")
+    if character in TYPOGRAPHIC_QUOTES:
+        return ExpressionError(
+            f"`{character}` is a typographic quotation mark, and no quote here",
+            text,
+            column,
+            "write straight quotes: \" or '",
+        )
     entity = re.compile(r"&(lt|gt|amp|quot|apos);").match(text, start)
     if entity:
         return ExpressionError(f"`{entity[0]}` is escaped twice", text, column, "escape it once in the XML file")

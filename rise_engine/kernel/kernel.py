@@ -102,7 +102,7 @@ class Kernel:
 
     @classmethod
     def restore(cls, scenario: Scenario, snapshot: Snapshot) -> Kernel:
-        """A kernel that goes on exactly where the snapshot was taken, given the same scenario."""
+        """A kernel that goes on exactly where the snapshot was taken. Raises SnapshotError for another scenario."""
         kernel = cls(scenario, snapshot.seed)
         restore(kernel, snapshot)
         return kernel

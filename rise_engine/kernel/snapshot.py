@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from rise_engine.kernel.kernel import Kernel
 
 
+class SnapshotError(ValueError):
+    """A snapshot does not fit the scenario that it is to go on with; the message is a sentence for a person."""
+
+
 class RuleSnapshot(Struct, frozen=True):
     name: str
     state: str
@@ -23,7 +27,8 @@ class RuleSnapshot(Struct, frozen=True):
     priority: float
     stamp: int
     timers: dict[int, int]
-    """Timer to index of the transition that it is for."""
+    """Timer to index of the transition that it is for, in the state. An index says which one only within the very
+    scenario that the snapshot was taken of, as everything else in it does; so `Snapshot.scenario` is compared first."""
     held: list[int]
     steps: int
     """Transitions that it has taken in the go that timers of the same moment would still belong to."""
@@ -32,6 +37,8 @@ class RuleSnapshot(Struct, frozen=True):
 class Snapshot(Struct, frozen=True):
     """Plain data through and through: it can be encoded as JSON and decoded again."""
 
+    scenario: str
+    """The hash of the scenario's files: with others, nothing in here means what it says."""
     seed: int
     t: float
     seq: int
@@ -61,6 +68,7 @@ class Snapshot(Struct, frozen=True):
 def take(kernel: Kernel) -> Snapshot:
     core, runner, rules = kernel.core, kernel.scheduler.runner, kernel.rules
     snapshot = Snapshot(
+        scenario=core.scenario.hash,
         seed=kernel.seed,
         t=core.t,
         seq=core.seq,
@@ -100,7 +108,16 @@ def take(kernel: Kernel) -> Snapshot:
 
 
 def restore(kernel: Kernel, snapshot: Snapshot) -> None:
-    snapshot = _copy(snapshot)
+    """Bring a kernel that has done nothing yet to where the snapshot was taken. Raises SnapshotError."""
+    if snapshot.scenario != kernel.core.scenario.hash:
+        raise SnapshotError("the scenario's files are not those that the snapshot was taken with")
+    try:
+        _restore(kernel, _copy(snapshot))
+    except LookupError as error:  # a scenario without files has no hash to tell it apart
+        raise SnapshotError(f"the snapshot was taken of another scenario: it has no {error}") from error
+
+
+def _restore(kernel: Kernel, snapshot: Snapshot) -> None:
     core = kernel.core
     core.t, core.seq = snapshot.t, snapshot.seq
     core.chance.state = snapshot.chance
@@ -112,6 +129,8 @@ def restore(kernel: Kernel, snapshot: Snapshot) -> None:
         run = kernel.rules.resume(rule.name, rule.state, rule.task)
         run.priority, run.stamp = rule.priority, rule.stamp
         run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
+        if any(transition.after is None for transition in run.timers.values()):
+            raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
         run.held = set(rule.held)
         run.step, run.steps = core.step, rule.steps
     kernel.rules.spent = {name: (core.step, steps) for name, steps in snapshot.spent.items()}

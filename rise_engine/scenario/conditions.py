@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.expression.upstream import differences
 from rise_engine.scenario.draft import Draft, Mention, Where
 from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.xml import XmlFile, expression_texts
+from rise_engine.scenario.typography import sentence_at
+from rise_engine.scenario.xml import Spot, XmlFile, expression_texts
 
+_PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
 NEVER = Expression.parse("false")
 """Stands for a condition that could not be read; a scenario with one is refused anyway."""
 
@@ -40,9 +44,24 @@ def expression_message(error: ExpressionError) -> str:
 def note_expression(expression: Expression, where: Where, draft: Draft, findings: Findings) -> None:
     """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
     _note_reads(expression, where, draft)
+    blank = _foreign_blank(expression.text)
+    if blank >= 0:
+        place = (
+            Spot(where.file, where.element, where.attribute, blank).place if isinstance(where, Spot) else where.place
+        )
+        sentence = sentence_at(expression.text, blank)
+        findings.warning("reads-differently", place, f"{sentence} (RISE does not take it for one)")
+        return
     difference = differences(expression)
     if difference is not None:
         findings.warning("reads-differently", where.place, difference)
+
+
+def _foreign_blank(text: str) -> int:
+    """Where the first blank stands, outside of texts, that only looks like one; -1: nowhere."""
+    if text.isascii():
+        return -1
+    return next((found.start() for found in _PIECE.finditer(text) if found.group(1)), -1)
 
 
 def note_assignment(assignment: Assignment, where: Where, draft: Draft) -> None:

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 from msgspec import Struct
 
 from rise_engine.expression.values import MAX_LEVELS, is_64_bit
+from rise_engine.scenario.typography import sentence_at, unclosed_by
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 _STRING = re.compile(r'"([^"\\\x00-\x1f]*)"')
@@ -19,6 +20,7 @@ _CHUNK = re.compile(r'[^"\\\x00-\x1f]*')
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?(?![\w.])")
 _WORD = re.compile(r"[-+]?\w+|.", re.DOTALL)
 _ESCAPES = {'"': '"', "\\": "\\", "/": "/", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t"}
+_UNCLOSED = "this text has no closing quotation mark"
 _WORDS = {"true": True, "false": False, "null": None}
 
 
@@ -65,10 +67,20 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
     Keys given twice are reported to `duplicate`, and reading goes on with the first value. Raises JsonError for what is
     not JSON; NaN and infinities are only reported, and read as null, when there is a `no_number`.
     """
-    reader = _Reader(text, duplicate, no_number)
+    try:
+        return _whole(_Reader(text, duplicate, no_number))
+    except JsonError as error:
+        at = unclosed_by(text, error.offset) if str(error) == _UNCLOSED else error.offset
+        known = sentence_at(text, at, quote='"') if at >= 0 else ""
+        if known:
+            raise JsonError(known, at) from None
+        raise
+
+
+def _whole(reader: _Reader) -> Any:
     value, at = reader.value(reader.skip(0), 0)
     at = reader.skip(at)
-    if at < len(text):
+    if at < len(reader.text):
         raise JsonError("something follows after the end of the JSON value", at)
     return value
 
@@ -163,7 +175,7 @@ class _Reader:
                 piece, position = self.escape(position)
                 pieces.append(piece)
             elif character in ("\n", "\r", ""):
-                raise JsonError("this text has no closing quotation mark", at)
+                raise JsonError(_UNCLOSED, at)
             else:
                 raise JsonError(f"a control character (U+{ord(character):04X}) must be written as an escape", position)
 

@@ -14,6 +14,7 @@ from rise_engine.expression.values import is_64_bit
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Source
+from rise_engine.scenario.typography import sentence_at, unclosed_by
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
@@ -137,8 +138,20 @@ def _report(message: str, source: Source, text: str, findings: Findings, *, firs
         findings.error("duplicate-key", place, f"`{name}` is given twice{known}")
         return line
     if first:
-        findings.error("toml-syntax", source.place(offset), f"this is not TOML: {sentence}")
+        at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # a text is not closed
+        opening = _opening(source.text, offset) if at_end else -1
+        closing = unclosed_by(source.text, opening) if opening >= 0 else -1
+        offset = closing if closing >= 0 else offset
+        known = sentence_at(source.text, offset)
+        findings.error("toml-syntax", source.place(offset), known or f"this is not TOML: {sentence}")
     return source.place(offset).line
+
+
+def _opening(text: str, offset: int) -> int:
+    """Where the text begins that is not closed before `offset`, the end of its line; -1 when there is none."""
+    line = text.rfind("\n", 0, offset) + 1
+    quotes = [at for at in range(line, min(offset, len(text))) if text[at] in "\"'"]
+    return quotes[-1] if quotes else -1
 
 
 def _twice(source: Source, line: int) -> tuple[str, int]:

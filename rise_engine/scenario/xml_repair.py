@@ -12,6 +12,7 @@ from bisect import bisect_right
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.source import Source
+from rise_engine.scenario.typography import DOUBLE, SINGLE, plain_quote, sentence_at
 from rise_engine.text import GAP, called, strange
 
 _MARK = re.compile(r"[<&]")
@@ -21,6 +22,8 @@ _NAME = re.compile(r"[^\W\d][\w.:-]*")
 _SKIP = (("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">"), ("</", ">"))
 _VALUE_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
 _RUNS_ON = re.compile(r"[\r\n][^\S\r\n]*+<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
+_ANY_QUOTE = re.compile(f"[\"'{DOUBLE}{SINGLE}]")
+_CURLY_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'{DOUBLE}{SINGLE}])")
 _LINE_END = re.compile(r"[\r\n]")
 _LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
 _GAP = re.compile(rf"{GAP}*+")
@@ -168,6 +171,10 @@ def _tag(mended: Mended, findings: Findings, start: int) -> int:
         _blanks(mended, findings, equals.start(), equals.end(), " ")
         at = equals.end()
         quote = text[at : at + 1]
+        end = _typographic(mended, findings, at)
+        if end > 0:
+            at = end + 1
+            continue
         if quote not in ('"', "'") or not quote:
             return at
         end = _value_end(mended, at + 1, quote)
@@ -175,6 +182,41 @@ def _tag(mended: Mended, findings: Findings, start: int) -> int:
             return at + 1
         _value(mended, findings, attribute.group(), at, end)
         at = end + 1
+
+
+def _typographic(mended: Mended, findings: Findings, opening: int) -> int:
+    """Mend a value in typographic quotation marks, or one that they close: the offset of its end; -1 for others."""
+    text = mended.source.text
+    curly = bool(plain_quote(text[opening : opening + 1]))
+    if not curly and text[opening : opening + 1] not in ('"', "'"):
+        return -1
+    line_end = _LINE_END.search(text, opening, opening + _FARTHEST)
+    last = line_end.start() if line_end else min(opening + _FARTHEST, len(text))
+    straight = plain_quote(text[opening]) or text[opening]
+    for found in _ANY_QUOTE.finditer(text, opening + 1, last):
+        if not curly and found.group() == straight:
+            return -1  # it is closed as it should be
+        if not curly and not plain_quote(found.group()):
+            continue
+        if not _CURLY_ENDS.match(text, found.end()):
+            continue
+        first = opening if curly else found.start()
+        findings.error("quotes", mended.source.place(first), sentence_at(text, first, quote=straight))
+        for at in (opening, found.start()):
+            mended.replace(at, at + 1, straight)
+        _escape(mended, text, opening + 1, found.start(), straight)
+        return found.start()
+    return -1
+
+
+def _escape(mended: Mended, text: str, start: int, end: int, quote: str) -> None:
+    """Replace what cannot stand in a value that has just got its quotation marks."""
+    entities = {"<": "&lt;", quote: "&quot;" if quote == '"' else "&apos;"}
+    for at in range(start, end):
+        if text[at] in entities:
+            mended.replace(at, at + 1, entities[text[at]])
+        elif text[at] == "&" and _REFERENCE.match(text, at) is None:
+            mended.replace(at, at + 1, "&amp;")
 
 
 def _value_end(mended: Mended, start: int, quote: str) -> int:

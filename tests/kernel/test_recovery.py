@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ControlChanged, SessionRecovered
 from rise_engine.kernel.records import ENDINGS, ActionRecord, ControlRecord, SessionRecord
+from rise_engine.kernel.snapshot import SnapshotError
 
 from .harness import Session, dialog, gaze, pause, read, speech, write
 
@@ -205,3 +207,34 @@ def test_control_is_recorded_and_changes_nothing(session: Session, status: str) 
         before.timers,
         before.stop,
     )
+
+
+TIMES = """<InteractionRule name="R" initial="S"><State id="S">
+  {}<transition after="2s" target="Short"/><transition after="9s" target="Long"/>
+</State><State id="Short"/><State id="Long"/></InteractionRule>"""
+
+
+def test_a_snapshot_is_refused_with_a_scenario_that_was_changed(tmp_path: Path) -> None:
+    """A transition written in before another one would have taken over its timer."""
+    s = Session(read(write(tmp_path / "a", rules=TIMES.format(""))))
+    s.rule("R")
+    snapshot = s.kernel.snapshot()
+    again = Session(s.scenario, kernel=Kernel.restore(s.scenario, snapshot))
+    again.timers, again.t = dict(s.timers), s.t
+    again.wait(3)
+    assert "entered Short" in str(again.lines())
+    changed = read(write(tmp_path / "b", rules=TIMES.format('<transition after="5s" target="Long"/>')))
+    with pytest.raises(SnapshotError, match="not those that the snapshot was taken with"):
+        Kernel.restore(changed, snapshot)
+
+
+@pytest.mark.parametrize(
+    "rules", ["", TIMES.format('<transition eventTopic="e" target="S"/>'), TIMES.replace('S"', 'T"')]
+)
+def test_without_files_what_is_missing_is_said(tmp_path: Path, rules: str) -> None:
+    """Scenarios that were made in a program have no hash."""
+    s = Session(replace(read(write(tmp_path / "a", rules=TIMES.format(""))), hash=""))
+    s.rule("R")
+    other = replace(read(write(tmp_path / "b", rules=rules.format(""))), hash="")
+    with pytest.raises(SnapshotError, match="another scenario"):
+        Kernel.restore(other, s.kernel.snapshot())

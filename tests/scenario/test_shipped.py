@@ -141,3 +141,19 @@ def test_the_wheel_holds_the_studies_and_the_notices(tmp_path: Path) -> None:
     for path in STUDIES.rglob("*"):
         if path.is_file():
             assert f"rise_engine/studies/{path.relative_to(STUDIES).as_posix()}" in held
+    assert {name.partition(".dist-info/licenses/")[2] for name in held} >= {
+        "LICENSE",
+        "NOTICE",
+        "LICENSES/Apache-2.0.txt",
+    }
+
+
+def test_the_notice_names_every_definition_of_others() -> None:
+    root = STUDIES.parent
+    share = root / "adapters" / "rise_adapters" / "ros2" / "share"
+    notice = (root / "NOTICE").read_text("utf-8")
+    for path in share.rglob("*.*"):
+        package, *rest = path.relative_to(share).parts
+        if path.is_file() and package != "rise_interfaces":
+            section = notice[notice.index(f"\n{package} ") :].partition("https://")[0]
+            assert "/".join(rest) in section, path
