@@ -354,7 +354,14 @@ class Peer(asyncio.BufferedProtocol):
         self._full = True
 
     def resume_writing(self) -> None:
+        # The transport calls this in the middle of a write of its own. Whoever writes or closes now, and fails, has its
+        # connection_lost called twice by asyncio, the second time on nothing: so it is done in the next turn.
         self._full = False
+        self._loop.call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        if self._full or self._transport.is_closing():
+            return
         if self._closing or not self._arriving:
             self._send_waiting()
         else:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -37,9 +38,12 @@ print(late)
 """
 
 
-async def run(*arguments: str) -> asyncio.subprocess.Process:
+async def run(*arguments: str, log: Path | None = None) -> asyncio.subprocess.Process:
     pipe = asyncio.subprocess.PIPE
-    return await asyncio.create_subprocess_exec(sys.executable, *arguments, stdin=pipe, stdout=pipe, cwd=ROOT)
+    with open(os.devnull if log is None else log, "wb") as errors:  # noqa: ASYNC230, PTH123
+        return await asyncio.create_subprocess_exec(
+            sys.executable, *arguments, stdin=pipe, stdout=pipe, stderr=None if log is None else errors, cwd=ROOT
+        )
 
 
 async def test_bad_clients_hold_up_nobody(place: Path) -> None:
@@ -52,7 +56,8 @@ async def test_bad_clients_hold_up_nobody(place: Path) -> None:
 
 
 async def _flooded(place: Path) -> tuple[float, float, str]:
-    engine = await run("-m", "tests.link.engine_process", str(place))
+    log = place / "engine.log"
+    engine = await run("-m", "tests.link.engine_process", str(place), log=log)
     assert engine.stdout is not None
     path = (await engine.stdout.readline()).decode().strip()
     clock = await run("-S", "-c", CLOCK)
@@ -82,6 +87,7 @@ async def _flooded(place: Path) -> tuple[float, float, str]:
     assert found["grown"] < MEMORY, figures
     assert stops > 3 and slowest < 2, figures
     assert late.view.stop.latched
+    assert "Traceback" not in log.read_text(), log.read_text()
     return found["late"], machine, figures
 
 

@@ -10,6 +10,7 @@ import stat
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,7 +19,7 @@ from rise_engine.link import server as serving
 from rise_engine.link.messages import LINE_LIMIT, MESSAGE_LIMIT
 from rise_engine.link.room import Room
 
-from .serving import Follower, Raw, served
+from .serving import GREETING, Follower, Raw, served
 
 BAD = {
     "no JSON": b"hello there\n",
@@ -271,3 +272,31 @@ async def test_a_socket_that_lies_there_already_is_an_error(place: Path) -> None
             await serving.Server(session.room, session.path).start()
         with socket.socket(socket.AF_UNIX) as connection:
             connection.connect(str(session.path))
+
+
+async def test_a_connection_that_ends_while_it_is_written_to_ends_once(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is closed as soon as a slow client has taken the rest: asyncio tells of that in the middle of its own write."""
+    failed: list[dict[str, Any]] = []
+    asyncio.get_running_loop().set_exception_handler(lambda loop, context: failed.append(context))
+    async with served(place, GREETING) as session:
+        raw = await Raw.open(session.path)
+        raw.attach()
+        await raw.until("ready")
+        raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
+        (peer,) = session.server.peers
+        lost: list[object] = []
+        monkeypatch.setattr(session.server, "lost", lost.append)
+        while not peer._queue:
+            peer.push(b'{"type":"nothing","text":"' + b"x" * 50_000 + b'"}\n')
+            await asyncio.sleep(0)
+        peer.refuse("enough")
+        raw.writer.transport.resume_reading()  # type: ignore[attr-defined]
+        assert await raw.refused() == "enough"
+        async with asyncio.timeout(10):
+            while not lost:
+                await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert lost == [peer] and not failed, failed
+        session.server.peers.clear()
