@@ -23,6 +23,7 @@ from rise_engine.arguments import (
     script_of,
     split_ros_args,
     usage,
+    with_parameters,
 )
 from rise_engine.terminal import guarded
 
@@ -84,6 +85,8 @@ class _Program(click.Group):
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
         with guarded():
+            if ours[:1] == ["serve"]:
+                ours, theirs = with_parameters(ours, theirs, serve)
             return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:

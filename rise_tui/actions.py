@@ -293,10 +293,10 @@ ACTIONS: tuple[Action, ...] = (
            "details", _logged),
     Action("log.follow", "Follow the newest task", ("end",), "log",
            "Goes to the end and stays there. Scrolling up pauses; the title counts what is new.", "follow"),
-    Action("log.unfold", "Show what rules did for themselves", ("right",), "log",
+    Action("log.unfold", "Show the rules' own rows", ("right",), "log",
            "By default the log shows what people and the robot did. This shows the rules' own events, values and rules "
            "too; it stays so for later sessions.", "rules' own"),
-    Action("log.fold", "Hide what rules did for themselves", ("left",), "log",
+    Action("log.fold", "Hide the rules' own rows", ("left",), "log",
            "Only what people and the robot did: tasks of wizards and programs, acts, failures, notes."),
     Action("log.time", "Go to a time", (), "log",
            "Goes to the row nearest to a time of the session: 14:32, -30s (before now), now.", "", _logged),

@@ -224,8 +224,14 @@ class ConsoleApp(KeyWatch):
         if recover is None:
             return
         session.tell(Notice("the session is being recovered", "wait"))
+        loop = asyncio.get_running_loop()
+
+        def tell(sentence: str) -> None:
+            with suppress(RuntimeError):  # the console has left meanwhile
+                loop.call_soon_threadsafe(session.tell, Notice(sentence, "wait"))
+
         try:
-            recovered = await asyncio.to_thread(recover, session.store.hello)
+            recovered = await asyncio.to_thread(recover, session.store.hello, tell)
         except (EngineGone, PlaceError) as error:
             session.tell(Notice(f"it is not recovered: {error}", "fault"))
             return

@@ -6,6 +6,7 @@ import asyncio
 import os
 from collections.abc import Iterator
 from datetime import datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rise_engine.view import TaskView
@@ -63,16 +64,16 @@ class LogOut:
             self._copy(table([task], head=False), "the row")
 
     def copy_all(self) -> None:
-        self._copy(table(self._shown()), _rows(self._pane.log_view.count))
+        self._copy(table(self._shown()), _rows(self._pane.log_view.count), self._without())
 
-    def _copy(self, lines: Iterator[str], what: str) -> None:
+    def _copy(self, lines: Iterator[str], what: str, without: str = "") -> None:
         try:
             text = for_clipboard(lines)
         except TooLong as why:
             self._tell(f"not copied, {what}: {why}")
             return
         self._pane.app.copy_to_clipboard(text)
-        self._tell(f"copied {what}{on_the_way(os.environ) or ' to the clipboard of your terminal'}")
+        self._tell(f"copied {what}{on_the_way(os.environ) or ' to the clipboard of your terminal'}{without}")
 
     # --- a file -------------------------------------------------------------------------------------------------------
 
@@ -94,7 +95,7 @@ class LogOut:
         except NotSaved as why:
             self._tell(f"not saved: {why}")
         else:
-            self._tell(f"saved {_rows(len(tasks))} to {tilde(str(path))}")
+            self._tell(f"saved {_rows(len(tasks))} to {tilde(str(path))}{self._without()}")
             if pane.save_bar.is_open:
                 pane.save_bar.close()
                 pane.screen.set_focus(pane.rows)
@@ -105,6 +106,11 @@ class LogOut:
         log, view = self._pane.store.log, self._pane.store.view
         found = (log.find(row, view) for row in list(self._pane.log_view.ids))
         return (task for task in found if task is not None)
+
+    def _without(self) -> str:
+        """What is not among the rows, and how to get it."""
+        store = self._pane.store
+        return f"; {store.older}: rise-engine export {Path(store.hello.folder).name}" if store.older else ""
 
     def _tell(self, text: str) -> None:
         self._pane.post_message(Told(text))

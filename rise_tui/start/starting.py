@@ -134,6 +134,23 @@ def who(asked: Asked, session: str) -> tuple[str, str]:
     return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"
 
 
+class ProgressLine:
+    """How far an engine is that is still coming up: one line of the terminal, which is written over."""
+
+    def __init__(self) -> None:
+        self._told = False
+
+    def tell(self, sentence: str) -> None:
+        from rise_engine.text import clean
+
+        self._told = True
+        click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)
+
+    def clear(self) -> None:
+        if self._told:
+            click.echo("\r\x1b[2K", nl=False)
+
+
 def start(asked: Asked) -> NoReturn:
     """Do what is asked; ends the process with its exit status."""
     try:
@@ -278,14 +295,17 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_tui.start.launch import told_of
     from rise_tui.start.launch_process import RUNNING
 
-    found = starting.wait()
+    progress = ProgressLine()
+    found = starting.wait(progress.tell)
+    progress.clear()
     if isinstance(found, Refused) and (found.unfinished or found.others):
         from rise_engine.session.folder import whose
         from rise_tui.start import choose
 
         named = whose(settings.participant, settings.condition)
         chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
-        found = start_engine(replace(wanted, unfinished=chosen))
+        found = start_engine(replace(wanted, unfinished=chosen), progress.tell)
+        progress.clear()
     if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
         _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):

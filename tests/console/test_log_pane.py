@@ -22,6 +22,7 @@ from rise_tui.export import (
     save,
     table,
 )
+from rise_tui.model.log_rows import row_of
 from rise_tui.panes.log import LogPane
 from rise_tui.screens.reading import Reading
 from rise_tui.text import Line, marked, plain
@@ -48,7 +49,7 @@ def many(it: Console, count: int) -> None:
     for id in range(1, count + 1):
         name = "/rare" if id % 1000 == 0 else "/often"
         store.view.tasks[id] = TaskView(id, "raiseEventTopic", name, "", "file", "SUCCEEDED", "", id * 0.1)
-        store.log.append(id)
+    store.log.take_in(store.view)
 
 
 def fully_shown(pane: LogPane) -> bool:
@@ -102,7 +103,7 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         pane.set_filter("rare")
         await it.until(lambda: fully_shown(pane) and log.count == 100)
         assert "100 of 100000" in pane.title.text and "…" not in pane.title.text
-        assert log.current == "100000"
+        assert log.current == str(row_of(100_000))
 
 
 async def test_rows_in_view_stay_while_older_ones_are_found() -> None:
@@ -127,7 +128,7 @@ async def test_a_task_that_ends_otherwise_is_found_then() -> None:
         it.screen.panes.go_to("log")
         pane.set_filter("failed")
         task = it.client.act("Greet")
-        await it.until(lambda: it.screen.session.store.log == [task])
+        await it.until(lambda: it.screen.session.store.log.all == [row_of(task)])
         assert log.count == 0
         it.client.end_task(task, "Greet", "ABORTED", "the robot fell silent")
         await it.until(lambda: log.count == 1)
@@ -197,7 +198,7 @@ async def test_now_follows_again_and_nonsense_is_said() -> None:
         assert isinstance(it.app.focused, Input)
         await it.press(*["backspace"] * 4, *"now", "enter")
         await it.until(lambda: log.following)
-        assert log.current == "60"
+        assert log.current == str(row_of(60))
 
 
 # --- details ---------------------------------------------------------------------------------------------------------
@@ -412,3 +413,35 @@ def test_marking_a_line() -> None:
     assert marked(line, [(1, 4)]) == (("a", "muted"), ("bc", "match"), ("d", "match"), ("ef", "plain"))
     assert marked(line, []) == line
     assert marked(line, [(0, 1), (5, 6), (9, 12)]) == (("a", "match"), ("bc", "muted"), ("de", "plain"), ("f", "match"))
+
+
+async def test_older_tasks_that_are_in_the_record_only_are_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: what can be searched, copied or saved from here is not silently incomplete."""
+    monkeypatch.setattr("rise_engine.view.TASK_LOG", 40)
+    monkeypatch.setattr("rise_engine.view.FORGET", 10)
+    monkeypatch.chdir(tmp_path)
+    async with console(size=(200, 50)) as it:
+        it.screen.panes.go_to("log")
+        pane, log = log_of(it)
+        store = it.screen.session.store
+        events(it, 50)
+        await it.until(lambda: log.count == 50)
+        assert pane.title.text.strip().endswith("following")
+        await it.press("up")
+        selected = log.current
+        events(it, 3, start=50)
+        await it.until(lambda: log.count == 42)
+        assert store.log == list(store.view.tasks) and store.view.forgotten == 11
+        assert log.current == selected, "the cursor stays on its task"
+        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        pane.set_filter("topic")
+        await it.until(lambda: fully_shown(pane) and "42 of 42" in pane.title.text)
+        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        events(it, 10, start=53)
+        await it.until(lambda: fully_shown(pane) and "41 of 41" in pane.title.text)
+        pane.do("log.save")
+        await it.press("enter")
+        await it.until(lambda: "saved 41 rows" in it.notice)
+        assert "; 22 older tasks are in the record only: rise-engine export " in it.notice

@@ -210,9 +210,9 @@ class Lab:
     def node(self, name: str) -> MemoryTransport:
         return MemoryTransport(self.wire, self.loop, name)
 
-    def speaks(self, node: str, type: str = SPEECH["type"]) -> ActionServer:
+    def speaks(self, node: str, type: str = SPEECH["type"], name: str = "/rise/robot/speech") -> ActionServer:
         clock = RealClock(self.loop)
-        return ActionServer(self.node(node), "/rise/robot/speech", type, lambda goal: goal.reject(), clock=clock)
+        return ActionServer(self.node(node), name, type, lambda goal: goal.reject(), clock=clock)
 
     async def open(self, choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
         return self.node(f"/{node}")
@@ -254,6 +254,18 @@ async def test_a_robot_that_is_there_in_part(only: Any) -> None:
     lab.node("/tin/led").subscribe("/rise/robot/led", LED["type"], print)
     findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
     assert "Speech: nothing offers /rise/robot/speech" in said(findings, "problem")
+
+
+async def test_a_robot_by_another_name(only: Any) -> None:
+    lab = Lab()
+    lab.node("/tin/led").subscribe("/tin/led", LED["type"], print)
+    lab.speaks("/tin/mouth", name="/tin/speech")
+    findings = await lab.examined(profile(Speech=SPEECH))
+    assert "nothing offers /rise/robot/speech there is one of this type, by other names: /tin/speech;" in said(
+        findings, "problem"
+    )
+    findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
+    assert "of their types there are, by other names: /tin/speech, /tin/led;" in said(findings, "problem")
 
 
 async def test_two_robots_on_one_name(only: Any) -> None:

@@ -16,7 +16,7 @@ from rise_adapters.ros2 import choose, doctor, ends, vendors
 from rise_adapters.ros2.action_server import ActionServer
 from rise_adapters.ros2.bridge import Ros2Bridge, check_profile
 from rise_adapters.ros2.carriers import Carrier, read_carriers
-from rise_adapters.ros2.port import FEEDBACK, STATUS_TOPIC, QoS, Transport, action_types
+from rise_adapters.ros2.port import FEEDBACK, STATUS_TOPIC, End, QoS, Transport, action_types
 from rise_adapters.ros2.robot import Ros2Robot
 
 from rise_engine.bridge import BridgeError, Wire
@@ -84,7 +84,9 @@ def test_e1_a_robot_of_another_version_is_not_connected_until_the_right_one_come
     bench.robot_appears().hashes.update({type: OTHER for name in TYPES for type in types_of(TYPES[name])})
     bench.run(6)
     (told,) = bench.of(RobotRecord)
-    assert told.status == "lost" and told.detail.startswith("other-version: /pepper/rise/")
+    assert told.status == "lost" and told.detail.startswith(
+        "other-version: Pepper has other versions of types; build both anew (/pepper/rise/speech is offered by"
+    )
     bench.act()
     bench.run(7)
     assert "other-version" in bench.ending(TASK)
@@ -143,6 +145,35 @@ def test_e1_versions_that_are_not_announced_are_said_once() -> None:
     bench.run(30)
     assert bench.task() == "SUCCEEDED" and len(bench.speech.executed) == 2
     assert bench.robot_statuses() == ["connected"]
+    assert bench.notes() == [ends.uncompared(SPEECH), ends.uncompared(GAZE)]
+    bench.check()
+
+
+def test_a_middleware_that_lists_no_ends_is_trusted_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it does not list cannot be compared; it may only not have come to it yet."""
+    monkeypatch.setattr(MemoryTransport, "server_ends", lambda self, service: [])
+    bench = Bench()
+    bench.act()
+    bench.run(0.9)
+    assert bench.speech.received == []
+    bench.run(20)
+    assert bench.task() == "SUCCEEDED" and bench.robot_statuses() == ["connected"]
+    assert bench.notes() == [ends.uncompared(SPEECH), ends.uncompared(GAZE)]
+    bench.check()
+
+
+def test_a_middleware_that_only_names_types_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As rmw_zenoh, of which rclpy knows no more of a service."""
+    listed = MemoryTransport.server_ends
+    monkeypatch.setattr(
+        MemoryTransport,
+        "server_ends",
+        lambda self, service: [End(end.node, end.type) for end in listed(self, service) if "_Request" in end.type],
+    )
+    bench = Bench()
+    bench.act()
+    bench.run(20)
+    assert bench.task() == "SUCCEEDED" and bench.robot_statuses() == ["connected"]
     assert bench.notes() == [ends.uncompared(SPEECH), ends.uncompared(GAZE)]
     bench.check()
 
@@ -453,7 +484,7 @@ async def test_check_doctor_and_session_say_the_same_about_a_profile(
     with pytest.raises(BridgeError) as refused:
         await lab.session()
     assert refused.value.lines == [checked]
-    assert lab.wire.sent == []
+    assert not lab.wire.messages("/tin/*")
 
 
 @pytest.mark.parametrize("fault", LIVE)

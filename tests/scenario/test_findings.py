@@ -276,6 +276,21 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         {"scenario.toml": '[act.A]\nhold = 1\ncalling_type = "x"\nholt = 1', "acts/a.xml": act(SPEECH)},
         ["scenario.toml:2:8 wrong-type", "scenario.toml:3:16 wrong-value", "scenario.toml:4:1 unknown-key"],
     ),
+    "labels of keys": (
+        {
+            "scenario.toml": '[keys]\na = { act = "A", label = "not understood" }\nb = { act = "A", label = " " }\n'
+            'c = { act = "A", label = 1 }\nd = { act = "A", label = "1234567890123456789012345" }\n'
+            'e = { label = "x" }\nf = { act = "A", label = "\\u0007" }\n',
+            "acts/a.xml": act(SPEECH),
+        },
+        [
+            "scenario.toml:3:26 missing-value",
+            "scenario.toml:4:26 wrong-type",
+            "scenario.toml:5:26 out-of-range",
+            "scenario.toml:6:1 binding",
+            "scenario.toml:7:26 wrong-value",
+        ],
+    ),
     "keys": (
         {
             "scenario.toml": '[keys]\n"1" = { act = "A" }\nx = { acd = "A" }\n"." = { event = "/e" }\n'

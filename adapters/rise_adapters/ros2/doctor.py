@@ -51,6 +51,7 @@ SECONDS = 3.0
 SETTLE = 0.5
 """For which it goes on after all were found, because a second server may come."""
 _LOOK = 0.05
+_MOST_NAMES = 8
 _SAFE_DOMAINS = 101
 """Above it, the ports of DDS overlap those that Linux gives to programs."""
 _INSTALLED = Path("/opt/ros")
@@ -481,7 +482,9 @@ async def robot(wire: Transport, profile: RobotProfile | None, seconds: float = 
         await _look(looked_for, seconds)
         if len(looked_for) > 1 and not any(each.seen() for each in looked_for):
             names = ", ".join(each.full for each in looked_for)
-            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", _start_it("these"))]
+            others = list(dict.fromkeys(name for each in looked_for for name in each.elsewhere()))
+            remedy = _rename("these", others) if others else _start_it("these")
+            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
         return [finding for each in looked_for for finding in each.findings()]
     except PortError as error:
         return [Finding("problem", "robot", str(error))]
@@ -539,6 +542,10 @@ class _LookedFor:
         """Whether there is anything of that name, be it the right thing or not."""
         return self.count() > 0 or bool(ends.look(self._wire, self._carrier).seen)
 
+    def elsewhere(self) -> list[str]:
+        """The names under which there is something of its type."""
+        return ends.elsewhere(self._wire, self._carrier)
+
     def findings(self) -> Iterator[Finding]:
         number, name, full = self.count(), self._name, self.full
         action = self._carrier.kind == "action"
@@ -553,10 +560,17 @@ class _LookedFor:
                 "ok", "robot", f"{name}: {full} {f'is offered, as {self._carrier.type}' if action else listens}"
             )
         elif not found.all:
-            remedy = "" if found.seen else _start_it(full)
+            others = self.elsewhere()
+            remedy = "" if found.seen else _rename(full, others) if others else _start_it(full)
             yield Finding("problem", "robot", f"{name}: {ends.nothing(found, self._carrier, full)}", remedy)
         if found.unannounced:
             yield Finding("note", "robot", f"{name}: {ends.uncompared(full)}")
+
+
+def _rename(name: str, others: Sequence[str]) -> str:
+    are = "there is one of this type" if name.startswith("/") else "of their types there are"
+    names = ", ".join(others[:_MOST_NAMES]) + (", ..." if len(others) > _MOST_NAMES else "")
+    return f"{are}, by other names: {names}; correct the names in the profile, or start with --ros-args -r FROM:=TO"
 
 
 def _start_it(name: str) -> str:

@@ -38,7 +38,14 @@ OTHER_TYPE, OTHER_VERSION, OTHER_MIDDLEWARE, OTHER_QUALITY = (
     "other-quality",
 )
 """Words that a reason begins with (docs/explanation/ros2.md)."""
-WORDS = (OTHER_TYPE, OTHER_VERSION, OTHER_MIDDLEWARE, OTHER_QUALITY)
+IN_SHORT = {
+    OTHER_TYPE: "offers other types than its profile names",
+    OTHER_VERSION: "has other versions of types; build both anew",
+    OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
+    OTHER_QUALITY: "wants another quality of service",
+}
+"""What a whole robot is or does of which nothing fits, as short as a small screen needs it."""
+WORDS = tuple(IN_SHORT)
 
 _SAME_RELEASE = "build its interface package from the same release on both sides, and start both again"
 
@@ -98,6 +105,21 @@ def nothing(look: Look, carrier: Carrier, full: str) -> str:
     if look.seen:
         return f"{full} is seen at {_listed(look.seen)}, and cannot be reached: {_cannot_be_reached(carrier)}"
     return f"nothing {'offers' if carrier.kind == 'action' else 'listens to'} {full}"
+
+
+def elsewhere(wire: Transport, carrier: Carrier) -> list[str]:
+    """The full names under which others offer an action of the carrier's type (listen to a topic of it)."""
+    own = wire.resolve(carrier.name)
+    names: list[str] = []
+    for topic in wire.topics():
+        if carrier.kind == "action":
+            name = topic.removesuffix(action_topic("", FEEDBACK))
+            found = wire.publisher_ends(topic) if name != topic else []
+        else:
+            name, found = topic, wire.subscriber_ends(topic)
+        if name != own and any(_whole(end.type) == carrier.type for end in found):
+            names.append(name)
+    return names
 
 
 def several(count: int, full: str) -> str:
@@ -206,7 +228,7 @@ def _topic(wire: Transport, carrier: Carrier) -> _Found:
         found.nodes[end.node] = None
         misfit = _other_type(wire, found, carrier.type, end, carrier.type)
         if misfit is None and (lacks := _lacks(carrier.topic_qos, end.qos)):
-            says = f"is wanted {lacks[1]} by {_node(end.node)}, and is published here {lacks[0]}"
+            says = f"is wanted {lacks[1]}{_by(end)}, and is published here {lacks[0]}"
             misfit = _quality(full, says, "qos", lacks[3])
         if misfit is None:
             fits = True
@@ -224,7 +246,7 @@ def _other_middleware(wire: Transport, full: str, end: End) -> Misfit | None:
     if vendors.services_cross(wire.vendor, end.vendor) != "no":
         return None
     says = (
-        f"is offered by {_node(end.node)} over {vendors.called(end.vendor)}, and this program uses "
+        f"is offered{_by(end)} over {vendors.called(end.vendor)}, and this program uses "
         f"{vendors.called(wire.vendor)}: services and actions do not cross from one to the other"
     )
     return Misfit(OTHER_MIDDLEWARE, full, says, _one_middleware(wire, end.vendor))
@@ -252,7 +274,7 @@ def _other_type(wire: Transport, found: _Found, named: str, end: End, wanted: st
         found.unannounced = True
     elif own != end.hash:
         what = named if wanted.startswith(named) else _whole(wanted)
-        says = f"is {found.verb} by {_node(end.node)} with another version of {what}"
+        says = f"is {found.verb}{_by(end)} with another version of {what}"
         return Misfit(OTHER_VERSION, found.full, says, _SAME_RELEASE)
     return None
 
@@ -301,6 +323,11 @@ def _node(name: str) -> str:
     if name.startswith("/"):
         return f"the node {name}"
     return f"a program {name or 'whose node is not known'}"
+
+
+def _by(end: End) -> str:
+    """Whose it is. (That is announced separately, and may come later or never.)"""
+    return f" by {_node(end.node)}" if end.node else ""
 
 
 def _listed(names: Iterable[str]) -> str:

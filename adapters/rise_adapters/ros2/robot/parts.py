@@ -114,10 +114,14 @@ class _Examined:
         return self.presence.settled and self.compared and not self.found.wrong
 
     @property
+    def word(self) -> str:
+        """The kind of what does not fit (`other-version`, ...); empty when something can be sent to it."""
+        return self.found.wrong[0].word if self.found.wrong else ""
+
+    @property
     def misfit(self) -> str:
         """Why nothing may be sent to it: the reason of an action that is not, with what to do. Empty when it may."""
-        wrong = self.found.wrong
-        return f"{wrong[0].word}: {ends.together(wrong)}" if wrong else ""
+        return f"{self.word}: {ends.together(self.found.wrong)}" if self.word else ""
 
 
 class ActionPart(_Examined):

@@ -306,7 +306,8 @@ class Ros2Robot:
 
     def _examine(self, part: Part) -> None:
         part.examine()
-        if part.found.unannounced and part.found.whole and part.name not in self._uncompared:
+        unknown = part.found.unannounced or not part.found.whole
+        if unknown and part.presence.settled and part.compared and part.name not in self._uncompared:
             self._uncompared.add(part.name)
             self.note(part, ends.uncompared(part.name))
 
@@ -315,7 +316,7 @@ class Ros2Robot:
     def _standing(self) -> Standing:
         if self._transport.lost():
             return "lost", frozenset()
-        wrong = frozenset((part.label, part.fault) for part in self._parts if part.fault)
+        wrong = frozenset((part.label, part.word or part.fault) for part in self._parts if part.fault)
         if wrong and all(map(self._useless, self._parts)):
             return "lost", wrong
         return ("degraded" if wrong else "connected"), wrong
@@ -361,9 +362,10 @@ class Ros2Robot:
         )
         if status == "degraded":
             return trouble
-        if misfits:
-            return f"{misfits[0].word}: {trouble}"
         # What to do comes first: on a small screen the rest is cut.
+        if misfits:
+            word = misfits[0].word
+            return f"{word}: {self._profile.title} {ends.IN_SHORT[word]} ({trouble})"
         if any(part.presence.ever for part in self._parts):
             return f"server-gone: the program of {self._profile.title} has gone; start it again ({trouble})"
         return f"server-missing: {self._profile.title} is not there; is its wrapper running? ({trouble})"
@@ -414,7 +416,7 @@ class Ros2Robot:
 
 
 def _unfit(standing: Standing) -> frozenset[tuple[str, str]]:
-    return frozenset(each for each in standing[1] if each[1] == "unfit")
+    return frozenset(each for each in standing[1] if each[1] in ends.WORDS)
 
 
 def _close_all(parts: tuple[Part, ...]) -> None:

@@ -132,7 +132,9 @@ class StopAll:
         """Parts that cannot even be asked."""
         for part in parts:
             if not part.presence.count:
-                self._silent.append(f"{part.label} ({'not there' if part.presence.ever else 'never seen'})")
+                self._silent.append(
+                    f"{part.label} ({part.word or ('not there' if part.presence.ever else 'never seen')})"
+                )
             elif isinstance(part, ActionPart):
                 self._asked.append(_Asked(part, home))
             else:
