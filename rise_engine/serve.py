@@ -198,7 +198,7 @@ class _Prepared:
                 )
             if meant and order.unfinished == "recover":
                 which = meant[0]
-            for folder in there if order.unfinished == "new" else ():
+            for folder in meant if order.unfinished == "new" else ():  # others' stay to be recovered
                 abandon(folder)
         if which is not None:
             self._recover(which)

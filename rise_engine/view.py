@@ -326,7 +326,8 @@ class View(Struct):
         before = [
             at
             for at, id in enumerate(self.failed)
-            if (self.tasks[id].function, self.tasks[id].behavior) == (record.function, record.behavior)
+            if (task := self.tasks.get(id)) is not None
+            and (task.function, task.behavior) == (record.function, record.behavior)
         ]
         if record.status == "ABORTED" and before:
             self.failed[before[0]] = record.id

@@ -46,7 +46,7 @@ def newest(tasks: dict[int, TaskView], me: str) -> TaskView | None:
 
 
 def name_of(task: TaskView, key: KeyBinding | None) -> str:
-    """An act by its name, what was said by its words, all else by its key and what the author calls it."""
+    """An act by its name, speech by its words, all else by its key and what the author calls that, or what it does."""
     if task.function in ACTS:
         return act_words(task.function, task.behavior)
     words = done(task.function, task.behavior) or describe(task.function, task.behavior)

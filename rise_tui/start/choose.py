@@ -15,6 +15,8 @@ from rise_tui.text import age, clean, wrap
 
 USAGE = 2
 """Exit status when nothing could be chosen."""
+NOT_OFFERED = "The earlier record stays as it is, and is not offered again."
+OFFERED_AGAIN = "What did not end stays as it is, and can be recovered later."
 NARROWEST = 79
 """Cells that a line may take on every terminal that consoles are made for."""
 
@@ -176,7 +178,7 @@ def recovery(
     _say(
         terminal,
         "  n  ",
-        f"begin a new session{for_whom}. The earlier record stays as it is, and is not offered again.",
+        f"begin a new session{for_whom}. " + (OFFERED_AGAIN if others and not unfinished else NOT_OFFERED),
     )
     terminal.say("  q  quit. Nothing is started, nothing changes.")
     terminal.say("")

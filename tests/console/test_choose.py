@@ -145,6 +145,7 @@ def test_another_participant_s_session_is_named_and_never_chosen() -> None:
             assert choose.recovery([], typist, ONE, "P08") == chosen
         said = " ".join("\n".join(typist.said).split())
         assert ONE[0][1] in said and "not of P08" in said and "begin a new session for P08" in said
+        assert "not offered again" not in said
         assert "--participant ID --recover" in said and not any(line.startswith("  r ") for line in typist.said)
 
 

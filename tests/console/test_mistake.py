@@ -139,7 +139,7 @@ async def test_whatever_key_was_pressed_last_is_marked_by_its_name(
     async with console(size=(80, 24)) as it:
         await it.press("g", key)
         await it.sent(function, behavior)
-        await it.until(lambda: len(it.screen.session.store.log) == 2)
+        await it.until(lambda: len(it.screen.session.store.view.tasks) == 2)
         await it.press("exclamation_mark")
         await it.until(lambda: marks(it) == ["2 wrong"])
         record(it, 2, "wrong")

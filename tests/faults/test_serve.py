@@ -193,10 +193,11 @@ def test_nobody_s_session_goes_on_as_somebody_else_s(places: Path) -> None:
     assert [Path(found) for found, _ in started.others] == [record]
     assert statuses(record, "session") == ["started"], "it was not touched"
     own = killed(study, "--participant", "P08", "--new")
+    assert not (record / "abandoned").exists(), "it is P07's to go on with"
     again = Serving(study, "--participant", "P08", "--recover")
     assert again.record == own
     again.end()
-    again = Serving(study, "--participant", "P07", "--session", record)
+    again = Serving(study, "--participant", "P07", "--recover")
     assert again.record == record
     again.end()
 
