@@ -20,8 +20,10 @@ from rise_tui.widgets.rows import RowView
 
 CALLING = {"Blocking": "block", "None": "none", "": ""}
 NARROW = 56
-TIME, FUNCTION, STATE = 7, 7, 11
+TIME, FUNCTION, STATE = 7, 8, 11
 """Columns of a narrow row; what was done has the rest."""
+BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop"}
+"""Functions in a word, for narrow rows."""
 REASON = 10
 """A reason that would have less room than this stays out of the row."""
 KEPT = 500
@@ -245,7 +247,8 @@ class TaskLog(RowView):
 
     def _narrow(self, task: TaskView, state: State, function: str, tone: Tone, width: int) -> Line:
         """Without who it was. Of what went wrong the reason follows, as far as there is room."""
-        what = cell(marking(task), FUNCTION, "wait") if task.mark else cell(function, FUNCTION, tone)
+        word = BRIEF.get(task.function, function)
+        what = cell(marking(task), FUNCTION, "wait") if task.mark else cell(word, FUNCTION, tone)
         head: Line = (cell(f" {since_start(task.submitted)}", TIME, "muted"), what)
         room = width - TIME - FUNCTION
         if _is_bad(task, state):
