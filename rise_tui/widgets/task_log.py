@@ -13,7 +13,7 @@ from textual.strip import Strip
 from rise_engine.view import TaskView
 from rise_tui.model.control import short
 from rise_tui.model.deeds import FUNCTION_WORDS
-from rise_tui.model.log_rows import NOTE, task_of
+from rise_tui.model.log_rows import NOTE, ROBOT, task_of
 from rise_tui.model.states import NOT_TAKEN, State, task_state
 from rise_tui.text import Line, Row, Tone, cell, cells, clock, crop, fit, seconds, width_of
 from rise_tui.widgets.rows import RowView
@@ -234,7 +234,7 @@ class TaskLog(RowView):
         )
         line: Line = (
             *head,
-            cell(task.behavior, max(6, behavior - (9 if mistake else 0))),
+            cell(_name(task), max(6, behavior - (9 if mistake else 0))),
             *mistake,
             *tail,
             cell(took, 6, right=True),
@@ -253,7 +253,7 @@ class TaskLog(RowView):
         room = width - TIME - FUNCTION
         if _is_bad(task, state):
             return crop((*head, *_wrong(task, state, room)), width)
-        name = cell(task.behavior or short(task.source), room - STATE)
+        name = cell(_name(task) or short(task.source), room - STATE)
         return (*head, name, (f" {state.glyph} ", state.tone), cell(state.word, STATE - 3, state.tone))
 
     def _note(self, task: TaskView, width: int) -> Line:
@@ -274,13 +274,18 @@ class TaskLog(RowView):
         return crop((*head, (task.behavior, "strong")), width)
 
 
+def _name(task: TaskView) -> str:
+    """What was done; of the robot its link, whose state says the rest."""
+    return "link" if task.function == ROBOT else task.behavior
+
+
 def _is_bad(task: TaskView, state: State) -> bool:
     return bool(task.reason) and state.tone in ("fault", "wait")
 
 
 def _wrong(task: TaskView, state: State, room: int) -> Line:
     """What went wrong and why, where a reason has no column of its own."""
-    word, name = f"{state.glyph} {state.word}", task.behavior or short(task.source)
+    word, name = f"{state.glyph} {state.word}", _name(task) or short(task.source)
     shown = fit(name, min(cells(name), max(6, room - len(word) - 1))).rstrip()
     return ((f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone))
 
