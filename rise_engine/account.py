@@ -47,6 +47,7 @@ _SHOWN = {
     "markCue": "mark cue",
     "nextFiller": "next filler",
     "markMistake": "mark mistake",
+    "goOn": "go on without",
 }
 _ACTS = ("startCommunicationRobotAct", "say")
 _MARKS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
@@ -98,7 +99,8 @@ class Account:
             case CueRecord():
                 return "cue", *_cue(record)
             case MistakeRecord():
-                return "mistake", f"{record.act} (task {record.task})", f"{_MARKS[record.mark]}, says {record.source}"
+                what = f"{record.act} (task {record.task})" if record.act else f"task {record.task}"
+                return "mistake", what, f"{_MARKS[record.mark]}, says {record.source}"
             case TimingRecord():
                 return None  # its times are those of records that were told
             case NoteRecord():

@@ -32,11 +32,38 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
     return ours, tuple(theirs)
 
 
+def with_parameters(
+    ours: list[str], theirs: tuple[str, ...], command: click.Command
+) -> tuple[list[str], tuple[str, ...]]:
+    """Options of a command that are given as parameters of ROS (`-p robot:=pepper`, or in a file), where they stand on
+    the command line; ROS programs are started in that way. Exits when a parameter is none."""
+    if not {"-p", "--param", "--params-file"} & set(theirs):
+        return ours, theirs
+    from rise_engine.bridge import BridgeError
+    from rise_engine.robots import DriverError, parameters_as_options
+
+    options = [each for each in command.params if isinstance(each, click.Option)]
+    try:
+        more, theirs = parameters_as_options(
+            theirs,
+            switches=[each.opts[0] for each in options if each.is_flag],
+            single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
+            many=[each.opts[0] for each in options if each.multiple],
+            written=ours,
+        )
+    except BridgeError as error:
+        usage("\n".join(error.lines))
+    except DriverError as error:
+        usage(str(error))
+    return [ours[0], *more, *ours[1:]], theirs
+
+
 def places_of(places: tuple[str, ...]) -> dict[str, str]:
+    """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
     named = dict(each.partition("=")[::2] for each in places)
-    for kind in named:
-        if kind not in ("acts", "rules", "memory"):
-            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH")
+    for kind, path in named.items():
+        if kind not in ("acts", "rules", "memory") or not path.strip():
+            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH, in the scenario's folder")
     return named
 
 
@@ -56,12 +83,11 @@ def first_tasks(
     problems += [
         f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
     ]
-    assigned = []
-    for setting in settings:
-        try:
-            assigned.append(_setting(setting))
-        except ValueError as error:
-            problems.append(f"error: --set {setting}: {error}")
+    assigned: list[str] = []
+    try:
+        assigned = assignments(settings)
+    except UnusableError as error:
+        problems.append(str(error))
     if problems:
         raise UnusableError("\n".join(problems))
     source = "wizard:command-line"
@@ -70,6 +96,19 @@ def first_tasks(
         *(Submit(function="startInteractionRule", behavior=name, source=source) for name in rules),
         *(Submit(function="startCommunicationRobotAct", behavior=name, source=source) for name in acts),
     )
+
+
+def assignments(settings: Sequence[str]) -> list[str]:
+    """Every `--set` as an assignment. Raises UnusableError with all that cannot be used."""
+    assigned, problems = [], []
+    for setting in settings:
+        try:
+            assigned.append(_setting(setting))
+        except ValueError as error:
+            problems.append(f"error: --set {setting}: {error}")
+    if problems:
+        raise UnusableError("\n".join(problems))
+    return assigned
 
 
 def _setting(text: str) -> str:
@@ -149,15 +188,20 @@ def number(option: str, text: str, wanted: str, most: float, *, least_excluded: 
     return value
 
 
-def require_folder(folder: str) -> None:
+def require_folder(folder: str) -> str:
+    """A scenario's place: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
     from pathlib import Path
 
+    from rise_engine.scenario.shipped import hint, place_of
+
+    folder = place_of(folder)
     path = Path(folder)
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
-        return
+        return folder
+    problem = f"there is no folder {folder}{hint()}"
     if path.exists():
-        usage(f"{folder} is no scenario: give a folder, or the path of its scenario.toml")
-    usage(f"there is no folder {folder}")
+        problem = f"{folder} is no scenario: give a folder, or the path of its scenario.toml"
+    return usage(problem)
 
 
 def usage(message: str) -> NoReturn:

@@ -23,7 +23,9 @@ from rise_engine.arguments import (
     script_of,
     split_ros_args,
     usage,
+    with_parameters,
 )
+from rise_engine.terminal import guarded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,6 +55,11 @@ _CONDITION = click.option(
     default="",
     help="The session's condition; one of the study's, if it lists any.",
 )
+_HERE = click.option(
+    "--here",
+    is_flag=True,
+    help="Go on also with one that another computer had last, where nobody can see whether it still has.",
+)
 _MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
 
 
@@ -76,26 +83,17 @@ class _Program(click.Group):
             raise
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        _write_everything()
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            if ours[:1] == ["serve"]:
+                ours, theirs = with_parameters(ours, theirs, serve)
+            return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
             sys.exit(130)
-
-
-def _write_everything() -> None:
-    """Whatever a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`); no command fails because of it."""
-    if sys.stdout is None:  # closed by whoever started this
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError):  # a test's own stream
-            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 class _ExpressionCommand(click.Command):
@@ -134,32 +132,38 @@ def main() -> None:
 @main.command()
 @_FOLDER
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+@click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
 @_ROBOT
 @_MODE
-def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> None:
+def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode: str | None) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
     Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
     """
     from rise_engine.reports import check_report
 
-    require_folder(folder)
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
+    folder = require_folder(folder)
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
 
 
 @main.command("eval", cls=_ExpressionCommand)
-@click.argument("expression")
+@click.argument("expression", required=False)
+@click.option("--functions", is_flag=True, help="List the functions: what each takes and gives, with an example.")
 @click.option(
     "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
-def evaluate(expression: str, memory: str, as_json: bool) -> None:
+def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool) -> None:
     """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
 
     Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
     """
-    from rise_engine.reports import UnusableMemoryError, eval_report, read_memory
+    from rise_engine.reports import UnusableMemoryError, eval_report, functions_report, read_memory
 
+    if functions:
+        sys.exit(functions_report(as_json=as_json))
+    if expression is None:
+        usage("write an expression, in quotation marks: rise-engine eval '2 + 3' (or --functions)")
     try:
         values = read_memory(memory)
     except UnusableMemoryError as error:
@@ -236,7 +240,7 @@ def run(
     end = None
     if until != "idle":
         end = number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", _LATEST)
-    require_folder(folder)
+    folder = require_folder(folder)
     try:
         scenario = load_or_refuse(folder, robot=robot, mode=mode)
         if scenario is None:
@@ -284,6 +288,7 @@ def run(
 @click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
 @click.option("--session", "session", metavar="SESSION", help="Go on with this session.")
+@_HERE
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--speed", metavar="N", default="1", help="How many times faster.")
 @click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
@@ -295,7 +300,13 @@ def run(
 @click.option(
     "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
 )
-@click.option("--place", "places", metavar="KIND=PATH", multiple=True, help="Another place for acts, rules or memory.")
+@click.option(
+    "--place",
+    "places",
+    metavar="KIND=PATH",
+    multiple=True,
+    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+)
 def serve(
     folder: str,
     name: str | None,
@@ -304,6 +315,7 @@ def serve(
     acts: tuple[str, ...],
     recover: bool,
     session: str | None,
+    here: bool,
     new: bool,
     speed: str,
     seed: int | None,
@@ -329,7 +341,9 @@ def serve(
     pace = number("--speed", speed, "a number above 0, up to 1000000", _FASTEST, least_excluded=True)
     if (recover or session is not None) and new:
         usage("say either --recover or --new")
-    require_folder(folder)
+    folder = require_folder(folder)
+    if here and not recover and session is None:
+        usage("--here goes with --recover or --session")
     which = session or ("recover" if recover else "new" if new else "ask")
     first: tuple[Submit, ...] = ()
     if settings or rules or acts:
@@ -358,8 +372,27 @@ def serve(
         condition=condition,
         name=name,
         unfinished=which,
+        here=here,
     )
     sys.exit(serve_session(order, to_person(order)))
+
+
+@main.command()
+@click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
+@click.option("--from", "study", metavar="NAME", help="The shipped study that is copied.")
+@click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
+def new(folder: str | None, study: str | None, listing: bool) -> None:
+    """Make a study of your own in DIR, a new or empty folder, from one that comes with the program.
+
+    Exit status: 0; 1 when it could not be made; 2 wrong usage.
+    """
+    from rise_engine.reports import new_report, studies_report
+
+    if listing:
+        sys.exit(studies_report())
+    if folder is None or study is None:
+        usage("say where and from what, as in: rise-engine new my-study --from lablinking (--list shows all)")
+    sys.exit(new_report(folder, study))
 
 
 @main.command()
@@ -372,7 +405,7 @@ def sessions(as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("which", metavar="[NAME|DIR]", required=False)
+@click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
 def stop(which: str | None) -> None:
     """End a running session: the robot is stopped, the record is completed.
 
@@ -406,7 +439,7 @@ def replay(session: str, scenario: str | None, as_json: bool, speed: str | None)
         pace = number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
         sys.exit(play_report(session, pace))
     if scenario is not None:
-        require_folder(scenario)
+        scenario = require_folder(scenario)
     sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
 
 
@@ -435,14 +468,15 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
 
     With DIR, it knows the actions of that scenario and its robot too.
     """
-    from rise_engine.reports import print_document, schema_text
+    from rise_engine.reports import schema_text
+    from rise_engine.terminal import write_xml
 
     if folder is not None:
-        require_folder(folder)
+        folder = require_folder(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(1)
-    print_document(text.rstrip("\n"))
+    write_xml(text.rstrip("\n"))
 
 
 @main.command()
@@ -453,7 +487,7 @@ def robots(folder: str | None, as_json: bool) -> None:
     from rise_engine.reports import robots_report
 
     if folder is not None:
-        require_folder(folder)
+        folder = require_folder(folder)
     sys.exit(robots_report(folder, as_json=as_json))
 
 
@@ -472,7 +506,7 @@ def doctor(folder: str | None, robot: str | None, ros: Transport, seconds: str, 
     from rise_engine.reports import doctor_report
 
     if folder is not None:
-        require_folder(folder)
+        folder = require_folder(folder)
     patience = number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
     wire = Wire(ros, click.get_current_context().obj)
     sys.exit(doctor_report(folder, robot=robot, wire=wire, seconds=patience, as_json=as_json))

@@ -17,7 +17,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 from random import SystemRandom
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 from msgspec import Struct
@@ -29,7 +29,7 @@ from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.link.places import Claim, PlaceError, claim, session_name
 from rise_engine.link.room import Room
 from rise_engine.link.server import Server
-from rise_engine.link.spawn import Word
+from rise_engine.link.spawn import Word, Working
 from rise_engine.robot import Robot
 from rise_engine.robots import DriverError, RobotOptionsError, make_robot, open_bridge, warning_for
 from rise_engine.scenario import load
@@ -41,16 +41,22 @@ from rise_engine.session.folder import (
     abandon,
     create,
     describe,
+    is_of,
+    read_info,
+    running_folders,
     sessions_folder,
     unfinished,
+    whose,
 )
 from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
+from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
+from rise_engine.text import clean, told_all
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 OK, REFUSED, USAGE, RUNNING, UNFINISHED, LOST, FAILED, UNRECORDED = 0, 1, 2, 3, 4, 5, 70, 74
 """Exit statuses (docs/reference/rise-engine.md)."""
@@ -82,42 +88,67 @@ class Order(Struct, frozen=True):
     """Who takes part, as the record is to name them; an earlier session goes on with its own."""
     condition: str = ""
     """One of the scenario's `[study] conditions`, where it lists any."""
+    wizard: str = ""
+    """Who begins it, for the session's folder."""
     name: str | None = None
     """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
     """What to do when an earlier session of the folder did not end: ask (refuse and say so), new, recover (the latest),
     or the path of the session to recover."""
+    here: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
+
+
+Say: TypeAlias = "Callable[[Word | Working], None]"
+"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
 
 
 class Refusal(Exception):
     """Nothing is served."""
 
-    def __init__(self, code: int, *lines: str, unfinished: list[tuple[str, str]] | None = None) -> None:
+    def __init__(
+        self,
+        code: int,
+        *lines: str,
+        unfinished: Sequence[Path] = (),
+        others: Sequence[Path] = (),
+        socket: str = "",
+    ) -> None:
         super().__init__("\n".join(lines))
-        self.word = Word(code, lines=list(lines), unfinished=unfinished or [])
+        self.word = Word(
+            code, lines=list(lines), unfinished=_described(unfinished), others=_described(others), socket=socket
+        )
 
 
-def serve(order: Order, say: Callable[[Word], None]) -> int:
-    """Serve a session until it ends; gives the exit status. `say` is called once."""
+def _described(folders: Sequence[Path]) -> list[tuple[str, str]]:
+    return [(str(folder), describe(folder)) for folder in folders]
+
+
+def serve(order: Order, say: Say) -> int:
+    """Serve a session until it ends; gives the exit status. `say` gets how far it has come, and then one `Word`."""
     try:
-        session = _Prepared(order)
+        session = _Prepared(order, say)
     except Refusal as refusal:
         say(refusal.word)
         return refusal.word.code
-    with session.claim:
-        try:
-            return asyncio.run(_Serving(session, say).run())
-        except Refusal as refusal:
-            say(refusal.word)
-            return refusal.word.code
+    try:
+        return asyncio.run(_Serving(session, say).run())
+    except Refusal as refusal:
+        say(refusal.word)
+        return refusal.word.code
+    finally:
+        session.close()
 
 
 class _Prepared:
     """Everything that can be refused, before anything runs."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: Order, say: Say) -> None:
         self.order = order
+        self._say = say
         self.recovered: Recovered | None = None
+        self.lock: JournalLock | None = None
+        """Of the journal of a session that goes on, until that is open."""
         try:
             self.name = order.name or session_name(Path(order.folder))
             claimed = claim(self.name)
@@ -129,33 +160,68 @@ class _Prepared:
         try:
             self._choose()
         except BaseException:
-            claimed.close()
+            self.close()
             raise
+
+    def close(self) -> None:
+        """Let go of what is still held."""
+        if self.lock is not None:
+            self.lock.release()
+        self.claim.close()
 
     def _choose(self) -> None:
         order = self.order
+        self._refuse_second()
         which: Path | None = None
         if order.unfinished not in ("ask", "new", "recover"):
             try:
                 which = find_session(order.unfinished)
+                self._check_meant(which)
             except SessionError as error:
                 raise Refusal(USAGE, str(error)) from None
         else:
             there = unfinished(str(Path(order.folder).absolute()))
+            meant = [folder for folder in there if is_of(read_info(folder), order.participant, order.condition)]
+            others = [folder for folder in there if folder not in meant]
             if there and order.unfinished == "ask":
                 raise Refusal(
                     UNFINISHED,
                     "an earlier session of this scenario did not end: recover it, or begin a new one",
-                    unfinished=[(str(folder), describe(folder)) for folder in there],
+                    unfinished=meant,
+                    others=others,
                 )
-            if there and order.unfinished == "recover":
-                which = there[0]
+            if others and not meant and order.unfinished == "recover":
+                raise Refusal(
+                    UNFINISHED,
+                    f"no session of {whose(order.participant, order.condition)} waits to be recovered",
+                    others=others,
+                )
+            if meant and order.unfinished == "recover":
+                which = meant[0]
             for folder in there if order.unfinished == "new" else ():
                 abandon(folder)
         if which is not None:
             self._recover(which)
         else:
             self._begin()
+
+    def _refuse_second(self) -> None:
+        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
+        if self.order.name is not None:
+            return
+        for folder, holder in running_folders(str(Path(self.order.folder).absolute())).items():
+            socket = holder.socket if holder is not None and holder.is_here else ""
+            raise Refusal(RUNNING, running_words(folder, holder), socket=socket)
+
+    def _check_meant(self, which: Path) -> None:
+        """Nobody's session goes on as somebody else's. Raises SessionError."""
+        order, info = self.order, read_info(which)
+        if not is_of(info, order.participant, order.condition):
+            named = whose(order.participant, order.condition)
+            raise SessionError(
+                f"{which.name} is the session of {whose(info.participant, info.condition)}, not of {named}: "
+                "nothing was started"
+            )
 
     def _begin(self) -> None:
         order = self.order
@@ -169,10 +235,26 @@ class _Prepared:
         self.speed, self.faults, self.wire = order.speed, order.faults, order.wire
         self._files = loaded.files
 
-    def make_folder(self) -> None:
-        """Of a new session, once nothing is in its way."""
-        if self.recovered is not None:
-            return
+    def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
+        """Of the session that goes on, or of a new one in a folder of its own, once nothing is in its way."""
+        try:
+            if self.recovered is not None:
+                journal = open(self.folder / JOURNAL, self.recovered.size, self.lock)
+                self.lock = None  # it is the journal's now
+                return journal
+            root = sessions_folder()
+            with suppress(OSError):
+                root.mkdir(0o700, parents=True, exist_ok=True)
+            with beginning(root):
+                self._refuse_second()
+                self._make_folder()
+                return open(self.folder / JOURNAL, 0, None)
+        except OSError as error:
+            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        except SessionError as error:
+            raise Refusal(UNRECORDED, str(error)) from None
+
+    def _make_folder(self) -> None:
         try:
             self.folder = create(
                 sessions_folder(),
@@ -185,19 +267,29 @@ class _Prepared:
                 versions=versions(),
                 participant=self.order.participant,
                 condition=self.order.condition,
+                wizard=self.order.wizard,
             )
         except SessionError as error:
             raise Refusal(UNRECORDED, str(error)) from None
 
     def _recover(self, which: Path) -> None:
         try:
-            self.recovered = recover(which)
+            with beginning(which.parent):
+                self._refuse_second()
+                self.lock = JournalLock(which / JOURNAL, here=self.order.here)
+            self.recovered = recover(which, lock=self.lock, tell=self._recovering)
+        except JournalLocked as error:
+            holder = error.holder
+            raise Refusal(RUNNING, str(error), socket=holder.socket if holder and holder.is_here else "") from None
         except SessionError as error:
             raise Refusal(LOST, f"{which.name} cannot be recovered: {error}") from None
         info = self.recovered.info
         self.scenario, self.folder = self.recovered.scenario, which
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
         self.wire = Wire(info.ros, info.ros_args)
+
+    def _recovering(self, sentence: str) -> None:
+        self._say(Working(f"recovering: {sentence}"))
 
     async def connect(self) -> Bridge | None:
         """The connection to ROS, where the session has one."""
@@ -218,7 +310,7 @@ class _Prepared:
 class _Serving:
     """The running session."""
 
-    def __init__(self, prepared: _Prepared, say: Callable[[Word], None]) -> None:
+    def __init__(self, prepared: _Prepared, say: Say) -> None:
         self.prepared = prepared
         self.say = say
         self.ending = False
@@ -239,22 +331,15 @@ class _Serving:
         recovered = prepared.recovered
         clock = RealClock(loop, prepared.speed, recovered.t if recovered is not None else 0.0)
         robot = prepared.make_robot(clock, bridge)
-        prepared.make_folder()
 
         def changed() -> None:
             with suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(engine.look_at_journal)
 
-        try:
-            journal = Journal(
-                prepared.folder / JOURNAL,
-                size=recovered.size if recovered is not None else 0,
-                changed=changed,
-                later=loop.call_soon,
-                now=clock.now,
-            )
-        except OSError as error:
-            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+        def open_journal(path: Path, size: int, lock: JournalLock | None) -> Journal:
+            return Journal(path, size=size, lock=lock, changed=changed, later=loop.call_soon, now=clock.now)
+
+        journal = prepared.open_journal(open_journal)
         if recovered is None:
             journal.append(header_line(f"rise-tui {versions()['rise-tui']}"))
             resumption = None
@@ -286,6 +371,7 @@ class _Serving:
             await server.start()
         except OSError as error:
             raise Refusal(FAILED, f"the session's socket cannot be made: {error}") from None
+        journal.lock.tell(str(prepared.claim.socket.absolute()))
         looking = loop.create_task(self._look(engine))
         self._begin(engine, recovered)
         if bridge is not None:
@@ -348,15 +434,25 @@ class _Serving:
             engine.look_at_journal()
 
 
-def to_person(order: Order) -> Callable[[Word], None]:
-    """How the process says its one word to a person."""
+def to_person(order: Order) -> Say:
+    """How the process says it to a person."""
 
-    def say(word: Word) -> None:
+    def say(word: Word | Working) -> None:
+        if isinstance(word, Working):
+            sys.stderr.write(clean(word.sentence) + "\n")
+            sys.stderr.flush()
+            return
         for line in word.lines:
-            sys.stderr.write(line + "\n")
+            sys.stderr.write(clean(line) + "\n")
         for folder, sentence in word.unfinished:
-            sys.stderr.write(f"  {sentence}\n    {folder}\n")
-        if word.code == UNFINISHED:
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
+        if word.others:
+            sys.stderr.write("of other participants or conditions, and not recovered for this one:\n")
+        for folder, sentence in word.others:
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
+        if word.code == UNFINISHED and not word.unfinished:
+            sys.stderr.write("say --new to begin, or name theirs to go on with one (--participant, --condition)\n")
+        elif word.code == UNFINISHED:
             sys.stderr.write("say --recover to go on with the latest, or --new\n")
         elif word.code == REFUSED:
             sys.stderr.write(f"{order.folder} was refused: nothing was started\n")
@@ -367,13 +463,14 @@ def to_person(order: Order) -> Callable[[Word], None]:
     return say
 
 
-def to_starter(descriptor: int) -> Callable[[Word], None]:
+def to_starter(descriptor: int) -> Say:
     """How it says it to whoever started it and waits at the other end of a pipe."""
 
-    def say(word: Word) -> None:
+    def say(word: Word | Working) -> None:
         with suppress(OSError):  # it has gone; the session goes on without it
-            os.write(descriptor, msgspec.json.encode(word) + b"\n")
-        os.close(descriptor)
+            os.write(descriptor, msgspec.json.encode(told_all(msgspec.to_builtins(word))) + b"\n")
+        if isinstance(word, Word):
+            os.close(descriptor)
 
     return say
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from itertools import islice
 from typing import Any
 
 from msgspec import Struct, field
@@ -36,6 +37,8 @@ TASK_LOG = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 REMARKS, LONGEST_REMARK = 500, 1_000
 """Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+FORGET = 10_000
+"""So many more may come before the oldest are forgotten, all at once."""
 
 
 class ActionView(Struct, gc=False):
@@ -168,6 +171,8 @@ class View(Struct):
     """Why it ended, once it has."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when that console has gone since."""
     asked: str | None = None
     """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
@@ -180,8 +185,12 @@ class View(Struct):
     """ACTIVE tasks of acts, oldest first."""
     waiting: list[int] = field(default_factory=list)
     """PENDING tasks in the scheduler's order, next first."""
+    failed: list[int] = field(default_factory=list)
+    """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
-    """Every task of the session (up to TASK_LOG), by id, in order of arrival."""
+    """Every task of the session (of those that have ended, the latest TASK_LOG), by id, in order of arrival."""
+    forgotten: int = 0
+    """Tasks that are no longer among `tasks`."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
     remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=REMARKS))
@@ -225,6 +234,8 @@ class View(Struct):
                 self.asked = record.by
             case ControlRecord():
                 self.control, self.asked = record.holder, None
+                if record.holder is not None and record.holder.startswith("wizard:"):
+                    self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
             case SessionRecord():
                 if record.status == "ended":
                     self.ended, self.end_reason = True, record.reason
@@ -272,7 +283,7 @@ class View(Struct):
                 ref=record.ref,
             )
             self.tasks[record.id] = task
-            if len(self.tasks) > TASK_LOG:
+            if len(self.tasks) - len(self.waiting) - len(self.running) > TASK_LOG + FORGET:
                 self._forget_oldest()
         task.status, task.reason = record.status, record.reason
         if record.status == "ACTIVE":
@@ -281,6 +292,9 @@ class View(Struct):
             task.ended = record.t
         if record.function in ("startCommunicationRobotAct", "say"):
             self._act_task(record, task)
+            self._failures(record)
+        elif record.function == "goOn" and record.status == "SUCCEEDED":
+            self.failed = [id for id in self.failed if str(id) != record.behavior]
         elif record.function == "startInteractionRule" and record.status == "ACTIVE":
             self.rules.setdefault(record.behavior, RuleView()).task = record.id
 
@@ -304,6 +318,22 @@ class View(Struct):
                 took = record.t - task.started
                 act.typical = took if act.typical is None else act.typical + (took - act.typical) / (act.runs + 1)
                 act.runs += 1
+
+    def _failures(self, record: TaskRecord) -> None:
+        """A failed act stays one until it is answered, or done after all."""
+        if record.status not in ("ABORTED", "SUCCEEDED") or not (self.failed or record.status == "ABORTED"):
+            return
+        before = [
+            at
+            for at, id in enumerate(self.failed)
+            if (self.tasks[id].function, self.tasks[id].behavior) == (record.function, record.behavior)
+        ]
+        if record.status == "ABORTED" and before:
+            self.failed[before[0]] = record.id
+        elif record.status == "ABORTED":
+            self.failed.append(record.id)
+        elif before:
+            del self.failed[before[0]]
 
     def _action(self, record: ActionRecord) -> None:
         task = self.tasks.get(record.task)
@@ -331,7 +361,9 @@ class View(Struct):
             rule.priority, rule.entered = record.priority, record.seq
 
     def _forget_oldest(self) -> None:
-        for id, task in self.tasks.items():
-            if task.status in FINAL:
-                del self.tasks[id]
-                return
+        ended = (id for id, task in self.tasks.items() if task.status in FINAL)
+        oldest = list(islice(ended, len(self.tasks) - TASK_LOG))
+        for id in oldest:
+            del self.tasks[id]
+        self.failed = [id for id in self.failed if id in self.tasks]
+        self.forgotten += len(oldest)

@@ -154,6 +154,14 @@ def _markable(store: Store) -> str:
     return store.cannot_tell() or ("" if store.view.tasks else "nothing has been started yet")
 
 
+def _failed(store: Store) -> str:
+    return store.cannot_act() or ("" if store.view.failed else "no act has failed")
+
+
+def _repeatable(store: Store) -> str:
+    return _failed(store) or store.cannot_start()
+
+
 def _releasable(store: Store) -> str:
     return store.cannot_act() or ("" if store.state == "STOPPED" else "nothing is stopped")
 
@@ -168,6 +176,11 @@ def _start_values(store: Store) -> str:
 
 def _logged(store: Store) -> str:
     return "" if store.log.all else "there is no row yet"
+
+
+def _savable(store: Store) -> str:
+    """Whoever has the address of a page writes nothing on the machine that serves it."""
+    return "this console is in a browser, which writes no files" if store.in_browser else _logged(store)
 
 
 _memory = _some("the memory is empty", lambda store: store.view.memory)
@@ -194,8 +207,14 @@ ACTIONS: tuple[Action, ...] = (
            "it.",
            "say", _sayable),
     Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
-           "Marks the last act as wrong, late, early or double. It changes nothing but the record.",
+           "Marks what you did last, whatever it was, as wrong, late, early or double. It changes nothing but the "
+           "record.",
            "mistake", _markable),
+    Action("repeat", "Repeat the failed act", ("ctrl+e",), "console",
+           "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
+    Action("go-on", "Go on without the failed act", ("ctrl+k",), "console",
+           "Puts the red bar away: you have seen that the act failed, and go on. It changes nothing but the record.",
+           "", _failed),
     Action("safe", "LIVE or SAFE", ("ctrl+x",), "console",
            "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),
@@ -286,8 +305,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("log.copy-all", "Copy all rows shown", (), "log",
            "Puts the rows that the filter leaves, or all, on the clipboard of your terminal, as a table.", "", _logged),
     Action("log.save", "Save the rows shown", (), "log",
-           "Writes the rows that the filter leaves, or all, to a file: a table (.tsv) or JSON lines (.jsonl).", "",
-           _logged),
+           "Writes the rows that the filter leaves, or all, to a file in the session's folder, or where its name says: "
+           "a table (.tsv) or JSON lines (.jsonl).", "", _savable),
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}

@@ -24,7 +24,6 @@ from rise_tui.actions import bindings, use_keys
 from rise_tui.model.notice import Notice
 from rise_tui.quiet import EmptyScreen, KeyWatch, click_driver, outlet_of
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.finding import offer_tour
 from rise_tui.session import Session
 from rise_tui.start import leaving
@@ -62,6 +61,7 @@ class ConsoleApp(KeyWatch):
         told: str = "",
         keys: KeyFile | None = None,
         keeper: Keeper | None = None,
+        in_browser: bool = False,
     ) -> None:
         """Either with a `client` of a session that runs, or with what the launcher is to start.
 
@@ -75,7 +75,7 @@ class ConsoleApp(KeyWatch):
         self._launcher = launcher
         self._scenario, self._settings, self._wizard = scenario, settings, wizard
         self._client, self._told = client, told
-        self._keys, self._keeper = keys or KeyFile(), keeper
+        self._keys, self._keeper, self._in_browser = keys or KeyFile(), keeper, in_browser
         use_keys(self._keys.own)
         self.set_keymap(for_textual(self._keys))
         self._session: Session | None = None
@@ -138,7 +138,7 @@ class ConsoleApp(KeyWatch):
 
     async def _enter(self, client: Client) -> None:
         try:
-            session = await Session.attach(client, self._wizard)
+            session = await Session.attach(client, self._wizard, in_browser=self._in_browser)
         except (EngineGone, ValueError) as error:
             self._not_begun(error)
             return
@@ -182,10 +182,9 @@ class ConsoleApp(KeyWatch):
     @on(ConsoleScreen.SettingsAsked)
     def _settings_asked(self) -> None:
         if self._session is not None and self._settings is not None:
-            hello = self._session.store.hello
             from rise_tui.screens.settings import SettingsScreen  # not needed to begin
 
-            screen = SettingsScreen(self._settings, hello.scenario, hello.mode, hello.robot, self._launcher)
+            screen = SettingsScreen(self._settings, self._session.store, self._launcher)
             self.push_screen(screen, self._settings_chosen)
 
     def _settings_chosen(self, chosen: tuple[Scenario, Settings] | None) -> None:
@@ -225,8 +224,14 @@ class ConsoleApp(KeyWatch):
         if recover is None:
             return
         session.tell(Notice("the session is being recovered", "wait"))
+        loop = asyncio.get_running_loop()
+
+        def tell(sentence: str) -> None:
+            with suppress(RuntimeError):  # the console has left meanwhile
+                loop.call_soon_threadsafe(session.tell, Notice(sentence, "wait"))
+
         try:
-            recovered = await asyncio.to_thread(recover, session.store.hello)
+            recovered = await asyncio.to_thread(recover, session.store.hello, tell)
         except (EngineGone, PlaceError) as error:
             session.tell(Notice(f"it is not recovered: {error}", "fault"))
             return
@@ -276,26 +281,38 @@ class ConsoleApp(KeyWatch):
             self.run_worker(self.action_quit())
 
     async def action_quit(self) -> None:
-        if isinstance(self.screen, Dialog) and self.screen.has_class("-quit"):
+        if self.screen.has_class("-quit"):
             return
         session = self._session
         recoverable = session is not None and self._recoverable(session)
         if session is None or session.store.hello.replay or (session.store.gone and not recoverable):
             await self._leave(0)
             return
-        if recoverable:
-            dialog = leaving.question_of_gone(session.store)
-        else:
-            dialog = leaving.question(session.store, outlives=self._launcher.outlives)
+        if not recoverable and not self._launcher.outlives:
+            self._ask_to_end(session)
+            return
+        dialog = leaving.question_of_gone(session.store) if recoverable else leaving.question(session.store)
         dialog.add_class("-quit")
 
         def answered(key: str | None) -> None:
             if key == "r":
                 self.run_worker(self._recover(session), exclusive=True, group="restart")
-            elif key in ("d", "l") or (key == "e" and self._may_end(session)):
-                self.run_worker(self._leave(0, end=key == "e"))
+            elif key in ("d", "l"):
+                self.run_worker(self._leave(0))
+            elif key == leaving.END_KEY:
+                self._ask_to_end(session)
 
         self.push_screen(dialog, answered)
+
+    def _ask_to_end(self, session: Session) -> None:
+        question = leaving.question_of_end(session.store)
+        question.add_class("-quit")
+
+        def answered(yes: bool | None) -> None:
+            if yes and self._may_end(session):
+                self.run_worker(self._leave(0, end=True))
+
+        self.push_screen(question, answered)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from getpass import getuser
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from rise_engine import __version__
+from rise_engine.terminal import guarded
 from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
 from rise_tui.start.starting import Asked, start
 
@@ -21,13 +21,6 @@ THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
 WEB_PORT = 8321
 
 
-def _wizard() -> str:
-    try:
-        return getuser()
-    except (KeyError, OSError):
-        return "wizard"
-
-
 class _Program(click.Group):
     """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
 
@@ -35,7 +28,8 @@ class _Program(click.Group):
         from rise_engine.arguments import split_ros_args
 
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            return super().main(ours, *rest, obj=theirs, **more)
 
 
 _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")
@@ -58,11 +52,30 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     help="How ROS 2 is spoken; without it, as the robot needs it.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Of the session's chance; without it, a new one each time.")
+@click.option(
+    "--set", "sets", metavar="KEY=JSON", multiple=True, help="Set a memory value before the session begins. Repeatable."
+)
+@click.option(
+    "--place",
+    "places",
+    metavar="KIND=PATH",
+    multiple=True,
+    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+)
 @click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
 @click.option("--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one.")
-@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name.")
+@click.option(
+    "--here",
+    is_flag=True,
+    help="With --recover: also one that another computer had last, where nobody can see whether it still has.",
+)
+@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name or socket.")
 @click.option("--observe", is_flag=True, help="Only watch: stop everything and add notes, but never take control.")
-@click.option("--wizard", metavar="NAME", default=_wizard, help="Who sits at the console; stands in every record.")
+@click.option(
+    "--wizard",
+    metavar="NAME",
+    help="Who sits here; stands in every record. Without it: as before in this session, else your login name.",
+)
 @click.option("--replay", "replay", metavar="SESSION", help="Watch a recorded session: its folder, or its name.")
 @click.option("--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Of a replay; 2 is twice as fast.")
 @click.option("--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark.")
@@ -91,6 +104,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     metavar="[PORT]",
     help=f"Show a running session in browsers on this machine; without a port, {WEB_PORT}.",
 )
+@click.option("--in-browser", is_flag=True, hidden=True)
 @click.version_option(__version__)
 @click.pass_context
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:
@@ -104,7 +118,7 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
     if context.invoked_subcommand is not None:
         _check_alone(context)
         return
-    given["wizard"] = given["wizard"].strip() or "wizard"
+    given["wizard"] = (given["wizard"] or "").strip() or None
     display = Display(theme or "", colors, mouse == "on", fps)
     asked = Asked(display=display, ros_args=tuple(context.obj or ()), **given)
     _check_usage(asked)
@@ -130,6 +144,8 @@ def _check_usage(asked: Asked) -> None:
         "--seed": asked.seed,
         "--participant": asked.participant,
         "--condition": asked.condition,
+        "--set": asked.sets or None,
+        "--place": asked.places or None,
         "--new": asked.new or None,
         "--recover": asked.recover or None,
     }
@@ -140,6 +156,8 @@ def _check_usage(asked: Asked) -> None:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
     if asked.new and asked.recover:
         raise click.UsageError("say either --new or --recover")
+    if asked.here and not asked.recover:
+        raise click.UsageError("--here goes with --recover")
     which = {"--config": asked.folder, "--session": asked.session, "--replay": asked.replay}
     named = [name for name, value in which.items() if value is not None]
     if len(named) > 1:

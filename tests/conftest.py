@@ -10,6 +10,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# For every property test: whether it passes never depends on how quick the machine is. A new clone has none of
+# hypothesis' cached tables yet, and its first examples take seconds.
+settings.register_profile("rise", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("rise")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -10,7 +10,7 @@ from rise_engine.expression.environment import Env, Json, list_index, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, shortened
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.strict_json import read_json
-from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_letters
+from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
 from rise_engine.expression.values import MAX_LEVELS, levels, named
 
 _BLANKS = re.compile(r"\s*")
@@ -60,6 +60,8 @@ class Assignment:
                 raise ExpressionError("this object has no key", text, start + 1, 'write {"key": value}')
             if "" in pairs:
                 raise ExpressionError("a memory key cannot be empty", text, start + 1)
+            if any(key.count(".") >= MAX_LEVELS for key in pairs):
+                raise ExpressionError(f"a key here has more than {MAX_LEVELS} parts", text, start + 1)
             return tuple(cls(text, key, None, value) for key, value in pairs.items())
         key, at = _read_key(text, start)
         expression, literal = _read_right_side(text, at)
@@ -168,8 +170,7 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
             f"a key cannot begin with `{text[start]}`", text, start + 1, "begin it with a letter or `_`"
         )
     key, end = match[0], match.end()
-    if not key.isascii():
-        check_letters(text, key, start)
+    check_key(text, key, start)
     if key in RESERVED:
         raise ExpressionError(f"`{key}` is a word of the language and cannot be a key", text, start + 1)
     compound = _COMPOUND.match(text, end)

@@ -62,6 +62,11 @@ class Expression:
         """The same expression with all brackets written out."""
         return nodes.explicit(self.root)
 
+    @cached_property
+    def values(self) -> frozenset[str]:
+        """Those of `keys` whose value is read; of the others it is only asked whether they are `defined`."""
+        return self.keys if "defined" not in self.text else frozenset(nodes.read_keys(self.root))
+
     @property
     def is_bare_key(self) -> str | None:
         """The key, when the expression is nothing but one (also in brackets)."""

@@ -69,7 +69,8 @@ def no_operand(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
         written = before.value + token.value
         return ExpressionError(f"`{written}` is no operator", text, before.start + 1, f"write `{token.kind}=`")
     if token.kind == "+":
-        return ExpressionError("`+` needs a value on its left", text, column, "leave the `+` out")
+        hint = "alone it stands only before a number that is written out; leave it out"
+        return ExpressionError("`+` needs a value on its left", text, column, hint)
     if token.kind == ")" and before is not None and before.kind == "(":
         return ExpressionError("there is nothing between the brackets", text, column)
     if token.kind == "," and before is not None and before.kind in (",", "("):
@@ -141,6 +142,8 @@ def unknown_function(text: str, token: Token) -> ExpressionError:
 
 def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
     """A function with too few or too many arguments."""
+    from rise_engine.expression.signatures import signature  # only for messages
+
     least, most = ARITY[token.value]
     wanted = f"{least} or more" if most == MANY else str(least) if least == most else f"{least} or {most}"
     plural = "" if wanted == "1" else "s"
@@ -150,6 +153,8 @@ def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token])
         if given > most and adjacent and (left.kind, comma.kind, right.kind) == ("number", ",", "number"):
             number = f"{text[left.start : left.end]}.{text[right.start : right.end]}"
             hint = f"numbers have a point, not a comma: write `{number}`"
+    if not hint and (known := signature(token.value)) is not None:
+        hint = f"write {known.call}: {known.says.partition(';')[0].partition('. ')[0]}"
     return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)
 
 

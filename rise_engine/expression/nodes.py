@@ -101,6 +101,16 @@ def depth(node: Node) -> int:
     return deepest
 
 
+def read_keys(node: Node) -> Iterator[str]:
+    """The keys whose value is read anywhere in a tree. Does not recurse."""
+    waiting = [node]
+    while waiting:
+        at = waiting.pop()
+        if isinstance(at, Key):
+            yield at.name
+        waiting.extend(children(at))
+
+
 def rebuild(node: Node, change: Callable[[Node], Node]) -> Node:
     """The same node with `change` applied to each of its children."""
     match node:

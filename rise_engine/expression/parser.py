@@ -170,6 +170,9 @@ class _Parser:
             return Not(self.expression(max(_EQUALITY, loosest)))
         if kind == "-":
             return Negative(self.expression(_POWER))
+        if kind == "+" and self.tokens[self.at].kind == "number":  # RISE reads `+3` as 3
+            self.at += 1
+            return Literal(self.tokens[self.at - 1].value)
         raise mistakes.no_operand(self.text, self.tokens, self.at - 1)
 
     def name(self, token: Token) -> Node:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import re
 from typing import Any, NamedTuple
+from unicodedata import combining, normalize
 
 from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.values import MAX_LEVELS
 
 MAX_LENGTH = 100_000
 """Characters. Longer texts are refused: no author writes them."""
@@ -88,8 +90,7 @@ def tokenize(text: str) -> list[Token]:
         kind = "end"
         if group == _WORD:
             kind = value if value in RESERVED else "word"
-            if not value.isascii():
-                check_letters(text, value, start)
+            check_key(text, value, start)
         elif group == _OPERATOR:
             kind = _SYNONYMS.get(value, value)
         elif group == _NUMBER:
@@ -148,8 +149,17 @@ def _word_at(text: str, start: int) -> str:
     return match[0][:40] if match else text[start]
 
 
-def check_letters(text: str, word: str, start: int) -> None:
-    """Superscripts and the like count as word characters for `re`, but a person does not mean them as letters."""
+def check_key(text: str, word: str, start: int) -> None:
+    """Refuses what `KEY` takes and no key can be. Raises ExpressionError.
+
+    Superscripts and the like count as word characters for `re`, but a person does not mean them as letters.
+    """
+    if word.count(".") >= MAX_LEVELS:
+        raise ExpressionError(
+            f"this key has more than {MAX_LEVELS} parts", text, start + 1, "no memory value is deeper"
+        )
+    if word.isascii():
+        return
     for offset, character in enumerate(word):
         if not ("_" + character).isidentifier() and character != ".":
             raise _bad_character(text, character, start + offset)
@@ -166,6 +176,12 @@ def _bad_character(text: str, character: str, start: int) -> ExpressionError:
         return ExpressionError(f"`{entity[0]}` is escaped twice", text, column, "escape it once in the XML file")
     if text.startswith("=!", start):
         return ExpressionError("`=!` is no operator", text, column, "write `!=` for different")
+    if combining(character) and start > 0:
+        whole = normalize("NFC", text[start - 1 : start + 1])
+        hint = f"type it again as one character: `{whole}`" if len(whole) == 1 else "keys have letters without it"
+        return ExpressionError(
+            f"the accent of `{text[start - 1 : start + 1]}` is a character of its own", text, column, hint
+        )
     shown = f"`{character}`" if character.isprintable() else f"The invisible character U+{ord(character):04X}"
     hint = _HINTS.get(character, "a key has only letters, digits, `_` and dots")
     return ExpressionError(f"{shown} has no meaning here", text, column, hint)

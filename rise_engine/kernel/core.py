@@ -37,8 +37,11 @@ class Topics(dict[str, Topic]):
         return self[name]
 
 
-Event: TypeAlias = tuple[Topic, str]
-"""Raised and not yet routed: the topic and its source."""
+Cause: TypeAlias = "tuple[str, Cause] | None"
+"""What led to something within one go: the rule whose step it was, and what had led to that step. Null: an input."""
+
+Event: TypeAlias = tuple[Topic, str, Cause]
+"""Raised and not yet routed: the topic, its source, and what it comes of."""
 
 
 class Task(Struct):
@@ -73,6 +76,7 @@ class Core:
     """Time, numbering and outputs of the current step, and the state that belongs to no part alone."""
 
     __slots__ = (
+        "cause",
         "chance",
         "commands",
         "cue",
@@ -84,6 +88,7 @@ class Core:
         "noticed",
         "pressed",
         "records",
+        "resumed",
         "scenario",
         "seq",
         "step",
@@ -99,6 +104,10 @@ class Core:
         self.seq = 0
         self.step = 0
         """Counts inputs: what happens within one of them happens in one go."""
+        self.resumed = -1
+        """The last go (by `step`) that took in more than one input: timers of one moment are one go."""
+        self.cause: Cause = None
+        """What the things that happen now come of."""
         self.records: list[AnyRecord] = []
         self.commands: list[Command] = []
         self.topics = Topics()
@@ -168,7 +177,7 @@ class Core:
     def raise_if_named(self, topic: str) -> None:
         """An event of the engine that no rule of the scenario names leaves no record (semantics, section 3)."""
         if topic in self.scenario.topics:
-            self.events.append((self.topics[topic], "engine"))
+            self.events.append((self.topics[topic], "engine", self.cause))
 
     # --- timers ---
 

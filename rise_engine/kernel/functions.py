@@ -48,6 +48,7 @@ class Functions:
             "markCue": self._mark_cue,
             "nextFiller": self._next_filler,
             "markMistake": self._mark_mistake,
+            "goOn": self._go_on,
         }
 
     @property
@@ -150,7 +151,7 @@ class Functions:
                 task.ref,
             )
         )
-        core.events.append((topic, source))
+        core.events.append((topic, source, core.cause))
 
     def _assign(self, task: Submit) -> None:
         memory = self._rules.memory
@@ -256,6 +257,14 @@ class Functions:
         else:
             self._done(task)
             self._wizard.mark_mistake(task.behavior, task.source)
+
+    def _go_on(self, task: Submit) -> None:
+        problem = self._wizard.go_on_problem(task.behavior)
+        if problem:
+            self._reject(task, problem)
+        else:
+            self._done(task)
+            self._wizard.go_on(task.behavior)
 
     # --- stop-all ---
 

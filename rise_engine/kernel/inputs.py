@@ -26,7 +26,8 @@ TaskFunction: TypeAlias = Literal[
     "say",  # behavior: the text, as it is to be said
     "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
     "nextFiller",  # behavior is empty: the next of the scenario's fillers
-    "markMistake",  # behavior: "<id> <wrong|late|early|double|none>", about a task that started an act
+    "markMistake",  # behavior: "<id> <wrong|late|early|double|none>", about an act or another task of a wizard
+    "goOn",  # behavior: the id of a task whose act has failed: somebody has seen it, and goes on without it
 ]
 
 

@@ -76,6 +76,9 @@ class Kernel:
             core.step += 1
         elif kind is not TimerElapsed:  # timers of one moment are one go: a loop of empty waits is a runaway too
             core.step += 1
+        else:
+            core.resumed = core.step
+        core.cause = None
         records: list[AnyRecord] = []
         commands: list[Command] = []
         core.records, core.commands = records, commands
@@ -84,6 +87,7 @@ class Kernel:
             core.pressed = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
             functions = self._functions
             (functions.by_name.get(input.function) or functions.unknown)(input)  # type: ignore[union-attr, arg-type]
+            self.wizard.done(records[0])  # type: ignore[arg-type]
         else:
             core.pressed = None
             self._inputs[kind](input)

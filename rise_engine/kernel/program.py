@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.kernel.core import Event, Topic, Topics
+from rise_engine.kernel.core import Topic, Topics
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Statement, Transition, normal_topic
 
 RAISE, ASSIGN, CALL, TEST, PICK = range(5)
@@ -45,12 +45,12 @@ class Op:
         "assignments",
         "choices",
         "condition",
-        "event",
         "function",
         "kind",
         "next",
         "otherwise",
         "source",
+        "topic",
     )
 
     kind: int
@@ -60,8 +60,8 @@ class Op:
     """Whose step it is, for records."""
     function: str
     argument: str
-    event: Event
-    """RAISE: what it puts in the queue, made once."""
+    topic: Topic
+    """RAISE: the event that it puts in the queue."""
     assignments: tuple[Assignment, ...]
     condition: Condition
     otherwise: Op | None
@@ -212,7 +212,7 @@ class Blocks:
     def _function(self, function: Function, then: Op | None) -> Op:
         if function.name == "raiseEventTopic":
             op = Op(RAISE, self._source, then)
-            op.event = (self._topics.named(normal_topic(function.argument)), self._source)
+            op.topic = self._topics.named(normal_topic(function.argument))
         elif function.name == "assignValue" and function.assignment is not None:
             op = Op(ASSIGN, self._source, then)
             op.assignments = (function.assignment,)

@@ -15,7 +15,7 @@ ActionStatus: TypeAlias = Literal[
     "started", "accepted", "succeeded", "failed", "canceled", "timed-out", "lost", "skipped"
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
-"""What was wrong about an act of the wizard's; `none`: nothing after all."""
+"""What was wrong about something that a wizard did; `none`: nothing after all."""
 ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
 """Every action has exactly one record with one of these."""
 FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"})
@@ -160,10 +160,11 @@ class CueRecord(Record, tag="cue"):
 
 
 class MistakeRecord(Record, tag="mistake"):
-    """A wizard says that an act was a mistake. The last one about a task counts; `none` takes it back."""
+    """A wizard says that something was a mistake. The last one about a task counts; `none` takes it back."""
 
     task: int
     act: str
+    """The act that the task started, `say` for free speech; empty when the task did something else."""
     mark: Mark
     source: str
 

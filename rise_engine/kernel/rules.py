@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from rise_engine.expression import EvaluationError
-from rise_engine.kernel.core import Core, Task, TimerTarget, Topic
+from rise_engine.kernel.core import Cause, Core, Task, TimerTarget, Topic
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.program import (
     ASSIGN,
@@ -32,12 +32,7 @@ from rise_engine.kernel.program import (
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 
 STEP_LIMIT = 1_000
-"""Steps (starts and transitions) that one rule may take in one go before it counts as running away."""
-
-RAN_AWAY = (
-    f"took {STEP_LIMIT:d} steps in one go without waiting for anything; "
-    "probably two of its states lead to each other by events that they raise themselves"
-)
+"""Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
 
 Rank = tuple[float, int]
 """Priority and recency: larger is nearer the top of the stack. Unique, because stamps are."""
@@ -66,9 +61,9 @@ class RuleRun:
         """How many it has taken during that input."""
 
 
-Frame: TypeAlias = tuple[RuleRun, Op | None, bool, TransitionCode | None]
-"""What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, and the
-transition that then arrives."""
+Frame: TypeAlias = tuple[RuleRun, Op | None, bool, TransitionCode | None, Cause]
+"""What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
+transition that then arrives, and what all that comes of."""
 
 
 class RuleMachine:
@@ -96,8 +91,8 @@ class RuleMachine:
         self._watching: dict[str, Line] = {}
         self._codes = {name: RuleCode(rule, core.topics, self._watching) for name, rule in core.scenario.rules.items()}
         self._frames: list[Frame] = []
-        self._dirty: dict[RuleRun, None] = {}
-        """Rules whose conditions without event have to be looked at."""
+        self._dirty: dict[RuleRun, Cause] = {}
+        """Rules whose conditions without event have to be looked at, and what that comes of."""
         self.stamp = 0
         self.spent: dict[str, tuple[int, int]] = {}
         """Of rules that have ended: the input in which they last did something, and how many steps they took in it. A
@@ -134,10 +129,8 @@ class RuleMachine:
         step = self._core.step
         last, steps = self.spent.get(name, (-1, 0))
         run.step, run.steps = step, steps + 1 if last == step else 1
-        if run.steps > STEP_LIMIT:
-            self._end(run, "faulted", "ABORTED", RAN_AWAY)
-        else:
-            self._arrive(run)
+        if run.steps <= STEP_LIMIT or self._goes_on(run):
+            self._arrive(run, (name, self._core.cause))
 
     def stop(self, name: str, reason: str) -> None:
         """Stop a running rule where it is; no functions run."""
@@ -190,7 +183,7 @@ class RuleMachine:
             if self._dirty:
                 self._look_at_conditions()
             elif events:
-                topic, source = events.popleft()
+                topic, source, core.cause = events.popleft()
                 run = self._top
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
                 transition = run.state.sure.get(topic) if run is not None else None
@@ -218,7 +211,7 @@ class RuleMachine:
     def _look_at_conditions(self) -> None:
         """Let the highest of the rules that have something to look at take a transition without event."""
         run = max(self._dirty, key=_rank) if len(self._dirty) > 1 else next(iter(self._dirty))
-        del self._dirty[run]
+        self._core.cause = self._dirty.pop(run)
         for transition in run.state.watching:
             if transition.condition is None or self._holds(run, transition.condition):
                 # It is taken when it *becomes* true: if the rule stays in the state, it must turn false in between.
@@ -238,7 +231,7 @@ class RuleMachine:
 
     def key_changed(self, key: str) -> None:
         if runs := self._watching.get(key):
-            self._dirty.update(runs)
+            self._dirty.update(dict.fromkeys(runs, self._core.cause))
 
     # --- transitions ---
 
@@ -248,8 +241,11 @@ class RuleMachine:
         step = core.step
         steps = run.steps + 1 if run.step == step else 1
         if steps > STEP_LIMIT:
-            self._end(run, "faulted", "ABORTED", RAN_AWAY)
-            return
+            run.step = step
+            run.steps = steps
+            if not self._goes_on(run):
+                return
+            steps = run.steps
         state = transition.enters
         if state is None:
             self._run_functions(run, transition, steps)
@@ -284,17 +280,19 @@ class RuleMachine:
             )
         )
         if not state.quiet:
-            self._arrive(run)
+            self._arrive(run, (run.name, core.cause))
         elif state.entry is not None:
-            self._frames.append((run, state.entry, False, None))
+            self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
 
     def _run_functions(self, run: RuleRun, transition: TransitionCode, steps: int) -> None:
         """Set going the functions of a transition that does not enter its target at once."""
         frames = self._frames
+        before = self._core.cause
+        cause = (run.name, before)
         if transition.landing is not None:  # innermost last: onExit, the transition's own, then the move, which counts
-            frames.append((run, None, False, transition.landing))
-            frames.append((run, transition.block, False, None))
-            frames.append((run, run.state.exit, False, None))
+            frames.append((run, None, False, transition.landing, before))
+            frames.append((run, transition.block, False, None, cause))
+            frames.append((run, run.state.exit, False, None, cause))
         else:
             run.step = self._core.step
             run.steps = steps
@@ -303,24 +301,53 @@ class RuleMachine:
             self._leave_lines(run)
             self._join_lines(run)
             self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
-            frames.append((run, transition.block, True, None))
+            frames.append((run, transition.block, True, None, cause))
 
-    def _arrive(self, run: RuleRun) -> None:
+    def _arrive(self, run: RuleRun, cause: Cause) -> None:
         """What entering a state sets going besides waiting for its events."""
         state = run.state
         for timed in state.timed:
             timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
             run.timers[timer] = timed
         if state.entry is not None:
-            self._frames.append((run, state.entry, True, None))
+            self._frames.append((run, state.entry, True, None, cause))
         else:
-            self._entered(run)
+            self._entered(run, cause)
 
-    def _entered(self, run: RuleRun) -> None:
+    def _entered(self, run: RuleRun, cause: Cause) -> None:
         if run.state.final:
+            self._core.cause = cause
             self._end(run, "ended", "SUCCEEDED")
         elif run.state.watching:
-            self._dirty[run] = None
+            self._dirty[run] = cause
+
+    # --- who goes round in circles ---
+
+    def _goes_on(self, run: RuleRun) -> bool:
+        """A rule is about to take more than STEP_LIMIT steps in one go. Stop whoever keeps it going; whether the step
+        is taken all the same.
+
+        Along the chain of causes that leads to the step, that is the rule that stands in it most often, at least twice;
+        of equals the one that came first. Without such a rule nothing goes round: the go is just a long one.
+        """
+        times: dict[str, int] = {}
+        cause: Cause = (run.name, self._core.cause)
+        while cause is not None:
+            name, cause = cause
+            times[name] = times.pop(name, 0) + 1  # in the end, the first of the chain is the last here
+        most, who = 1, None
+        for name, number in times.items():
+            if number >= most and number > 1 and name in self.stack:
+                most, who = number, self.stack[name]
+        if who is None and self._core.resumed == self._core.step:  # the chain began in an earlier input
+            most, who = run.steps - 1, run
+        if who is None:
+            run.steps = 1
+            return True
+        others = [name for name, number in times.items() if number > 1 and name != who.name]
+        self._end(who, "faulted", "ABORTED", _ran_away(most - (who is run), others, run))
+        run.steps = 1
+        return who is not run
 
     # --- functions ---
 
@@ -329,9 +356,10 @@ class RuleMachine:
         frames = self._frames
         core = self._core
         while frames:
-            run, op, entered, landing = frames.pop()
+            run, op, entered, landing, cause = frames.pop()
             if not run.alive:
                 continue
+            core.cause = cause
             while op is not None:
                 kind = op.kind
                 if kind == TEST:
@@ -345,19 +373,19 @@ class RuleMachine:
                             seq, core.t, "", task, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED"
                         )
                     )
-                    core.events.append(op.event)
+                    core.events.append((op.topic, op.source, cause))
                     op = op.next
                 elif kind == ASSIGN:
                     op = op.next if self._assign(run, op) else None  # an error skips the rest of the block
                 elif kind == CALL:
-                    frames.append((run, op.next, entered, landing))
+                    frames.append((run, op.next, entered, landing, cause))
                     self._submit(op.function, op.argument, op.source)
                     break  # what it started comes first, and it may have stopped this rule
                 else:
                     op = op.choices[core.chance.below(len(op.choices))]
             else:
                 if entered:
-                    self._entered(run)
+                    self._entered(run, cause)
                 elif landing is not None:
                     self._take(run, landing)
 
@@ -445,3 +473,13 @@ def _sort(line: Line) -> None:
     entries = sorted(line.items(), key=lambda entry: _rank(entry[0]))
     line.clear()
     line.update(entries)
+
+
+def _ran_away(rounds: int, others: list[str], run: RuleRun) -> str:
+    """Why a rule that goes round in circles was stopped."""
+    if not others:
+        probably = "probably two of its states lead to each other by events that they raise themselves"
+    else:
+        known = ", ".join(others[:3]) + (" and others" if len(others) > 3 else "")
+        probably = f"it and {known} lead to each other by events that they raise"
+    return f"took {rounds} steps in one go, each of which led to the next, without waiting for anything; {probably}"

@@ -130,6 +130,7 @@ class Scheduler:
         core = self._core
         task.status = status  # type: ignore[assignment]
         core.task_record(task, reason)
+        self._wizard.act_ended(task)
         name = act_name(task)
         core.seq += 1
         core.records.append(

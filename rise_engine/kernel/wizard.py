@@ -10,13 +10,15 @@ from typing import Literal, get_args
 from msgspec import Struct, field
 
 from rise_engine.kernel.core import Core, Task, TimerTarget
-from rise_engine.kernel.records import CueRecord, Mark, MistakeRecord
+from rise_engine.kernel.records import CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.kernel.speech import act_name
 from rise_engine.scenario.fillers import fillers, next_filler
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
-"""Acts that can still be marked as a mistake; older ones only in the record itself."""
+"""Acts, and other tasks of wizards, that can still be marked as a mistake; older ones only in the record itself."""
+UNMARKED = frozenset({"markMistake", "goOn"})
+"""What a wizard says about tasks; it is no deed that could have been a mistake."""
 LONGEST_SPEECH = 2000
 """Characters of free speech. Nobody says more in one go; what is longer was pasted by mistake."""
 
@@ -29,6 +31,10 @@ class WizardState(Struct):
     """Runs from a cue on when the scenario wants fillers without the wizard."""
     acts: dict[int, str] = field(default_factory=dict)
     """The latest tasks that asked for an act, with its name."""
+    deeds: list[int] = field(default_factory=list)
+    """The latest other tasks that wizards have asked for: rules, events, memory, whatever a key can do."""
+    failed: dict[int, str] = field(default_factory=dict)
+    """Failed acts that nobody has answered yet, by task: what was to be done, which a later task can make good."""
 
 
 class Wizard:
@@ -67,6 +73,27 @@ class Wizard:
         if not filler:
             core.cue = None
 
+    def act_ended(self, task: Task) -> None:
+        """A failure stays until somebody goes on without the act, or it succeeds after all."""
+        failed, what = self.state.failed, f"{task.function} {task.behavior}"
+        if task.status in ("ABORTED", "SUCCEEDED"):
+            for id in [id for id, other in failed.items() if other == what]:
+                del failed[id]
+        if task.status == "ABORTED":
+            failed[task.id] = what
+            if len(failed) > REMEMBERED:
+                del failed[next(iter(failed))]
+
+    def go_on_problem(self, behavior: str) -> str:
+        """Why nobody need go on without this act, or empty."""
+        if _id(behavior) not in self.state.failed:
+            return f"no task {behavior} has failed and waits for an answer"
+        return ""
+
+    def go_on(self, behavior: str) -> None:
+        """The wizard has seen that an act failed, and goes on without it."""
+        del self.state.failed[_id(behavior)]
+
     def _is_filler(self, task: Task) -> bool:
         return task.function == "startCommunicationRobotAct" and self._core.scenario.settings_of(task.behavior).filler
 
@@ -95,13 +122,22 @@ class Wizard:
 
     # --- mistakes ---
 
+    def done(self, task: TaskRecord) -> None:
+        """A wizard has asked for something, and it was not refused: it may have been a mistake."""
+        acts = task.id in self.state.acts
+        if acts or task.status == "REJECTED" or task.function in UNMARKED or not task.source.startswith("wizard:"):
+            return
+        self.state.deeds.append(task.id)
+        if len(self.state.deeds) > REMEMBERED:
+            del self.state.deeds[0]
+
     def mark_problem(self, behavior: str) -> str:
         """Why a mark cannot be taken, or empty."""
         number, _, mark = behavior.partition(" ")
         if mark not in MARKS:
             return f"write the task's id and one of {', '.join(MARKS)}, as in `17 late`"
-        if not self._act_of(number):
-            return f"no task {number} has started an act lately"
+        if _id(number) not in self.state.acts and _id(number) not in self.state.deeds:
+            return f"no task {number} has started an act lately, and none of a wizard's has this number"
         return ""
 
     def mark_mistake(self, behavior: str, source: str) -> None:
@@ -109,9 +145,10 @@ class Wizard:
         core = self._core
         core.seq += 1
         core.records.append(
-            MistakeRecord(core.seq, core.t, "", int(number), self._act_of(number), mark, source)  # type: ignore[arg-type]
+            MistakeRecord(core.seq, core.t, "", _id(number), self.state.acts.get(_id(number), ""), mark, source)  # type: ignore[arg-type]
         )
 
-    def _act_of(self, number: str) -> str:
-        known = number.isascii() and number.isdigit() and len(number) < 19
-        return self.state.acts.get(int(number), "") if known else ""
+
+def _id(number: str) -> int:
+    """A task's id as it is written; 0, which no task has, when it is none."""
+    return int(number) if number.isascii() and number.isdigit() and len(number) < 19 else 0

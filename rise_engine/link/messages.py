@@ -89,7 +89,10 @@ class State(Struct, frozen=True):
     running: list[int]
     waiting: list[int]
     unhandled: list[EventRecord]
+    failed: list[int] = field(default_factory=list)
+    wizard: str = ""
     remarks: list[RemarkView] = []
+    forgotten: int = 0
 
 
 class Welcome(Struct, tag_field="type", tag="hello", frozen=True):
@@ -195,6 +198,8 @@ class About(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
     participant: str = ""
     """Who takes part, as the record names them."""
     condition: str = ""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when their console has gone."""
     replay: bool = False
     trouble: str = ""
     """Why nothing can be recorded; while this is set, the session is paused."""

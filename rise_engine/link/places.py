@@ -72,7 +72,14 @@ def session_name(folder: str | os.PathLike[str]) -> str:
 
 
 def socket_path(name: str) -> Path:
-    """Raises PlaceError."""
+    """Of the session that is called so in the runtime folder; a whole path is that of a session in any other one.
+
+    Raises PlaceError.
+    """
+    return Path(name) if name.startswith("/") else _own_path(name)
+
+
+def _own_path(name: str) -> Path:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
         raise PlaceError(f"{name!r} cannot be the name of a session: letters, digits, `-`, `_` and `.` can")
     path = runtime_folder() / f"{name}.sock"
@@ -117,7 +124,7 @@ class Claim:
 
 def claim(name: str) -> Claim | None:
     """Take a session's name for this process; None when a running session has it. Raises PlaceError."""
-    path = socket_path(name)
+    path = _own_path(name)
     for _ in range(20):  # somebody who looks whether it runs holds the lock for a moment
         try:
             descriptor = _lock(lock_path(path))
@@ -175,10 +182,16 @@ def running() -> list[str]:
 
 
 def find(name: str) -> str:
-    """The running session that is meant by `name`: its whole name, or what stands before the six digits.
+    """The running session that is meant by `name`: its whole name, what stands before the six digits, or the path of
+    its socket, whatever runtime folder that is in.
 
     Raises PlaceError when there is none, or more than one.
     """
+    if "/" in name:
+        path = os.path.abspath(name)  # noqa: PTH100  # links stay
+        if held(lock_path(Path(path))):
+            return path
+        raise PlaceError(f"no session runs at {name}")
     there = running()
     meant = [each for each in there if each == name] or [each for each in there if each.rpartition("-")[0] == name]
     if len(meant) == 1:

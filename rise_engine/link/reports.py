@@ -10,9 +10,13 @@ from pathlib import Path
 
 import msgspec
 
+from rise_engine.link.elsewhere import everywhere, on_other_computers
 from rise_engine.link.leftover import as_lines, left_over
 from rise_engine.link.messages import About
-from rise_engine.link.places import PlaceError, abouts, find, held, lock_path, running, session_name, socket_path
+from rise_engine.link.places import PlaceError, find, held, lock_path, running, session_name, socket_path
+from rise_engine.session.folder import running_folders
+from rise_engine.terminal import write_json
+from rise_engine.text import clean
 
 OK, NO_SUCH, STILL_THERE = 0, 1, 70
 
@@ -23,20 +27,23 @@ PATIENCE = 20.0
 def sessions_report(*, as_json: bool) -> int:
     """Print the running sessions; the exit status."""
     try:
-        found = abouts()
+        found = everywhere()
     except PlaceError as error:
         return _fail(str(error))
     if as_json:
         told = [{"name": name, "about": None if each is None else each} for name, each in found.items()]
-        sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+        write_json(msgspec.json.encode(told).decode())
         return OK
-    if not found:
+    others = on_other_computers()
+    if not found and not others:
         sys.stderr.write("no session is running; begin one with:  rise-tui --config DIR\n")
     for name, about in found.items():
         for line in _lines(name, about):
-            sys.stdout.write(line + "\n")
+            sys.stdout.write(clean(line) + "\n")
+    for line in others:
+        sys.stderr.write(clean(line) + "\n")
     for line in as_lines(left_over(found)):
-        sys.stderr.write(line + "\n")
+        sys.stderr.write(clean(line) + "\n")
     return OK
 
 
@@ -64,8 +71,13 @@ def stop_session(which: str | None) -> int:
 
 def _meant(which: str | None) -> str:
     """Raises PlaceError."""
+    if which is not None and Path(which).is_dir():
+        if (name := session_name(which)) in running():
+            return name
+        holders = running_folders(str(Path(which).absolute())).values()
+        return next((each.socket for each in holders if each is not None and each.is_here), "") or find(name)
     if which is not None:
-        return session_name(which) if Path(which).is_dir() and session_name(which) in running() else find(which)
+        return find(which)
     there = running()
     if len(there) == 1:
         return there[0]

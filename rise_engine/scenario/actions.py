@@ -17,6 +17,7 @@ from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source import Source
 from rise_engine.scenario.toml_places import Table, TomlFile, read_toml
+from rise_engine.scenario.xml import is_element_name
 
 Layer = Literal["core", "profile", "scenario"]
 
@@ -76,6 +77,7 @@ def declare(
 
 
 def _check_substitutes(file: TomlFile, specs: dict[str, ActionSpec], findings: Findings) -> None:
+    able: list[str] | None = None
     for name in file.values.get("actions", {}):
         spec = specs.get(name)
         if spec is None or spec.substitute is None:
@@ -83,7 +85,10 @@ def _check_substitutes(file: TomlFile, specs: dict[str, ActionSpec], findings: F
         place = file.value_place("actions", name, "substitute")
         other = specs.get(spec.substitute)
         if other is None or not other.supported or other.substitute is not None or other.name == name:
-            able = [each.name for each in specs.values() if each.supported and not each.substitute and not each.engine]
+            if able is None:
+                able = [
+                    each.name for each in specs.values() if each.supported and not each.substitute and not each.engine
+                ]
             findings.error(
                 "unknown-action",
                 place,
@@ -151,8 +156,9 @@ class _Declaration:
                 "wrong-type", self.table.place(key), f"`{key}` needs a parameter `value` of the type `name`"
             )
         elif value is not None:
+            left_out, known = frozenset(without), {*value.codes, *value.names}
             for index, name in enumerate(without):
-                if name not in value.codes and name not in value.names:
+                if name not in known:
                     self.findings.error(
                         "unknown-name",
                         self.table.place("without", str(index)),
@@ -160,8 +166,8 @@ class _Declaration:
                     )
             result["value"] = replace(
                 value,
-                codes={name: code for name, code in value.codes.items() if name not in without},
-                names=tuple(name for name in dict.fromkeys((*value.names, *more)) if name not in without),
+                codes={name: code for name, code in value.codes.items() if name not in left_out},
+                names=tuple(name for name in dict.fromkeys((*value.names, *more)) if name not in left_out),
             )
         return result
 
@@ -233,7 +239,8 @@ def unknown_keys(table: Table, known: tuple[str, ...], findings: Findings) -> No
 
 
 def _is_tag(name: str) -> bool:
-    return name.isidentifier() and not name[0].isdigit()
+    """Whether a name can be that of an element."""
+    return name.isidentifier() and (name.isascii() or is_element_name(name))
 
 
 def _is_number(value: Any) -> bool:

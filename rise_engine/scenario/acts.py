@@ -12,17 +12,21 @@ from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter,
 from rise_engine.scenario.parameters import check_template, convert
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.text import BLANKS, called, strange
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _SEPARATORS = re.compile(r"[,;\s]+")
+_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*)")
+_WAITED = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
 
 def read_acts(file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findings) -> None:
     """Read every act of a file into `draft`."""
+    usable = (*(spec.name for spec in robot.actions.values() if spec.supported), "Variants")
     for element in roots(file, "Dialog", WRAPPERS, findings):
-        reader = _ActReader(file, robot, draft, findings)
+        reader = _ActReader(file, robot, usable, draft, findings)
         act = reader.act(element)
         if act is None:
             continue
@@ -66,27 +70,35 @@ def roots(file: XmlFile, tag: str, wrappers: tuple[str, ...], findings: Findings
 
 def no_text(file: XmlFile, element: Element, findings: Findings) -> None:
     """A finding for text between the children of an element that holds only elements."""
-    stray = element.text
-    if stray and not stray.isspace():
-        place = file.text_place(element, len(stray) - len(stray.lstrip()))
-    else:
-        for child in element:
-            stray = child.tail
-            if stray and not stray.isspace():
-                place = file.tail_place(child)
+    stray, behind = element.text.strip(BLANKS), None
+    if not stray:
+        for behind in element:
+            if behind.tail and (stray := behind.tail.strip(BLANKS)):
                 break
         else:
             return
-    findings.error("unexpected-text", place, f"text cannot stand here: `{' '.join(stray.split())[:60]}`")
+    whole = element.text if behind is None else behind.tail
+    index = len(whole) - len(whole.lstrip(BLANKS))
+    place = file.text_place(element, index) if behind is None else file.tail_place(behind, index)
+    if strange(stray) == 0:
+        message = f"the character {called(stray[0])} cannot stand here; delete it, or write an ordinary blank"
+    else:
+        message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
+    findings.error("unexpected-text", place, message)
 
 
 class _ActReader:
-    def __init__(self, file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findings) -> None:
+    def __init__(
+        self, file: XmlFile, robot: RobotProfile, usable: tuple[str, ...], draft: Draft, findings: Findings
+    ) -> None:
         self.file = file
         self.robot = robot
+        self.usable = usable
+        """What can stand in an act."""
         self.draft = draft
         self.findings = findings
         self.waits: dict[str, Element] = {}
+        self._indexed: tuple[Element, dict[str, int]] | None = None
 
     def error(self, code: str, element: Element, message: str) -> None:
         self.findings.error(code, self.file.place(element), message)
@@ -127,17 +139,23 @@ class _ActReader:
                         f"there is no action `{wanted}` in this act{suggestion(wanted, actions)}",
                     )
         for cycle in cycles({action.id: [w for w in action.wait_for if w in actions] for action in actions.values()}):
+            shown = cycle if len(cycle) <= 20 else [*cycle[:10], "...", *cycle[-10:]]
             self.findings.error(
                 "cycle",
                 self.file.text_place(self.waits[cycle[0]], self._index(cycle[0], "")),
-                f"these actions wait for each other: {' -> '.join((*cycle, cycle[0]))}",
+                f"these actions wait for each other: {' -> '.join((*shown, cycle[0]))}",
             )
 
     def _index(self, action: str, word: str) -> int:
-        """Where a word stands in the text of an action's waitForActions."""
-        text = self.waits[action].text or ""
-        found = re.search(rf"(?<![^,;\s]){re.escape(word)}(?![^,;\s])", text) if word else re.search(r"\S", text)
-        return found.start() if found else 0
+        """Where a word stands in the text of an action's waitForActions; without a word, where the first one does."""
+        element = self.waits[action]
+        if self._indexed is None or self._indexed[0] is not element:
+            words: dict[str, int] = {}
+            for found in _WAITED.finditer(element.text):
+                words.setdefault(found.group(), found.start())
+            self._indexed = element, words
+        words = self._indexed[1]
+        return words.get(word, next(iter(words.values()), 0))
 
     def action(self, element: Element) -> Action | None:
         if element.tag == "Variants":
@@ -191,10 +209,7 @@ class _ActReader:
         name = element.tag
         spec = self.robot.actions.get(name)
         if spec is None:
-            known = [each.name for each in self.robot.actions.values() if each.supported]
-            self.error(
-                "unknown-action", element, f"there is no action `{name}`{suggestion(name, (*known, 'Variants'))}"
-            )
+            self.error("unknown-action", element, f"there is no action `{name}`{suggestion(name, self.usable)}")
             return None
         if not spec.supported:
             self.error("robot-cannot", element, f"the robot {self.robot.title} (`{self.robot.name}`) has no `{name}`")
@@ -230,6 +245,10 @@ class _ActReader:
                 self.file.text_place(failure),
                 f"onFailure can only be `continue`, not `{proceed}`; without it, a failure ends the act",
             )
+        elif failure is not None and failure.text.strip(BLANKS) != proceed:
+            at = strange(failure.text)
+            message = f"the character {called(failure.text[at])} cannot stand beside `continue`; delete it"
+            self.findings.error("wrong-value", self.file.text_place(failure, at), message)
         return Action(name, calls, wait_for, proceed == "continue", self.file.place(element))
 
     def plain(self, element: Element | None) -> str:
@@ -291,10 +310,12 @@ class _ActReader:
             return None
         constant = template.constant
         if constant is None:
+            index = {found.group(1): found.start() for found in reversed(list(_SLOT.finditer(element.text)))}
             for slot in template.parts:
-                if not isinstance(slot, str) and slot.fallback is None:
-                    index = element.text.find("{" + slot.key)
-                    self.draft.key_reads.append(Mention(slot.key, Spot(self.file, element, None, max(index, 0))))
+                if isinstance(slot, str) or (slot.fallback is not None and not (slot.before or slot.after)):
+                    continue
+                mention = Mention(slot.key, Spot(self.file, element, None, index.get(slot.key, 0)))
+                (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(mention)
             try:
                 check_template(parameter, template)
             except ValueError as error:

@@ -88,6 +88,7 @@ class BlockReader:
         statements: list[Statement] = []
         later: list[Branch] = []
         before: list[Branch] | None = None  # the branches of the `if` that stands directly before
+        open_ifs: list[tuple[int, list[Branch]]] = []  # each `if`, whose branches go on behind it
         if depth > MAX_DEPTH:
             self.error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
             return (), []
@@ -106,7 +107,6 @@ class BlockReader:
                     self.extend(later, child, depth)
                 elif before is not None:
                     self.extend(before, child, depth)
-                    statements[-1] = If(tuple(before), statements[-1].place)
                 else:
                     self.error("misplaced", child, f"`<{tag}>` has no `<if>` before it; it {_PLACES[tag]}")
                 continue
@@ -124,7 +124,8 @@ class BlockReader:
                     statements.append(function)
             elif tag == "if":
                 before = self.branches(child, depth)
-                statements.append(If(tuple(before), self.file.place(child)))
+                open_ifs.append((len(statements), before))
+                statements.append(If((), self.file.place(child)))
             elif tag == "oneOf":
                 self.attributes(child, NONE)
                 choices = self.statements(child, depth + 1, chain=False)[0]
@@ -134,6 +135,8 @@ class BlockReader:
                     self.error("no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none")
             else:
                 self.error("unknown-element", child, self.misplaced(child, parent, _STATEMENTS))
+        for index, branches in open_ifs:
+            statements[index] = If(tuple(branches), statements[index].place)
         return tuple(statements), later
 
     def branches(self, element: Element, depth: int) -> list[Branch]:

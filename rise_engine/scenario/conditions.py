@@ -39,8 +39,7 @@ def expression_message(error: ExpressionError) -> str:
 
 def note_expression(expression: Expression, where: Where, draft: Draft, findings: Findings) -> None:
     """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
-    for key in expression.keys:
-        draft.key_reads.append(Mention(key, where))
+    _note_reads(expression, where, draft)
     difference = differences(expression)
     if difference is not None:
         findings.warning("reads-differently", where.place, difference)
@@ -49,9 +48,16 @@ def note_expression(expression: Expression, where: Where, draft: Draft, findings
 def note_assignment(assignment: Assignment, where: Where, draft: Draft) -> None:
     """Note the key that an assignment sets and those that it reads."""
     draft.key_sets.add(assignment.key)
+    draft.key_writes.append(Mention(assignment.key, where))
     word = assignment.bare_word
     if word is not None:
         draft.bare_words.append(Mention(word, where))
         return
-    for key in assignment.keys:
-        draft.key_reads.append(Mention(key, where))
+    if assignment.expression is not None:
+        _note_reads(assignment.expression, where, draft)
+
+
+def _note_reads(expression: Expression, where: Where, draft: Draft) -> None:
+    values = expression.values
+    for key in expression.keys:
+        (draft.key_reads if key in values else draft.key_questions).append(Mention(key, where))

@@ -48,6 +48,8 @@ class Draft:
         self.acts: dict[str, Act] = {}
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
+        self.memory_places: dict[str, Place] = {}
+        """Where the memory's keys stand that there is a warning about."""
         self.unread: set[str] = set()
         """Of acts, rules and memory, what could not be read whole: then nothing can be said to be missing there."""
         self.act_mentions: list[Mention] = []
@@ -57,6 +59,10 @@ class Draft:
         self.raises: list[Mention] = []
         self.key_reads: list[Mention] = []
         """Memory keys that conditions and templates read and that have no fallback."""
+        self.key_questions: list[Mention] = []
+        """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
+        self.key_writes: list[Mention] = []
+        """Memory keys that rules and key bindings set."""
         self.key_sets: set[str] = set()
         """Memory keys that start values, rules and key bindings set."""
         self.bare_keys: list[BareKey] = []

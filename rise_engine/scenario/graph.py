@@ -2,32 +2,65 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 
 
 def cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
-    """One cycle for each knot of nodes that reach each other, each starting with the node that comes first."""
-    done: set[str] = set()
+    """One shortest cycle for each knot of nodes that reach each other, each starting with the knot's first node."""
+    order = {node: index for index, node in enumerate(edges)}
+    for knot in sorted((sorted(knot, key=order.__getitem__) for knot in _knots(edges)), key=lambda k: order[k[0]]):
+        first, inside = knot[0], set(knot)
+        came_from: dict[str, str] = {}
+        pending = deque([first])
+        while first not in came_from and pending:
+            node = pending.popleft()
+            for following in edges[node]:
+                if following in inside and following not in came_from:
+                    came_from[following] = node
+                    pending.append(following)
+        if first in came_from:  # a single node that does not wait for itself is no cycle
+            cycle = [came_from[first]]
+            while cycle[-1] != first:
+                cycle.append(came_from[cycle[-1]])
+            yield cycle[::-1]
+
+
+def _knots(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
+    """The strongly connected components (Tarjan, SIAM J. Comput. 1 (2), 1972), without recursion."""
+    number: dict[str, int] = {}
+    lowest: dict[str, int] = {}
+    stack: list[str] = []
+    on_stack: set[str] = set()
     for start in edges:
-        if start in done:
-            continue
-        path: list[str] = [start]
-        on_path = {start: 0}
-        pending = [iter(edges[start])]
+        pending = [] if start in number else [(start, iter(edges[start]))]
+        if pending:
+            number[start] = lowest[start] = len(number)
+            stack.append(start)
+            on_stack.add(start)
         while pending:
-            following = next(pending[-1], None)
-            if following is None:
+            node, others = pending[-1]
+            for following in others:
+                if following not in number:
+                    number[following] = lowest[following] = len(number)
+                    stack.append(following)
+                    on_stack.add(following)
+                    pending.append((following, iter(edges[following])))
+                    break
+                if following in on_stack:
+                    lowest[node] = min(lowest[node], number[following])
+            else:
                 pending.pop()
-                last = path.pop()
-                del on_path[last]
-                done.add(last)
-            elif following in on_path:
-                yield path[on_path[following] :]
-                done.update(path)
-            elif following not in done:
-                on_path[following] = len(path)
-                path.append(following)
-                pending.append(iter(edges[following]))
+                if pending:
+                    lowest[pending[-1][0]] = min(lowest[pending[-1][0]], lowest[node])
+                if lowest[node] == number[node]:
+                    at = len(stack) - 1
+                    while stack[at] != node:
+                        at -= 1
+                    knot = stack[at:]
+                    del stack[at:]
+                    on_stack.difference_update(knot)
+                    yield knot
 
 
 def reachable(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
@@ -40,3 +73,11 @@ def reachable(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
                 found.add(following)
                 pending.append(following)
     return found
+
+
+def knots(edges: Mapping[str, Iterable[str]]) -> dict[str, int]:
+    """For each node the number of its knot: two nodes have the same one when each can be reached from the other.
+
+    Nodes that are only pointed at have to be keys too.
+    """
+    return {node: number for number, knot in enumerate(_knots(edges)) for node in knot}

@@ -49,6 +49,8 @@ CONSOLE_KEYS: dict[str, str] = {
     "f8": "the console",
     "f9": "stop-all",
     "ctrl+g": "stop-all",
+    "ctrl+e": "repeating a failed act",
+    "ctrl+k": "going on without a failed act",
     "ctrl+j": "the console",
     "ctrl+d": "jumping to a pane",
     "ctrl+n": "locking the keyboard",

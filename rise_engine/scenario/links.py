@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.paths import MemoryPaths
 
 ACT_ENDINGS = ("_succeeded", "_failed", "_stopped", "_end")
 """Events that the engine raises when an act ends (semantics, section 3)."""
@@ -44,18 +45,6 @@ def engine_topics(draft: Draft) -> set[str]:
     return topics
 
 
-def is_set(key: str, keys: Collection[str]) -> bool:
-    """Whether anything sets a key: itself, or the object that it reaches into."""
-    if key in keys:
-        return True
-    at = key.find(".")
-    while at >= 0:
-        if key[:at] in keys:
-            return True
-        at = key.find(".", at + 1)
-    return any(other.startswith(f"{key}.") for other in keys if "." in other)
-
-
 class _Nearest:
     """The nearest of some names as the end of a message, remembered, and not looked for without end."""
 
@@ -92,14 +81,15 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
     own = {mention.name for mention in draft.raises}
     by_engine = engine_topics(draft)
     awaited = {mention.name for mention in draft.waits}
-    missing_acts = {m.name for m in draft.act_mentions if m.name not in draft.acts}
-    missing_acts.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
+    missing = {m.name for m in draft.act_mentions if m.name not in draft.acts}
+    missing.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
+    by_missing = {name + ending for name in missing for ending in ACT_ENDINGS}
     near = _Nearest(own | by_engine)
     for mention in draft.waits:
         name = mention.name
         if name in own or name in by_engine:
             continue
-        if any(name == missing + ending for missing in missing_acts for ending in ACT_ENDINGS):
+        if name in by_missing:
             continue  # the missing act is a finding already
         findings.warning(
             "unraised-event",
@@ -118,30 +108,53 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
 
 def _check_memory(draft: Draft, findings: Findings) -> None:
     keys = draft.key_sets
+    paths = MemoryPaths(draft.memory, {mention.name for mention in draft.key_writes})
     bare = {id(entry.where) for entry in draft.bare_keys}
     for entry in draft.bare_keys:
-        if not is_set(entry.key, keys):
+        if not paths.is_known(entry.key):
             findings.error(
                 "wrong-type",
                 entry.where.place,
                 f"{entry.sentence}, and nothing in this scenario sets a memory key of that name"
                 f"{suggestion(entry.key, keys, limit=0)}",
             )
-    seen: dict[str, bool] = {}
+    for mention in draft.key_writes:
+        problem = paths.writing_problem(mention.name) if "." in mention.name else ""
+        if problem:
+            findings.error("unknown-path", mention.where.place, problem)
+    seen: dict[str, tuple[bool, str]] = {}
     near = _Nearest(keys)
+
+    def unset(mention: Mention) -> None:
+        findings.warning(
+            "unset-key",
+            mention.where.place,
+            f"nothing in this scenario sets the memory key `{mention.name}`"
+            f"{near(mention.name) or '; something outside must'}",
+        )
+
+    def status(name: str) -> tuple[bool, str]:
+        found = seen.get(name)
+        if found is None:
+            known = paths.is_known(name)
+            found = seen[name] = known, paths.reading_problem(name) if known else ""
+        return found
+
     for mention in draft.key_reads:
-        known = seen.get(mention.name)
-        if known is None:
-            known = seen[mention.name] = is_set(mention.name, keys)
-        if not known and id(mention.where) not in bare:
-            findings.warning(
-                "unset-key",
-                mention.where.place,
-                f"nothing in this scenario sets the memory key `{mention.name}`"
-                f"{near(mention.name) or '; something outside must'}",
-            )
+        known, problem = status(mention.name)
+        if problem:
+            findings.error("unknown-path", mention.where.place, problem)
+        elif not known and id(mention.where) not in bare:
+            unset(mention)
+    for mention in draft.key_questions:
+        known, problem = status(mention.name)
+        if problem or not known:
+            unset(mention)
     for mention in draft.bare_words:
-        if not is_set(mention.name, keys):
+        known, problem = status(mention.name)
+        if problem:
+            findings.error("unknown-path", mention.where.place, problem)
+        elif not known:
             findings.warning(
                 "bare-word",
                 mention.where.place,

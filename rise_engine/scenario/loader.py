@@ -12,17 +12,17 @@ from msgspec.structs import replace
 
 from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
+from rise_engine.scenario.allow import Silenced, allows_of_memory, read_allows, silence
 from rise_engine.scenario.draft import Draft
-from rise_engine.scenario.findings import Finding, Findings
+from rise_engine.scenario.findings import Finding, Findings, few_comparisons
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.model import Place, RobotProfile, Scenario
-from rise_engine.scenario.relaxng import act_schema, rule_schema, validate
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.settings import Settings
-from rise_engine.scenario.source import Files, Source
+from rise_engine.scenario.source import MAX_TOML_BYTES, Files, Source
 from rise_engine.scenario.toml_places import TomlFile, read_toml
 from rise_engine.scenario.xml import XmlFile, read_xml
 
@@ -36,6 +36,8 @@ class Loaded(Struct, frozen=True):
     files: dict[str, bytes] = {}
     """What was read, by the place that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
     wherever it lay: written there, it is the same scenario (`DEFAULT_PLACES`)."""
+    silenced: list[Silenced] = []
+    """Warnings that are meant, in reading order; they are not among the findings."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -67,7 +69,8 @@ def load(
     collecting = gc.isenabled()
     gc.disable()  # nearly all that loading makes is kept; looking for garbage meanwhile costs a fifth of the time
     try:
-        return _Loader(Path(path)).load(robot, mode, places or {})
+        with few_comparisons():
+            return _Loader(Path(path)).load(robot, mode, places or {})
     finally:
         if collecting:
             gc.enable()
@@ -89,7 +92,9 @@ class _Loader:
     def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
         findings, draft = self.findings, self.draft
         if not self.folder.is_dir():
-            findings.error("unreadable", Place(str(self.path)), "there is no such folder")
+            from rise_engine.scenario.shipped import hint
+
+            findings.error("unreadable", Place(str(self.path)), f"there is no such folder{hint()}")
             return Loaded(None, findings.sorted())
         self.read_settings()
         settings = Settings(self.file, draft, findings)
@@ -99,14 +104,20 @@ class _Loader:
         self.named = {**settings.places, **places}
         paths = {key: self.named.get(key) or place for key, place in DEFAULT_PLACES.items()}
 
-        checked = [*self.read_acts(paths["acts"], profile), *self.read_rules(paths["rules"])]
+        for file in self.xml_files("acts", paths["acts"]):
+            read_acts(file, profile, draft, findings)
+        for file in self.xml_files("rules", paths["rules"]):
+            read_rules(file, draft, findings)
         self.read_memory(paths["memory"])
         check_links(draft, findings)
-        self.validate(checked, profile)
 
+        allows = [*read_allows(self.files.read, findings), *allows_of_memory(settings.allows, draft.memory_places)]
         found = findings.sorted()
+        silenced: list[Silenced] = []
+        if allows:
+            found, silenced = silence(found, allows, findings, complete=not findings.errors)
         if findings.errors:
-            return Loaded(None, found)
+            return Loaded(None, found, silenced=silenced)
         files = self.canonical(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
@@ -120,16 +131,17 @@ class _Loader:
             act_settings=settings.act_settings,
             fillers=settings.fillers,
             study=settings.study,
+            may_release=settings.may_release,
             paths=paths,
             known_keys=frozenset(draft.key_sets),
             topics=frozenset(mention.name for mention in draft.waits),
             hash=_hash(files, profile.name),
         )
-        return Loaded(scenario, found, files)
+        return Loaded(scenario, found, files, silenced)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)
-        source = self.files.source(path) if os.path.lexists(path) else None
+        source = self.files.source(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
         file = read_toml(source, self.findings) if source is not None else None
         self.file = file or self.file
 
@@ -140,22 +152,6 @@ class _Loader:
         if "actions" in file.values:
             profile = replace(profile, actions=declare(file, profile.actions, "scenario", self.findings))
         return profile
-
-    def read_acts(self, place: str, profile: RobotProfile) -> Iterator[tuple[XmlFile, str]]:
-        """Read the acts; yields the files in which nothing was wrong."""
-        for file in self.xml_files("acts", place):
-            before = self.findings.errors
-            read_acts(file, profile, self.draft, self.findings)
-            if self.findings.errors == before:
-                yield file, "acts"
-
-    def read_rules(self, place: str) -> Iterator[tuple[XmlFile, str]]:
-        """Read the rules; yields the files in which nothing was wrong."""
-        for file in self.xml_files("rules", place):
-            before = self.findings.errors
-            read_rules(file, self.draft, self.findings)
-            if self.findings.errors == before:
-                yield file, "rules"
 
     def read_memory(self, place: str) -> None:
         path = self.folder / place
@@ -201,14 +197,6 @@ class _Loader:
             self.findings.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
             self.draft.unread.add(kind)
         return False
-
-    def validate(self, files: list[tuple[XmlFile, str]], profile: RobotProfile) -> None:
-        """The schemas that editors use must agree with the checks above; if one does not, that is told, not hidden."""
-        schemas: dict[str, Any] = {}
-        for xml, kind in files:
-            if kind not in schemas:
-                schemas[kind] = act_schema(profile.actions) if kind == "acts" else rule_schema()
-            validate(xml, schemas[kind], self.findings)
 
     def canonical(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from unicodedata import normalize
 
 from rise_engine.scenario.draft import Draft
 from rise_engine.scenario.findings import Findings
@@ -41,7 +42,7 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
     members: list[Member] = []
     lists = [member for member in value.members if member.key.casefold() == LIST_KEY.casefold()]
     for member in value.members:
-        if member not in lists:
+        if member.key.casefold() != LIST_KEY.casefold():
             members.append(member)
             if lists:
                 message = f'nothing stands beside "{LIST_KEY}" here; {form}'
@@ -66,10 +67,14 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
             findings.error("bad-name", source.place(member.key_at), "a memory key cannot be empty")
             continue
         if not _WRITABLE.match(member.key) or member.key in _WORDS:
+            draft.memory_places[member.key] = source.place(member.key_at)
+            remedy = "use letters, digits, `_` and dots"
+            if _WRITABLE.match(whole := normalize("NFC", member.key)):
+                remedy = f'its letters with accents are two characters each; write "{whole}" with one for each'
             findings.warning(
                 "unwritable-key",
                 source.place(member.key_at),
-                f'the key "{member.key}" cannot be written in a condition; use letters, digits, `_` and dots',
+                f'the key "{member.key}" cannot be written in a condition; {remedy}',
             )
         draft.memory[member.key] = plain(member.value)
     draft.key_sets.update(draft.memory)

@@ -258,6 +258,8 @@ class Scenario(Struct, frozen=True):
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
     fillers: FillerSettings = FillerSettings()
     study: dict[str, Json] = field(default_factory=dict)
+    may_release: tuple[str, ...] = ()
+    """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
     paths: dict[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
     known_keys: frozenset[str] = frozenset()

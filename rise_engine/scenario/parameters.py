@@ -76,6 +76,8 @@ def check_template(parameter: Parameter, template: Template) -> None:
     if parameter.type == "text":
         return
     slots = [part for part in template.parts if not isinstance(part, str)]
+    if any(slot.before or slot.after for slot in slots):
+        raise ValueError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
     if all(slot.fallback is not None for slot in slots):
         convert(parameter, template.fill({}), " (without a memory value)")
     if len(template.parts) == 1 or (parameter.type == "name" and accepts_any_name(parameter)):
@@ -85,14 +87,29 @@ def check_template(parameter: Parameter, template: Template) -> None:
             if isinstance(part, str) and _NO_PART.search(part):
                 raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{template.text}` can never be one")
         return
-    pattern = "".join(re.escape(part) if isinstance(part, str) else ".*" for part in template.parts)
-    possible = re.compile(pattern.strip(), re.DOTALL)
     known = ["true", "false"]
     if parameter.type == "name":
         known = [*known_names(parameter), *map(str, parameter.codes.values())]
-    if not any(possible.fullmatch(name) for name in known):
+    if not any(_can_be(template, name) for name in known):
         what = "true or false" if parameter.type == "boolean" else "a name"
         raise ValueError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
+
+
+def _can_be(template: Template, name: str) -> bool:
+    """Whether some memory values make a template this name: its literal parts stand in it in their order."""
+    parts = template.parts
+    first, last = parts[0] if isinstance(parts[0], str) else "", parts[-1] if isinstance(parts[-1], str) else ""
+    first, last = first.lstrip(), last.rstrip()
+    if len(name) < len(first) + len(last) or not name.startswith(first) or not name.endswith(last):
+        return False
+    at, end = len(first), len(name) - len(last)
+    for part in parts[1:-1]:
+        if isinstance(part, str):
+            found = name.find(part, at, end)
+            if found < 0:
+                return False
+            at = found + len(part)
+    return True
 
 
 def known_names(parameter: Parameter) -> list[str]:

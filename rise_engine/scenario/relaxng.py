@@ -1,24 +1,25 @@
-"""RELAX NG schemas for acts and rules: for editors (completion, help) and as a second look after the checks.
+"""RELAX NG schemas for acts and rules, for editors (completion, help).
+
+Loading a scenario does not ask them: the checks say more, and say it in words. That both agree is held by tests
+(docs/decisions/0014-schemas-are-for-editors.md).
 
 `schema/cra.rng` and `schema/rules.rng` are what these functions give for the core actions; a test holds them equal.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lxml import etree
 
-from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.model import ActionSpec, Parameter, Place
+from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, known_names
 
-if TYPE_CHECKING:
-    from rise_engine.scenario.xml import XmlFile
-
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""Characters that no XML file can hold; a help text of a robot's profile may have them."""
 FOLDER = Path(__file__).with_name("schema")
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <grammar xmlns="http://relaxng.org/ns/structure/1.0"
@@ -63,16 +64,6 @@ def rule_schema() -> etree.RelaxNG:
     return etree.RelaxNG(etree.fromstring(rule_schema_text().encode()))
 
 
-def validate(file: XmlFile, schema: etree.RelaxNG, findings: Findings) -> None:
-    """A finding when a schema refuses a file that the checks have accepted."""
-    if schema.validate(file.tree):
-        return
-    entry = schema.error_log[0] if len(schema.error_log) else None
-    line = entry.line if entry is not None else 1
-    detail = entry.message if entry is not None else "no reason given"
-    findings.error("schema", Place(file.source.name, max(line, 1)), f"the schema refuses this file: {detail}")
-
-
 def _action(spec: ActionSpec) -> str:
     body = [_parameter(parameter) for parameter in spec.parameters.values()]
     fields = "".join(body) or "        <empty/>\n"
@@ -115,6 +106,7 @@ def _doc(text: str, indent: int = 6) -> str:
 
 
 def _escape(text: str) -> str:
+    text = _NOT_XML.sub("\ufffd", text)
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 

@@ -12,7 +12,7 @@ from rise_engine.entries import entries
 from rise_engine.scenario.actions import core_actions, declare, unknown_keys
 from rise_engine.scenario.findings import Findings, suggestion
 from rise_engine.scenario.model import Place, RobotProfile
-from rise_engine.scenario.source import Files
+from rise_engine.scenario.source import MAX_TOML_BYTES, Files
 from rise_engine.scenario.toml_places import Table, read_toml
 
 GROUP = "rise.robots"
@@ -37,7 +37,7 @@ def read_robot(name: str, files: Files, place: Place, *, asked: bool = False) ->
 
 def read_profile(path: Path, name: str, files: Files) -> RobotProfile:
     """The profile in that file, wherever it lies. On errors, what could be understood."""
-    source = files.source(path)
+    source = files.source(path, MAX_TOML_BYTES)
     file = read_toml(source, files.findings) if source is not None else None
     if file is None:
         return builtin_robot()

@@ -6,6 +6,7 @@ from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.actions import unknown_keys
+from rise_engine.scenario.allow import known_code
 from rise_engine.scenario.conditions import expression_message, note_assignment
 from rise_engine.scenario.draft import At, Draft, Mention
 from rise_engine.scenario.findings import Findings, listed, suggestion
@@ -13,7 +14,21 @@ from rise_engine.scenario.keys import KeyRefusedError, normal_key
 from rise_engine.scenario.model import ActSettings, FillerSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile
 
-TOP_KEYS = ("title", "robot", "mode", "acts", "rules", "memory", "keys", "act", "fillers", "study", "actions")
+TOP_KEYS = (
+    "title",
+    "robot",
+    "mode",
+    "acts",
+    "rules",
+    "memory",
+    "keys",
+    "act",
+    "fillers",
+    "control",
+    "study",
+    "actions",
+    "check",
+)
 BINDINGS: dict[str, FunctionName] = {
     "act": "startCommunicationRobotAct",
     "rule": "startInteractionRule",
@@ -36,6 +51,11 @@ LONGEST_TITLE = 24
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
+_CHECK_KEYS = ("allow",)
+_ALLOW_KEYS = ("code", "key", "reason")
+_STUDY_KEYS = ("participants", "conditions")
+MOST_PARTICIPANTS = 1_000_000
+_CONTROL_KEYS = ("may_release",)
 _FILLER_KEYS = ("offer_after", "auto_after")
 LEAST_AUTO, MOST_FILLER = 0.5, 600.0
 """Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
@@ -58,11 +78,13 @@ class Settings:
         self.places: dict[str, str] = {
             key: self.text(key, "") for key in ("acts", "rules", "memory") if key in file.values
         }
-        study = self.subtable("study")
-        self.study: dict[str, Any] = study.values if study else {}
+        self.study = self.read_study()
         self.keys = self.read_keys()
         self.act_settings = self.read_acts()
         self.fillers = self.read_fillers()
+        self.may_release = self.read_control()
+        self.allows = self.read_allows()
+        """Warnings about keys of the memory file that are meant: place, code, key, reason."""
 
     def error(self, code: str, place: Place, message: str) -> None:
         self.findings.error(code, place, message)
@@ -86,6 +108,60 @@ class Settings:
             return Table(self.file, (key,), values)
         self.error("wrong-type", self.file.place(key), f"`{key}` is a table: [{key}]")
         return None
+
+    def read_allows(self) -> list[tuple[Place, str, str, str]]:
+        table = self.subtable("check")
+        if table is None:
+            return []
+        unknown_keys(table, _CHECK_KEYS, self.findings)
+        listed_ = table.values.get("allow", [])
+        form = 'allow = [{ code = "unwritable-key", key = "...", reason = "..." }]'
+        if not isinstance(listed_, list) or not all(isinstance(each, dict) for each in listed_):
+            self.error("wrong-type", table.value_place("allow"), f"`allow` is a list of tables: {form}")
+            return []
+        allows: list[tuple[Place, str, str, str]] = []
+        for at, each in enumerate(listed_):
+            inner = Table(self.file, ("check", "allow", str(at)), each)
+            unknown_keys(inner, _ALLOW_KEYS, self.findings)
+            code, key, reason = (each.get(name) for name in _ALLOW_KEYS)
+            texts = [value.strip() for value in (code, key, reason) if isinstance(value, str)]
+            if len(texts) < len(_ALLOW_KEYS) or not all(texts):
+                self.findings.warning("bad-allow", inner.place(), f"say what is meant, and why: {form}")
+            elif known_code(str(code), inner.place(), self.findings):
+                allows.append((inner.place(), str(code), str(key), str(reason)))
+        return allows
+
+    def read_study(self) -> dict[str, Any]:
+        """Who takes part and in which conditions. What only people read stands in a comment, or in a README."""
+        table = self.subtable("study")
+        if table is None:
+            return {}
+        unknown_keys(table, _STUDY_KEYS, self.findings)
+        study: dict[str, Any] = {}
+        participants = table.values.get("participants")
+        if participants is not None:
+            if isinstance(participants, bool) or not isinstance(participants, int):
+                message = "`participants` is a whole number: how many take part"
+                self.error("wrong-type", table.value_place("participants"), message)
+            elif not 1 <= participants <= MOST_PARTICIPANTS:
+                message = f"`participants` is from 1 to {MOST_PARTICIPANTS}"
+                self.error("out-of-range", table.value_place("participants"), message)
+            else:
+                study["participants"] = participants
+        conditions = table.values.get("conditions")
+        if conditions is not None:
+            names = [one for one in conditions if isinstance(one, str)] if isinstance(conditions, list) else []
+            where = table.value_place("conditions")
+            if not isinstance(conditions, list) or len(names) < len(conditions):
+                self.error("wrong-type", where, '`conditions` is a list of texts: ["A", "B"]')
+            elif not names or not all(name.strip() == name and name for name in names):
+                self.error("missing-value", where, "each condition has a name, without blanks around it")
+            elif len(set(names)) < len(names):
+                twice = next(name for at, name in enumerate(names) if name in names[:at])
+                self.error("duplicate-name", where, f"the condition `{twice}` stands there twice")
+            else:
+                study["conditions"] = names
+        return study
 
     def read_keys(self) -> dict[str, KeyBinding]:
         table = self.subtable("keys")
@@ -222,6 +298,23 @@ class Settings:
         else:
             return float(value)
         return otherwise
+
+    def read_control(self) -> tuple[str, ...]:
+        """Who may release a stop beside who holds control."""
+        table = self.subtable("control")
+        if table is None:
+            return ()
+        unknown_keys(table, _CONTROL_KEYS, self.findings)
+        names = table.values.get("may_release", [])
+        if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):
+            self.error(
+                "wrong-type",
+                table.value_place("may_release"),
+                "`may_release` is a list of names: of ROS nodes, with namespace, or of programs on the link: "
+                'may_release = ["/supervisor"]',
+            )
+            return ()
+        return tuple(name.strip() for name in names)
 
     def flag(self, table: Table, key: str) -> bool:
         value = table.values.get(key, False)

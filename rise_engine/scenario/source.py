@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from bisect import bisect_right
 from itertools import accumulate
@@ -13,6 +14,10 @@ from rise_engine.scenario.model import Place
 
 MAX_BYTES = 10_000_000
 """Larger files are refused before anything looks into them."""
+MAX_TOML_BYTES = 1_000_000
+"""The same for settings and robot profiles, which people write by hand."""
+_CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
+"""What git writes into a file whose two versions it could not join."""
 
 
 class Source:
@@ -80,8 +85,8 @@ class Files:
         except ValueError:
             return str(path)
 
-    def source(self, path: Path) -> Source | None:
-        """The file at `path`, or None after a finding."""
+    def source(self, path: Path, most: int = MAX_BYTES) -> Source | None:
+        """The file at `path`, of at most `most` bytes, or None after a finding."""
         name = self.name_of(path)
         place = Place(name)
         try:
@@ -90,8 +95,8 @@ class Files:
                 kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
                 self.findings.error("unreadable", place, f"this is {kind}; a file must stand here")
                 return None
-            if status.st_size > MAX_BYTES:
-                self.findings.error("too-large", place, f"this file is larger than {MAX_BYTES // 1_000_000} MB")
+            if status.st_size > most:
+                self.findings.error("too-large", place, f"this file is larger than {most // 1_000_000} MB")
                 return None
             data = path.read_bytes()
         except OSError as error:
@@ -104,8 +109,35 @@ class Files:
         if text is None:
             return None
         source = Source(name, data, text)
+        if _conflicts(source, self.findings):
+            return None
         self.read.append(source)
         return source
+
+
+def _conflicts(source: Source, findings: Findings) -> bool:
+    """Whether a merge of git was never resolved in a file: a finding for each place, and nothing else is said of it."""
+    if "<<<<<<<" not in source.text:
+        return False
+    opening: re.Match[str] | None = None
+    middle = found = False
+    for mark in _CONFLICT.finditer(source.text):
+        kind = mark.group()[0]
+        if kind == "<":
+            opening, middle = mark, False
+        elif kind == "=":
+            middle = opening is not None
+        elif opening is not None and middle:
+            found = True
+            line, end = source.place(opening.start()).line, source.place(mark.start()).line
+            findings.error(
+                "merge-conflict",
+                source.place(opening.start()),
+                "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the "
+                f"lines with the marks (`<<<<<<<` in line {line}, `=======`, and `>>>>>>>` in line {end})",
+            )
+            opening = None
+    return found
 
 
 def decode(name: str, data: bytes, findings: Findings) -> str | None:

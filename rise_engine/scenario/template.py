@@ -1,4 +1,7 @@
-"""Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics, section 2)."""
+"""Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics, section 2).
+
+`Thank you{", "person_name}!` has a separator: it is said only together with a value.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,13 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.expression import lookup
+from rise_engine.expression.values import MAX_LEVELS
 
-_SLOT_KEY = re.compile(r"[^\W\d][\w.]*\Z")
+_SLOT = re.compile(
+    r"""\{ \s*+ (?:"([^"]*+)" \s*+)? ([^\W\d][\w.]*+) \s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE
+)
+"""A separator, the key, a separator, a fallback."""
+_TYPOGRAPHIC = re.compile("[“”„‟«»″]")
 
 
 class TemplateError(ValueError):
@@ -34,6 +42,10 @@ class Slot(Struct, frozen=True):
 
     key: str
     fallback: str | None = None
+    """What is taken without a value. With separators it is the empty text unless another one is written."""
+    before: str = ""
+    after: str = ""
+    """Separators: said only together with a value that is not empty."""
 
 
 class Template(Struct, frozen=True):
@@ -86,22 +98,48 @@ def parse_template(text: str) -> Template:
         elif character == "}":
             raise TemplateError("a `}` without its `{`; write `}}` for the character itself", at + 1)
         else:
-            end = text.find("}", at)
-            if end < 0:
-                raise TemplateError("a `{` without its `}`; write `{{` for the character itself", at + 1)
-            key, bar, fallback = text[at + 1 : end].partition("|")
-            if not _SLOT_KEY.match(key.strip()):
-                raise TemplateError(
-                    f"`{text[at : end + 1]}` does not name a memory key; write {{key}} or {{key|fallback}}", at + 1
-                )
+            found = _SLOT.match(text, at)
+            if found is None or found[2].count(".") >= MAX_LEVELS:
+                raise _malformed(text, at)
             if literal:
                 parts.append("".join(literal))
                 literal.clear()
-            parts.append(Slot(key.strip(), fallback if bar else None))
-            at = end + 1
+            before, key, after, fallback = found.groups()
+            if fallback is None and (before is not None or after is not None):
+                fallback = ""
+            parts.append(Slot(key, fallback, before or "", after or ""))
+            at = found.end()
     if literal:
         parts.append("".join(literal))
     return Template(text, tuple(parts))
+
+
+def _malformed(text: str, at: int) -> TemplateError:
+    """What is wrong with the slot that begins at `at`."""
+    end = text.find("}", at)
+    if end < 0:
+        return TemplateError("a `{` without its `}`; write `{{` for the character itself", at + 1)
+    written = text[at : end + 1]
+    before_fallback = written.partition("|")[0]
+    typographic = _TYPOGRAPHIC.search(before_fallback)
+    if typographic is not None:
+        return TemplateError(
+            f"`{typographic.group()}` is a typographic quotation mark; a separator stands in straight ones: "
+            '{", "key}',
+            at + typographic.start() + 1,
+        )
+    if before_fallback.count('"') % 2:
+        column = at + before_fallback.rindex('"') + 1
+        return TemplateError(
+            f'the separator in `{written}` has no closing quotation mark; write {{", "key}} or {{key" "}}', column
+        )
+    if '"' in before_fallback:
+        return TemplateError(
+            f"`{written}` cannot be read: between the braces stand one key and, directly before or after it, a "
+            'separator in quotation marks: {", "key} or {key" "}',
+            at + 1,
+        )
+    return TemplateError(f"`{written}` does not name a memory key; write {{key}} or {{key|fallback}}", at + 1)
 
 
 def key_template(key: str) -> Template:
@@ -125,7 +163,11 @@ def as_text(value: Any) -> str:
 def _slot_text(slot: Slot, memory: Mapping[str, Any]) -> str:
     found, value = lookup(memory, slot.key)
     if found and value is not None:
-        return as_text(value)
+        text = as_text(value)
+        if not (slot.before or slot.after):
+            return text
+        if text.strip():
+            return slot.before + text + slot.after
     if slot.fallback is not None:
         return slot.fallback
     raise MissingValue(slot.key)

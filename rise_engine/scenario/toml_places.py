@@ -22,6 +22,10 @@ _TWICE = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORE
 _DOTTED = re.compile(rf"(?:{_KEY.pattern})(?:\s*\.\s*(?:{_KEY.pattern}))*")
 _MOST_MISTAKES = 20
 """How many lines of a file are left out before it is given up."""
+_MOST_READ = 2_000_000
+"""Characters after which a file with mistakes is not read once more."""
+_LONG_KEY = re.compile(r"""(?<![\w.-])(?:(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""")
+"""A key of more than 64 parts. No author writes one, and the standard library takes quadratic time for it."""
 
 KeyPath = tuple[str, ...]
 
@@ -69,7 +73,10 @@ class Table(Struct, frozen=True):
 def read_toml(source: Source, findings: Findings) -> TomlFile | None:
     """Read a file. What is not TOML becomes a finding, and the rest is read on without it; None when that fails."""
     text = source.text
-    for attempt in range(_MOST_MISTAKES):
+    if (long := _LONG_KEY.search(text)) is not None:
+        findings.error("toml-syntax", source.place(long.start()), "this key has more than 64 parts")
+        return None
+    for attempt in range(min(_MOST_MISTAKES, 1 + _MOST_READ // (len(text) + 1))):
         try:
             values = tomllib.loads(text)
         except RecursionError:

@@ -1,13 +1,18 @@
 """XML files, read by a hardened parser, with exact places for every element, attribute and character of a value.
 
-lxml decides whether a file is well-formed, and holds it for the schema. The checks walk over a tree of our own, made by
-expat: it tells line and column of every element (lxml only the line, and for a start tag over several lines the wrong
-one), and walking over it costs half as much. What expat would do with a DOCTYPE does not matter: there is none.
+lxml decides whether a file is well-formed, and says what is wrong. The checks walk over a tree of our own, made by
+expat: it tells the offset of every element (lxml only the line, and for a start tag over several lines the wrong one),
+and walking over it costs half as much. Names that only one of the two accepts are refused. What expat would do with a
+DOCTYPE does not matter: there is none.
+
+Whatever a file holds, reading it takes time in proportion to its length: no pattern here goes back over what it has
+passed, and what is asked often of one element is worked out once.
 """
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from typing import TYPE_CHECKING
 from xml.parsers import expat
 
@@ -17,6 +22,7 @@ from msgspec import Struct
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Source
+from rise_engine.text import called
 
 if TYPE_CHECKING:
     from rise_engine.scenario.xml_repair import Mended
@@ -25,15 +31,16 @@ if TYPE_CHECKING:
 class Element(list["Element"]):
     """An element: a list of its children."""
 
-    __slots__ = ("attributes", "column", "line", "tag", "tail", "text")
+    __slots__ = ("at", "attributes", "end", "tag", "tail", "text")
 
-    def __init__(self, tag: str, attributes: dict[str, str], line: int, column: int) -> None:
+    def __init__(self, tag: str, attributes: dict[str, str], at: int) -> None:
         self.tag = tag
         self.attributes = attributes
         """In file order."""
-        self.line = line
-        self.column = column
-        """Where its start tag begins in the text that was parsed; the line from 1, the column from 0."""
+        self.at = at
+        """Where its start tag begins in the text that was parsed."""
+        self.end = at
+        """Where its end tag begins; of `<empty/>`, the same as `at`."""
         self.text = ""
         """What stands before its first child. Comments leave no trace."""
         self.tail = ""
@@ -48,34 +55,41 @@ _TAG = re.compile(
     r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>|</[^>]*>|<[^!?/>\"'][^>\"']*(?:\"[^\"]*\"[^>\"']*|'[^']*'[^>\"']*)*>",
     re.DOTALL,
 )
-_MAYBE_TEXT = re.compile(r">\s*+[^<]")
+_MAYBE_TEXT = re.compile(r">[ \t\r\n]*+[^< \t\r\n]")
 _ATTRIBUTE = re.compile(r"([^\s=/<>\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
-_UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n|.", re.DOTALL)
-_VISIBLE = re.compile(r"(?:\s|<!--.*?-->|<\?.*?\?>)*", re.DOTALL)
-_PROLOG = r"\A(?:\s|<\?.*?\?>|<!--.*?-->)*"
-_DOCTYPE = re.compile(_PROLOG + r"<!DOCTYPE", re.DOTALL)
-_DECLARED = re.compile(r"""\A\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
+_UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n")
+"""What is one character of a value and several of the file."""
+_LINE_END = re.compile(r"\r\n")
+_DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
+_DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
+
+
+class MisnamedError(ValueError):
+    """What lxml accepts and expat does not: a character that no name can have. `offset` is its place."""
+
+    def __init__(self, message: str, offset: int) -> None:
+        super().__init__(message)
+        self.offset = offset
 
 
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: Source, tree: etree._Element, text: str, mended: Mended | None) -> None:
+    def __init__(self, source: Source, text: str, mended: Mended | None) -> None:
+        """`text` is well-formed. Raises MisnamedError."""
         self.source = source
-        self.tree = tree
-        """As lxml has it."""
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
         self.root = _build(text, self.has_text)
-        self._parsed = source if mended is None else Source(source.name, b"", text)
         self._text = text
         self._mended = mended
+        self._attributes: tuple[Element, dict[str, re.Match[str]]] | None = None
+        """The attributes of the element that was asked for last."""
+        self._stretches: tuple[Element, str | None, _Stretches] | None = None
 
     def place(self, element: Element) -> Place:
         """Where an element's start tag begins."""
-        if self._mended is None:
-            return Place(self.source.name, element.line, element.column + 1)
-        return self._at(self._start(element))
+        return self._at(element.at)
 
     def attribute_place(self, element: Element, name: str) -> Place:
         """Where an attribute's name stands."""
@@ -87,59 +101,86 @@ class XmlFile:
         found = self._attribute(element, name)
         if found is None:
             return self.place(element)
-        group = 2 if found.group(2) is not None else 3
-        return self._at(_advance(self._text, found.start(group), found.end(group), index))
+        return self._at(self._stretched(element, name, found).offset(index))
 
     def text_place(self, element: Element, index: int = 0) -> Place:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
-        start = self._start(element)
-        tag = _TAG.match(self._text, start)
-        at = tag.end() if tag else start
-        while True:
-            end = self._text.find("<", at)
-            end = end if end >= 0 else len(self._text)
-            length = len(_UNIT.findall(self._text, at, end))
-            if index < length:
-                return self._at(_advance(self._text, at, end, index))
-            index -= length
-            inner = _TAG.match(self._text, end)
-            if inner is None or not inner.group().startswith(("<!", "<?")):
-                return self._at(end)
-            if inner.group().startswith("<![CDATA["):
-                if index < (length := len(inner.group()) - 12):
-                    return self._at(inner.start() + 9 + index)
-                index -= length
-            at = inner.end()
+        return self._at(self._stretched(element, None, None).offset(index))
 
-    def tail_place(self, element: Element) -> Place:
-        """Where the first visible character behind an element's end stands."""
-        start = self._start(element)
-        depth = 0
-        for tag in _TAG.finditer(self._text, start):
-            written = tag.group()
-            if written.startswith("</"):
-                depth -= 1
-            elif written[1] not in "!?" and not written.endswith("/>"):
-                depth += 1
-            if depth == 0:
-                visible = _VISIBLE.match(self._text, tag.end())
-                return self._at(visible.end() if visible else tag.end())
-        return self._at(start)
+    def tail_place(self, element: Element, index: int = 0) -> Place:
+        """Where the character number `index` of what stands behind an element stands in the file."""
+        tag = _TAG.match(self._text, element.end)
+        return self._at(_of_text(self._text, tag.end() if tag else element.end).offset(index))
 
     def _at(self, offset: int) -> Place:
         return self.source.place(self._mended.original(offset) if self._mended else offset)
 
-    def _start(self, element: Element) -> int:
-        return self._parsed.offset(element.line, element.column + 1)
-
     def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
-        tag = _TAG.match(self._text, self._start(element))
-        if tag is None:
-            return None
-        for found in _ATTRIBUTE.finditer(self._text, tag.start(), tag.end()):
-            if found.group(1) == name:
-                return found
-        return None
+        if self._attributes is None or self._attributes[0] is not element:
+            tag = _TAG.match(self._text, element.at)
+            found = _ATTRIBUTE.finditer(self._text, tag.start(), tag.end()) if tag else ()
+            self._attributes = element, {match.group(1): match for match in found}
+        return self._attributes[1].get(name)
+
+    def _stretched(self, element: Element, name: str | None, attribute: re.Match[str] | None) -> _Stretches:
+        """The value of an attribute, or the element's text; many places in it may be asked for."""
+        last = self._stretches
+        if last is None or last[0] is not element or last[1] != name:
+            if attribute is not None:
+                stretches = _Stretches()
+                stretches.add(self._text, *attribute.span(2 if attribute.group(2) is not None else 3), _UNIT)
+            else:
+                tag = _TAG.match(self._text, element.at)
+                stretches = _of_text(self._text, tag.end() if tag else element.at)
+            last = self._stretches = element, name, stretches
+        return last[2]
+
+
+class _Stretches:
+    """Which character of a value stands where in the text: stretches in which one follows the other."""
+
+    def __init__(self) -> None:
+        self.length = 0
+        """Of the value."""
+        self.starts: list[int] = []
+        self.offsets: list[int] = []
+        self.end = 0
+
+    def add(self, text: str, start: int, end: int, units: re.Pattern[str]) -> None:
+        """What stands from `start` to `end` goes on with the value."""
+        for unit in units.finditer(text, start, end):
+            self._stretch(start, unit.start())
+            self._stretch(unit.start(), unit.start() + 1)
+            start = unit.end()
+        self._stretch(start, end)
+        self.end = end
+
+    def _stretch(self, start: int, end: int) -> None:
+        if end > start:
+            self.starts.append(self.length)
+            self.offsets.append(start)
+            self.length += end - start
+
+    def offset(self, index: int) -> int:
+        if index >= self.length:
+            return self.end
+        which = bisect_right(self.starts, index) - 1
+        return self.offsets[which] + index - self.starts[which]
+
+
+def _of_text(text: str, at: int) -> _Stretches:
+    """What stands from an offset to the next tag, comments left out."""
+    stretches = _Stretches()
+    while True:
+        end = text.find("<", at)
+        end = end if end >= 0 else len(text)
+        stretches.add(text, at, end, _UNIT)
+        inner = _TAG.match(text, end)
+        if inner is None or not inner.group().startswith(("<!", "<?")):
+            return stretches
+        if inner.group().startswith("<![CDATA["):
+            stretches.add(text, inner.start() + 9, inner.end() - 3, _LINE_END)
+        at = inner.end()
 
 
 class Spot(Struct, frozen=True, gc=False):
@@ -158,6 +199,15 @@ class Spot(Struct, frozen=True, gc=False):
         if self.at is not None:
             return self.file.text_place(self.element, self.at)
         return self.file.place(self.element)
+
+
+def is_element_name(name: str) -> bool:
+    """Whether an element can have this name."""
+    try:
+        _parse(f"<{name}/>")
+        return _build(f"<{name}/>", has_text=False).tag == name
+    except (etree.XMLSyntaxError, MisnamedError, UnicodeEncodeError):
+        return False
 
 
 def expression_texts(file: XmlFile) -> tuple[list[str], list[str]]:
@@ -194,7 +244,11 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         )
         return None
     try:
-        return XmlFile(source, _parse(text), text, None)
+        _parse(text)
+        return XmlFile(source, text, None)
+    except MisnamedError as misnamed:
+        findings.error("not-well-formed", source.place(misnamed.offset), str(misnamed))
+        return None
     except etree.XMLSyntaxError as first:
         error = first
         from rise_engine.scenario.xml_repair import mend
@@ -203,7 +257,12 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         mended = mend(source, findings)
         if findings.errors > before:
             try:
-                return XmlFile(source, _parse(mended.text), mended.text, mended)
+                _parse(mended.text)
+                return XmlFile(source, mended.text, mended)
+            except MisnamedError as misnamed:
+                place = source.place(mended.original(misnamed.offset))
+                findings.error("not-well-formed", place, str(misnamed))
+                return None
             except etree.XMLSyntaxError as second:
                 error = second
         from rise_engine.scenario.xml_syntax import report_syntax
@@ -212,7 +271,8 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         return None
 
 
-def _parse(text: str) -> etree._Element:
+def _parse(text: str) -> None:
+    """Raises etree.XMLSyntaxError for a text that is not well-formed."""
     parser = etree.XMLParser(
         remove_comments=True,
         remove_pis=True,
@@ -221,44 +281,62 @@ def _parse(text: str) -> etree._Element:
         load_dtd=False,
         huge_tree=False,
     )
-    return etree.fromstring(text.encode(), parser)
+    etree.fromstring(text.encode(), parser)
 
 
 def _build(text: str, has_text: bool) -> Element:
-    """The tree of a text that lxml has found well-formed."""
+    """The tree of a text that lxml has found well-formed. Raises MisnamedError."""
+    data = text.encode()
     parser = expat.ParserCreate("utf-8")
-    outside = Element("", {}, 0, 0)
+    outside = Element("", {}, 0)
     open_elements = [outside]
+    pieces: list[str] = []
+    narrow = len(data) == len(text)
+    done = offset = 0
+
+    def here() -> int:
+        """The offset in `text` of what is being read."""
+        nonlocal done, offset
+        at = parser.CurrentByteIndex
+        if narrow:
+            return at
+        offset += len(data[done:at].decode())
+        done = at
+        return offset
+
+    def text_ends() -> None:
+        if pieces:
+            inside = open_elements[-1]
+            if inside:
+                inside[-1].tail = "".join(pieces)
+            else:
+                inside.text = "".join(pieces)
+            pieces.clear()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        element = Element(tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber)
+        text_ends()
+        element = Element(tag, attributes, here())
         open_elements[-1].append(element)
         open_elements.append(element)
 
     def end(tag: str) -> None:
-        open_elements.pop()
-
-    def characters(data: str) -> None:
-        inside = open_elements[-1]
-        if inside:
-            inside[-1].tail += data
-        else:
-            inside.text += data
+        text_ends()
+        open_elements.pop().end = here()
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     if has_text:
         parser.buffer_text = True
-        parser.CharacterDataHandler = characters
-    parser.Parse(text.encode(), True)
+        parser.CharacterDataHandler = pieces.append
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        at = len(data[: max(parser.ErrorByteIndex, 0)].decode(errors="ignore"))
+        character = text[at : at + 1]
+        if character.isascii():  # nothing is known that leads here
+            raise MisnamedError(f"this is not well-formed XML: {expat.ErrorString(error.code)}", at) from None
+        shown = f"`{character}`, {called(character)}," if character.isprintable() else called(character)
+        raise MisnamedError(
+            f"the character {shown} cannot stand in a name; take it out, or write another letter", at
+        ) from None
     return outside[0]
-
-
-def _advance(text: str, start: int, end: int, index: int) -> int:
-    """The offset of the character number `index` of a value; an entity counts as one character."""
-    for _ in range(index):
-        unit = _UNIT.match(text, start, end)
-        if unit is None:
-            break
-        start = unit.end()
-    return min(start, end)

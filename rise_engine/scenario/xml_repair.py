@@ -1,7 +1,8 @@
 """The commonest mistakes in hand-written XML, found and mended in memory so that the rest of the file can be checked.
 
-These are a raw `<` or `&` in a condition or a text, and a double quotation mark inside a value in double quotation
-marks. Each gets a finding of its own with the corrected text.
+These are a raw `<` or `&` in a condition or a text, a double quotation mark inside a value in double quotation marks,
+and a blank that XML does not know (from a word processor or a web page) where only blanks can stand. Each gets a
+finding of its own with the corrected text.
 """
 
 from __future__ import annotations
@@ -11,14 +12,23 @@ from bisect import bisect_right
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.source import Source
+from rise_engine.text import GAP, called, strange
 
 _MARK = re.compile(r"[<&]")
 _REFERENCE = re.compile(r"&(?:(lt|gt|amp|quot|apos)|#[0-9]+|#x[0-9A-Fa-f]+);")
 _NAMED = re.compile(r"&([A-Za-z][A-Za-z0-9]*);")
 _NAME = re.compile(r"[^\W\d][\w.:-]*")
 _SKIP = (("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">"), ("</", ">"))
-_VALUE_ENDS = re.compile(r"\s*(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
-_RUNS_ON = re.compile(r"[\r\n]\s*<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
+_VALUE_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
+_RUNS_ON = re.compile(r"[\r\n][^\S\r\n]*+<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
+_LINE_END = re.compile(r"[\r\n]")
+_LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
+_GAP = re.compile(rf"{GAP}*+")
+_EQUALS = re.compile(rf"{GAP}*+={GAP}*+")
+_FARTHEST = 2000
+"""Characters in which the end of a value with quotation marks in it is looked for."""
+_SHOWN = 300
+"""Characters of a corrected text in a message, so that messages stay readable whatever a file holds."""
 
 
 class Mended:
@@ -27,6 +37,8 @@ class Mended:
     def __init__(self, source: Source) -> None:
         self.source = source
         self.text = source.text
+        self.looked_at: dict[str, int] = {}
+        """How far the text has been searched, in vain, for the end of a value in these quotation marks."""
         self._edits: list[tuple[int, int, str]] = []
         self._starts: list[int] = []
 
@@ -73,19 +85,60 @@ def mend(source: Source, findings: Findings) -> Mended:
             at = _reference(text, here, run_bad)
             continue
         skip = next((closing for opening, closing in _SKIP if text.startswith(opening, here)), None)
-        if skip is None and not _NAME.match(text, here + 1):
+        if skip is None and not _NAME.match(text, _first_of_name(text, here)):
             run_bad.append((here, "&lt;"))
             at = here + 1
             continue
         _report_text(mended, findings, run_start, here, run_bad)
+        if run_start == 0:
+            _outside(mended, findings, 0, here)
         if skip is not None:
             end = text.find(skip, here)
+            if skip == ">" and end >= 0:
+                _blanks(mended, findings, here, end, "")
             at = run_start = end + len(skip) if end >= 0 else len(text)
         else:
             at = run_start = _tag(mended, findings, here)
     _report_text(mended, findings, run_start, len(text), run_bad)
+    _outside(mended, findings, run_start, len(text))
     mended.finish()
     return mended
+
+
+def _first_of_name(text: str, opening: int) -> int:
+    """Where the name of a tag should begin: directly behind its `<`, or behind a character that nobody sees there."""
+    gap = _GAP.match(text, opening + 1)
+    end = gap.end() if gap else opening + 1
+    return end if strange(text, opening + 1, opening + 2) > 0 else opening + 1
+
+
+def _gap(mended: Mended, findings: Findings, start: int, instead: str) -> int:
+    """Step over blanks, those that XML does not know too; they are reported and replaced."""
+    gap = _GAP.match(mended.source.text, start)
+    end = gap.end() if gap else start
+    _blanks(mended, findings, start, end, instead)
+    return end
+
+
+def _blanks(mended: Mended, findings: Findings, start: int, end: int, instead: str) -> None:
+    """Replace the blanks that XML does not know; one finding for them all."""
+    text = mended.source.text
+    first = at = strange(text, start, end)
+    if first < 0:
+        return
+    write = "write an ordinary blank" if instead else "delete it"
+    message = f"the character {called(text[first])} cannot stand here; {write}"
+    findings.error("unexpected-text", mended.source.place(first), message)
+    while at >= 0:
+        mended.replace(at, at + 1, instead)
+        at = strange(text, at + 1, end)
+
+
+def _outside(mended: Mended, findings: Findings, start: int, end: int) -> None:
+    """What stands before the outermost element or behind it, when it is nothing but blanks that XML does not know."""
+    gap = _GAP.match(mended.source.text, start, end)
+    if gap is not None and gap.end() == end:
+        _blanks(mended, findings, start, end, "")
 
 
 def _reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
@@ -99,42 +152,47 @@ def _reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
 def _tag(mended: Mended, findings: Findings, start: int) -> int:
     """Read a start tag tolerantly, mending its attribute values. Returns the offset behind it."""
     text = mended.source.text
-    name = _NAME.match(text, start + 1)
+    name = _NAME.match(text, _gap(mended, findings, start + 1, ""))
     at = name.end() if name else start + 1
     while True:
-        while at < len(text) and text[at].isspace():
-            at += 1
+        at = _gap(mended, findings, at, " ")
         if text.startswith(">", at):
             return at + 1
         attribute = _NAME.match(text, at)
         if attribute is None:
             return at + 1 if text.startswith("/", at) else at
         at = attribute.end()
-        equals = re.compile(r"\s*=\s*").match(text, at)
+        equals = _EQUALS.match(text, at)
         if equals is None:
             return at
+        _blanks(mended, findings, equals.start(), equals.end(), " ")
         at = equals.end()
         quote = text[at : at + 1]
         if quote not in ('"', "'") or not quote:
             return at
-        end = _value_end(text, at + 1, quote)
+        end = _value_end(mended, at + 1, quote)
         if end < 0:
             return at + 1
         _value(mended, findings, attribute.group(), at, end)
         at = end + 1
 
 
-def _value_end(text: str, start: int, quote: str) -> int:
+def _value_end(mended: Mended, start: int, quote: str) -> int:
     """The offset of the quotation mark that closes a value, or -1 when it is never closed.
 
-    A mark that is followed by neither the tag's end nor another attribute was meant as part of the value.
+    A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. That is
+    looked for in the same line, and not for ever.
     """
+    text = mended.source.text
     first = end = text.find(quote, start)
     if end < 0 or _RUNS_ON.search(text, start, end):
         return -1
+    line_end = _LINE_END.search(text, end, end + _FARTHEST)
+    last = line_end.start() if line_end else min(end + _FARTHEST, len(text))
     while not _VALUE_ENDS.match(text, end + 1):
-        end = text.find(quote, end + 1)
-        if end < 0 or re.compile(r"[\r\n]").search(text, start, end):
+        end = text.find(quote, max(end + 1, mended.looked_at.get(quote, 0)), last)
+        if end < 0:
+            mended.looked_at[quote] = last
             return first
     return end
 
@@ -154,15 +212,14 @@ def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int
         elif text[at] == quote:
             quotes.append(at)
         at += 1
-    escapes = dict(bad)
+    other = "'" if quote == '"' else '"'
     if bad:
-        corrected = "".join(escapes.get(i, text[i]) for i in range(opening + 1, end))
+        corrected = _corrected(text, opening + 1, end, bad)
         if quotes:
-            corrected = corrected.replace(quote, "'" if quote == '"' else '"')
+            corrected = corrected.replace(quote, other)
         _report(mended, findings, bad, f"{name}={quote}{corrected}{quote}", " in an attribute")
     if quotes:
-        other = "'" if quote == '"' else '"'
-        inner = "".join(escapes.get(i, text[i]) for i in range(opening + 1, end)).replace(quote, other)
+        inner = _corrected(text, opening + 1, end, bad).replace(quote, other)
         findings.error(
             "quotes",
             mended.source.place(quotes[0]),
@@ -172,11 +229,21 @@ def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int
             mended.replace(offset, offset + 1, "&quot;" if quote == '"' else "&apos;")
 
 
+def _corrected(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> str:
+    """A stretch of text with its wrong characters replaced; of a long one, what stands around the first of them."""
+    if end - start > _SHOWN:
+        first = bad[0][0] if bad else start
+        start = max(start, first - _SHOWN // 3)
+        end = min(end, start + _SHOWN)
+        bad = bad[:_SHOWN]
+    escapes = dict(bad)
+    return _LINE_ENDS.sub(" ", "".join(escapes.get(index, text[index]) for index in range(start, end)))
+
+
 def _report_text(mended: Mended, findings: Findings, start: int, end: int, bad: list[tuple[int, str]]) -> None:
     """One finding for the wrong characters of one stretch of text."""
     if bad:
-        escapes = dict(bad)
-        corrected = "".join(escapes.get(i, mended.source.text[i]) for i in range(start, end))
+        corrected = _corrected(mended.source.text, start, end, bad)
         _report(mended, findings, bad, " ".join(corrected.split()), "")
         bad.clear()
 

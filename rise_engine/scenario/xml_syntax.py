@@ -49,8 +49,13 @@ def report_syntax(error: etree.XMLSyntaxError, mended: Mended, findings: Finding
         sentence = 'attributes are written name="value" and separated by a blank'
     elif "Specification mandates value" in message:
         sentence = 'this attribute has no value; write name="value"'
+    elif "Comment not terminated" in message:
+        offset = max(text.rfind("<!--", 0, offset + 4), 0)
+        sentence = "this comment is never closed; write `-->` at its end"
+    elif "Double hyphen" in message:
+        sentence = "a comment cannot have `--` inside it; only `-->` ends it"
     else:
-        sentence = f"this is not well-formed XML: {message.strip()}"
+        sentence = f"this is not well-formed XML: {' '.join(message.split())}"
     findings.error(code, mended.source.place(mended.original(offset)), sentence)
 
 

@@ -10,7 +10,6 @@ Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`. None is ever writ
 
 from __future__ import annotations
 
-import getpass
 import json
 import os
 import platform
@@ -30,14 +29,13 @@ from rise_engine.bridge import Transport, Wire
 from rise_engine.scenario import load
 from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.model import Scenario
+from rise_engine.session.errors import SessionError as SessionError
 from rise_engine.session.lines import FORMAT
+from rise_engine.session.lock import Holder, holder_of, is_locked, user
+from rise_engine.text import meant_all, told_all
 
 _NO_WISH = Wire()
 INFO, JOURNAL, COPY = "session.toml", "journal.jsonl", "scenario"
-
-
-class SessionError(Exception):
-    """A session's folder cannot be used; the text says why, for a person."""
 
 
 class SessionInfo(Struct, frozen=True):
@@ -62,6 +60,8 @@ class SessionInfo(Struct, frozen=True):
     ros_args: tuple[str, ...] = ()
     participant: str = ""
     condition: str = ""
+    wizard: str = ""
+    """Who began it, as consoles name themselves (`anna`); empty: a program, or an older version."""
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
@@ -83,6 +83,7 @@ def create(
     wire: Wire = _NO_WISH,
     participant: str = "",
     condition: str = "",
+    wizard: str = "",
     versions: Mapping[str, str],
 ) -> Path:
     """Make the folder of a new session, without its journal. `files` as `Loaded.files`. Raises SessionError."""
@@ -101,8 +102,9 @@ def create(
         ros_args=wire.arguments,
         participant=participant,
         condition=condition,
+        wizard=wizard,
         versions=dict(versions),
-        machine={"host": platform.node(), "system": platform.platform(), "user": _user()},
+        machine={"host": platform.node(), "system": platform.platform(), "user": user()},
     )
     name = f"{started:%Y-%m-%d_%H%M%S}_{_slug(scenario.title)}_{scenario.mode}"
     try:
@@ -130,7 +132,7 @@ def read_info(folder: Path) -> SessionInfo:
                 f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
                 "install that version"
             )
-        return msgspec.convert(values, SessionInfo)
+        return msgspec.convert(meant_all(values), SessionInfo)
     except FileNotFoundError:
         raise SessionError(f"{folder} is no session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
@@ -171,19 +173,37 @@ def ended(folder: Path) -> bool:
 
 
 def unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
-    """Sessions of a scenario, or of all, that did not end in order and have a journal, the latest first."""
-    found: list[Path] = []
+    """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first."""
+    return [
+        folder
+        for folder, runs in _not_ended(scenario_folder, root or sessions_folder())
+        if not runs and _begun(folder) and not (folder / "abandoned").exists()
+    ]
+
+
+def running_folders(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, Holder | None]:
+    """Sessions of a scenario, or of all, that an engine runs, the latest first, and who says that it does.
+
+    Wherever that engine has its socket: asked is the lock of the journal.
+    """
+    found = _not_ended(scenario_folder, root or sessions_folder())
+    return {folder: holder_of(folder) for folder, runs in found if runs}
+
+
+def _not_ended(scenario_folder: str | None, root: Path) -> list[tuple[Path, bool]]:
+    """The latest first, and whether an engine runs each."""
+    found: list[tuple[Path, bool]] = []
     where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
-    for folder in _folders(root or sessions_folder()):
+    for folder in _folders(root):
         # The cheapest question first: after a year there are hundreds, and nearly all have ended.
-        if ended(folder) or (folder / "abandoned").exists() or not _begun(folder):
+        if ended(folder):
             continue
         try:
             info = read_info(folder)
         except SessionError:
             continue
         if where is None or os.path.realpath(info.scenario_folder) == where:
-            found.append(folder)
+            found.append((folder, is_locked(folder / JOURNAL)))
     return sorted(found, reverse=True)
 
 
@@ -195,7 +215,29 @@ def describe(folder: Path) -> str:
         began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
     except (SessionError, OSError, ValueError) as error:
         return f"{folder.name} cannot be described: {error}"
-    return f"{info.title} ({info.mode}, {info.robot}), begun {began:%Y-%m-%d %H:%M}, last record {at:%H:%M:%S}"
+    who = [f"{what} {name}" for what in ("participant", "condition") if (name := getattr(info, what))]
+    by = f" by {info.wizard}" if info.wizard else ""
+    return (
+        f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
+        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_ran(last - began.timestamp())}, last record {at:%H:%M:%S}"
+    )
+
+
+def is_of(info: SessionInfo, participant: str, condition: str) -> bool:
+    """Whether a session is this participant's, in this condition; empty: whoever's, whichever."""
+    return participant in ("", info.participant) and condition in ("", info.condition)
+
+
+def whose(participant: str, condition: str) -> str:
+    """A participant and a condition in words, as far as they are named: `P07, condition calm`."""
+    return ", ".join([participant] * bool(participant) + [f"condition {condition}"] * bool(condition)) or "nobody named"
+
+
+def _ran(seconds: float) -> str:
+    minutes = round(max(0.0, seconds) / 60)
+    if minutes < 1:
+        return f"{max(0, round(seconds))} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _begun(folder: Path) -> bool:
@@ -239,13 +281,6 @@ def _slug(title: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-").lower()[:40] or "session"
 
 
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):
-        return str(os.getuid())
-
-
 def _toml(info: SessionInfo) -> str:
     lines = ["# A RISE session (docs/reference/sessions.md)."]
     if info.mode == "debug":
@@ -261,4 +296,4 @@ def _toml(info: SessionInfo) -> str:
 
 def _text(value: Any) -> str:
     """A TOML value: strings, numbers and lists are written as in JSON, where DEL needs an escape too."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f").encode("utf-8", "replace").decode()
+    return json.dumps(told_all(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -2,7 +2,8 @@
 
 The engine hands over and goes on; it is told when what it handed over is on the disk. When the disk fails, nothing is
 dropped: the thread tries again, each time with a freshly opened file and all that was not yet known to be durable,
-because a synchronisation that failed once proves nothing when it succeeds later.
+because a synchronisation that failed once proves nothing when it succeeds later. As long as a journal is open it is
+locked (`rise_engine.session.lock`), also when its file has been opened or written anew.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from rise_engine.session.disk import Disk, sentence
+from rise_engine.session.lock import JournalLock
 
 RETRY_SECONDS = 1.0
 """How long after a failure the disk is tried again."""
@@ -34,13 +36,15 @@ class Journal:
         path: Path,
         *,
         size: int = 0,
+        lock: JournalLock | None = None,
         changed: Callable[[], None] = lambda: None,
         later: Callable[[Callable[[], None]], object] | None = None,
         now: Callable[[], float] | None = None,
         disk: Disk | None = None,
         retry: float = RETRY_SECONDS,
     ) -> None:
-        """`size`: 0 makes a new file, else an existing one goes on there. Raises OSError.
+        """`size`: 0 makes a new file, else an existing one goes on there. `lock`: of an existing one, for who has taken
+        it before; the journal's from now on. Raises OSError, and SessionError when it cannot be locked.
 
         `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block.
         `later` calls something when the engine's turn is over (a loop's `call_soon`): the writer is woken only then,
@@ -69,6 +73,7 @@ class Journal:
         """When the file was last seen in its place."""
         self._hurry = threading.Event()
         self._descriptor = self._disk.open(path, create=size == 0)
+        self.lock = lock or JournalLock(path)
         if size == 0:
             self._disk.sync_folder(path.parent)
         self._clock = os.open(path.with_name("clock"), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -120,6 +125,8 @@ class Journal:
         self._thread.join(timeout)
         self._hurry.set()
         self._thread.join(1.0)
+        if not self._thread.is_alive():  # else it may still write: the lock goes with the process
+            self.lock.release()
         return self.durable == self.appended
 
     # --- the writer's thread --------------------------------------------------------------------------------------
@@ -187,17 +194,22 @@ class Journal:
                 self._looked = time.monotonic()
                 return
             raise FileExistsError(errno.EEXIST, f"another file has been put in the place of {self.path.name}")
-        before = os.pread(self._descriptor, self._size, 0)
         beside = self.path.with_name(self.path.name + ".new")
         beside.unlink(missing_ok=True)
         fresh = self._disk.open(beside, create=True)
+        locked = -1
         try:
-            self._disk.write(fresh, before, 0)
+            locked = self.lock.lock_next(beside)
+            for at in range(0, self._size, BATCH):
+                self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
             self._disk.sync(fresh)
             os.link(beside, self.path)  # unlike a renaming, this never puts itself in the place of another file
         except OSError:
             self._disk.close(fresh)
+            if locked >= 0:
+                os.close(locked)
             raise
+        self.lock.moved(locked)
         beside.unlink(missing_ok=True)
         self._disk.close(self._descriptor)
         self._descriptor = fresh

@@ -26,6 +26,7 @@ FUNCTION_WORDS = {
     "markCue": "cue",
     "nextFiller": "filler",
     "markMistake": "mistake",
+    "goOn": "go on",
     "note": "note",
     "robot": "robot",
     "fault": "rule",

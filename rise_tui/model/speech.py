@@ -65,9 +65,11 @@ def completion(typed: str, said: Sequence[str], scenario: Sequence[str], keys: I
     """
     opened = typed.rfind("{")
     if opened > typed.rfind("}"):
-        begun = typed[opened + 1 :]
-        key = next((key for key in sorted(keys) if key.startswith(begun)), "")
-        return f"{typed[: opened + 1]}{key}}}" if key else ""
+        begun = opened + 1
+        if typed[begun : begun + 1] == '"':  # a separator, and the key behind it
+            begun = typed.find('"', begun + 1) + 1
+        key = next((key for key in sorted(keys) if key.startswith(typed[begun:])), "") if begun else ""
+        return f"{typed[:begun]}{key}}}" if key else ""
     if not typed.strip():
         return ""
     wanted = typed.casefold()

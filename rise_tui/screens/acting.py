@@ -10,8 +10,9 @@ from rise_engine.scenario.model import KeyBinding
 from rise_tui.actions import key_in_words
 from rise_tui.model import armed
 from rise_tui.model.deeds import describe
+from rise_tui.model.failures import unanswered
 from rise_tui.model.gate import Gate, Timer, Trigger
-from rise_tui.model.mistakes import newest_act
+from rise_tui.model.mistakes import newest
 from rise_tui.model.notice import Notice
 from rise_tui.screens.painting import Painting
 from rise_tui.session import Session
@@ -91,7 +92,7 @@ class Acting:
     def _fire(self, trigger: Trigger, at: float) -> None:
         if reason := self._store.cannot(trigger.function):
             self._refuse(trigger, reason)
-        elif trigger.function == "say":
+        elif trigger.function == "say" and self._typed:
             self._painting.say.taken(self._typed)
             self._run(self._say(self._typed, trigger, self._pressed(at)))
         else:
@@ -115,6 +116,24 @@ class Acting:
             self._painting.clear_notice()
         self._painting.changed({"acts"})
 
+    # --- failed acts ---
+
+    def repeat(self) -> None:
+        """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
+        failed = next(iter(unanswered(self._store)), None)
+        if failed is None:
+            return
+        settings = self._store.scenario.settings_of(failed.behavior)
+        hold = failed.function == "startCommunicationRobotAct" and settings.hold
+        self._typed = ""
+        self.start(Trigger(failed.function, failed.behavior, settings.debounce, hold, failed.calling_type))
+
+    def go_on(self) -> None:
+        """Put the failure away that is shown."""
+        failed = next(iter(unanswered(self._store)), None)
+        if failed is not None and not self.gate.pasting:
+            self.send("goOn", str(failed.id))
+
     # --- LIVE, SAFE, LOCKED ---
 
     def switch_safe(self) -> None:
@@ -132,12 +151,12 @@ class Acting:
     # --- mistakes ---
 
     def mistake(self) -> None:
-        """Mark the newest act as wrong at once, and ask for the better word."""
+        """Mark what the wizard did last as wrong at once, and ask for the better word."""
         if self.gate.pasting:
             return
-        task = newest_act(self._store.view.tasks, self._store.me)
+        task = newest(self._store.view.tasks, self._store.person)
         if task is None:
-            self.tell("no act has been started yet: there is nothing to mark")
+            self.tell("you have done nothing yet: there is nothing to mark")
             return
         self.send("markMistake", f"{task.id} wrong")
         self._painting.open_mistake(task.id)

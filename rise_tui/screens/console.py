@@ -50,7 +50,7 @@ class ConsoleScreen(QuietScreen[None]):
         self.panes = Arrangement(session.store)
         self.painting = Painting(session.store, self.panes, self.set_timer)
         self.status, self.alarm = self.painting.status, self.painting.alarm
-        self.call = self.painting.call
+        self.call, self.failure = self.painting.call, self.painting.failure
         self.notice, self.hints = self.painting.notice, self.painting.hints
         self.say_line, self.mistake = self.painting.say, self.painting.mistake
         self.note = NoteLine()
@@ -66,6 +66,7 @@ class ConsoleScreen(QuietScreen[None]):
         yield self.painting.band
         yield self.alarm
         yield self.call
+        yield self.failure
         yield self.panes
         yield self.notice
         yield self.mistake
@@ -205,6 +206,8 @@ class ConsoleScreen(QuietScreen[None]):
             "cue": lambda: self.start(CUE),
             "filler": lambda: self.start(FILLER),
             "mistake": self.acting.mistake,
+            "repeat": self.acting.repeat,
+            "go-on": self.acting.go_on,
             "safe": self.acting.switch_safe,
             "lock": self.switch_lock,
         }

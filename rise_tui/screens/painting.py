@@ -14,7 +14,7 @@ from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store, Topic
 from rise_tui.quiet import QuietScreen, Slices
 from rise_tui.screens.arrangement import Arrangement
-from rise_tui.widgets.alarm import AlarmBar, CallBar
+from rise_tui.widgets.alarm import AlarmBar, CallBar, FailureBar
 from rise_tui.widgets.band import KeyStrip, SpeechBand
 from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
 from rise_tui.widgets.mistake import MistakeLine
@@ -42,6 +42,7 @@ class Painting:
 
     def __init__(self, store: Store, panes: Arrangement, later: Callable[[float, Callable[[], None]], Timer]) -> None:
         self.status, self.alarm, self.call = StatusLine(), AlarmBar(), CallBar()
+        self.failure = FailureBar()
         self.notice, self.hints = NoticeLine(), KeyHints()
         self.band, self.strip = SpeechBand(), KeyStrip()
         self.say, self.mistake = SayLine(store), MistakeLine()
@@ -137,6 +138,7 @@ class Painting:
         self.strip.draw(self._store)
         self.alarm.draw(self._store)
         self._draw_call()
+        self.failure.draw(self._store)
         self._draw_notice()
         self.say.draw()
         self.mistake.draw(self._store)
@@ -187,6 +189,8 @@ class Painting:
             yield self._draw_band
         if dirty & {"status", "stop"}:
             yield self._draw_alarm
+        if dirty & {"acts", "tasks", "status", "stop", "memory"}:
+            yield self._draw_failure
         if dirty & {"notice", "cue", "acts"}:
             yield self._draw_notice
         typing = self.say.is_open or self.mistake.is_open
@@ -208,6 +212,9 @@ class Painting:
     def _draw_alarm(self) -> None:
         self.alarm.draw(self._store)
         self._draw_call()
+
+    def _draw_failure(self) -> None:
+        self.failure.draw(self._store)
 
     def _draw_fields(self) -> None:
         self.say.draw()

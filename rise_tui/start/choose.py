@@ -11,10 +11,12 @@ from typing import Protocol
 
 from rise_tui.model.control import short
 from rise_tui.start.settings import NothingChosenError
-from rise_tui.text import age, clean
+from rise_tui.text import age, clean, wrap
 
 USAGE = 2
 """Exit status when nothing could be chosen."""
+NARROWEST = 79
+"""Cells that a line may take on every terminal that consoles are made for."""
 
 
 class Running(Protocol):
@@ -108,12 +110,21 @@ def same(
     mode: str | None = None,
     participant: str | None = None,
     condition: str | None = None,
+    begins: Sequence[str] = (),
 ) -> None:
-    """Whether a session that runs is the one that was asked for. Raises NothingChosenError when it is not."""
+    """Whether a session that runs is the one that was asked for. Raises NothingChosenError when it is not.
+
+    `begins`: options that were given and say only how a new session begins.
+    """
     title = clean(about.title) if about is not None else name
-    end = "attach with `rise-tui` and end it first (ctrl+c, e)"
+    end = "attach with `rise-tui` and end it first (ctrl+c)"
     if new:
         raise NothingChosenError(USAGE, f"{title} is running already; to begin a new session, {end}")
+    if begins:
+        raise NothingChosenError(
+            USAGE,
+            f"{title} is running already; {' and '.join(begins)} can only be said of a session that begins: {end}",
+        )
     asked = {"mode": mode, "robot": robot, "participant": participant, "condition": condition}
     for what, wanted in asked.items() if about is not None else ():
         is_now = getattr(about, what)
@@ -122,45 +133,80 @@ def same(
             raise NothingChosenError(USAGE, f"{title} is running already, {which}; for the other one, {end}")
 
 
-def recovery(unfinished: Sequence[tuple[str, str]], terminal: Terminal) -> str:
+def recovery(
+    unfinished: Sequence[tuple[str, str]],
+    terminal: Terminal,
+    others: Sequence[tuple[str, str]] = (),
+    whose: str = "",
+) -> str:
     """What to do about sessions that did not end: `new`, or the folder of the one to recover.
 
-    `unfinished`: folder and a sentence, the latest first. Raises NothingChosenError.
+    `unfinished`: folder and a sentence, the latest first. `others`: those that did not end either and are not of
+    `whose`, for whom a session was asked: they are told and cannot be chosen. Raises NothingChosenError.
     """
     if not terminal.interactive:
         raise NothingChosenError(USAGE, WITHOUT_TERMINAL)
     several = len(unfinished) > 1
-    terminal.say(
-        f"{len(unfinished)} earlier sessions of this scenario did not end:"
-        if several
-        else "An earlier session of this scenario did not end:"
-    )
-    terminal.say("")
-    for number, (folder, sentence) in enumerate(unfinished, 1):
-        terminal.say(f"  {f'{number}  ' if several else ''}{clean(sentence)}")
-        terminal.say(f"  {'   ' if several else ''}{clean(tilde(folder))}")
-    terminal.say("")
+    if unfinished:
+        terminal.say(
+            f"{len(unfinished)} earlier sessions of this scenario did not end:"
+            if several
+            else "An earlier session of this scenario did not end:"
+        )
+        _list(unfinished, terminal, numbered=several)
+    if others:
+        what = (
+            "These did not end either, and are"
+            if unfinished
+            else "An earlier session of this scenario did not end. It is"
+        )
+        _say(terminal, "", f"{what} not of {whose}, and never recovered as theirs:")
+        _list(others, terminal)
+        _say(terminal, "", "To go on with one of these, quit, and name its participant: --participant ID --recover")
+        terminal.say("")
     which = f"recover the latest (1); r2 the second{', and so on' if len(unfinished) > 2 else ''}"
-    for line in (
-        f"  r  {which if several else 'recover it'}. Memory, rules, timers and the stop are as they were.",
-        "     What the robot was doing counts as lost: nothing is repeated to the participant by itself.",
-        "  n  begin a new session. The earlier record stays as it is, and is not offered again.",
-        "  q  quit. Nothing is started, nothing changes.",
-        "",
-    ):
-        terminal.say(line)
-    while (answer := terminal.ask("r, n or q?")) is not None:
+    if unfinished:
+        _say(
+            terminal,
+            "  r  ",
+            f"{which if several else 'recover it'}. Memory, rules, timers and the stop are as they were. "
+            "What the robot was doing counts as lost: nothing is repeated to the participant by itself.",
+        )
+    for_whom = f" for {whose}" if others else ""
+    _say(
+        terminal,
+        "  n  ",
+        f"begin a new session{for_whom}. The earlier record stays as it is, and is not offered again.",
+    )
+    terminal.say("  q  quit. Nothing is started, nothing changes.")
+    terminal.say("")
+    while (answer := terminal.ask("r, n or q?" if unfinished else "n or q?")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
             raise NothingChosenError(0)
         if wanted in ("n", "new"):
             return "new"
-        if wanted in ("r", "recover"):
+        if unfinished and wanted in ("r", "recover"):
             return unfinished[0][0]
         which = wanted.removeprefix("r").strip()
         if several and which.isdecimal() and 1 <= int(which) <= len(unfinished):
             return unfinished[int(which) - 1][0]
     raise NothingChosenError(USAGE, "nothing was chosen, and nothing was started")
+
+
+def _list(sessions: Sequence[tuple[str, str]], terminal: Terminal, *, numbered: bool = False) -> None:
+    terminal.say("")
+    for number, (folder, sentence) in enumerate(sessions, 1):
+        lead = f"{number}  " if numbered else ""
+        _say(terminal, f"  {lead}", sentence)
+        terminal.say(f"  {' ' * len(lead)}{clean(tilde(folder))}")
+    terminal.say("")
+
+
+def _say(terminal: Terminal, lead: str, sentence: str) -> None:
+    """A sentence over as many lines as it needs on the narrowest terminal."""
+    for at, line in enumerate(wrap(sentence, NARROWEST - len(lead))):
+        terminal.say(f"{lead if at == 0 else ' ' * len(lead)}{line}")
 
 
 WITHOUT_TERMINAL = (

@@ -11,7 +11,7 @@ from msgspec import Struct
 from rise_engine.link.client import Client, Hello
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.model import Scenario
-from rise_tui.start.settings import Settings, expanded, folder_of, nothing_in
+from rise_tui.start.settings import Settings, folder_of, nothing_in, place
 
 if TYPE_CHECKING:
     from rise_engine.link.spawn import Started
@@ -30,6 +30,8 @@ class Refused(Struct, frozen=True):
         return [self.sentence] * bool(self.sentence) + [str(finding) for finding in self.findings]
 
 
+Tell: TypeAlias = Callable[[str], object]
+"""Gets a sentence, on any thread."""
 Prepared: TypeAlias = "Scenario | Refused"
 
 
@@ -39,7 +41,7 @@ def prepare(settings: Settings) -> Prepared:
 
     if problem := nothing_in(settings):
         return Refused([], problem)
-    loaded = load(settings.folder, robot=settings.robot, mode=settings.mode, places=settings.places)
+    loaded = load(place(settings.folder), robot=settings.robot, mode=settings.mode, places=settings.places)
     return Refused(list(loaded.findings)) if loaded.scenario is None else loaded.scenario
 
 
@@ -68,8 +70,8 @@ class Launcher:
     prepare: Callable[[Settings], Prepared] = prepare
     outlives: bool = False
     """Whether the engine goes on when this process ends."""
-    recover: Callable[[Hello], Recovered] | None = None
-    """Goes on with a session whose engine has gone. May block. Raises EngineGone with the reason."""
+    recover: Callable[[Hello, Tell], Recovered] | None = None
+    """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
 
 
 def settings_of(hello: Hello) -> Settings:
@@ -108,7 +110,7 @@ def shown(folder: str) -> Shown | None:
 
     from rise_engine.scenario.robots import DEFAULT
 
-    path = expanded(folder)
+    path = place(folder)
     try:
         if not folder.strip() or not folder_of(folder).is_dir():
             return None

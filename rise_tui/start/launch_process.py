@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from time import monotonic, sleep
 
+from msgspec.structs import replace
+
 from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
 from rise_engine.link.spawn import Options, Refused, Started, start_engine
 from rise_engine.scenario.model import Scenario
-from rise_tui.start.launch import Launcher, Recovered, told_of
+from rise_tui.start.launch import Launcher, Recovered, Tell, told_of
 from rise_tui.start.settings import Settings, options, scenario_place
 
 RUNNING = 3
@@ -25,29 +27,32 @@ def process_launcher(who: str, role: Role) -> Launcher:
 
         until = monotonic() + LET_GO
         while True:
-            found = start_engine(options(settings, settings.seed, "ask"))
+            found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
             if not isinstance(found, Refused):
                 return SocketClient(found.name, who, role, scenario=scenario)
             if found.code != RUNNING or monotonic() > until:
                 break
             sleep(0.1)
-        if found.unfinished:
+        if found.unfinished or found.others:
             raise EngineGone(
                 "an earlier session of that scenario did not end; "
                 f"to recover it or begin a new one: rise-tui --config {scenario_place(settings)}"
             )
         raise EngineGone("; ".join(found.lines))
 
-    def recover(hello: Hello) -> Recovered:
+    def recover(hello: Hello, tell: Tell) -> Recovered:
         from rise_engine.link.socket_client import SocketClient
 
         folder = hello.scenario.folder
         name = session_name(folder)
-        found = start_engine(Options(folder, unfinished=hello.folder)) if role == "wizard" else None
+        wanted = Options(folder, unfinished=hello.folder)
+        found = start_engine(wanted, tell) if role == "wizard" else None
         if isinstance(found, Started):
             return Recovered(SocketClient(found.name, who, role), told_of(found))
         if found is not None and found.code != RUNNING:
             raise EngineGone("; ".join(found.lines))
+        if found is not None and found.socket:
+            return Recovered(SocketClient(found.socket, who, role))
         if name not in running():
             raise EngineGone("nobody has recovered it yet")
         return Recovered(SocketClient(name, who, role))  # somebody else has

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from rise_tui.model.running import session_words, told, whose
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Answer, Dialog
+from rise_tui.screens.ending import EndQuestion
 from rise_tui.start.choose import tilde
+from rise_tui.text import clock
 
 GONE_ON = (
     "the engine starts again, and the session goes on.",
@@ -13,20 +16,28 @@ GONE_ON = (
 )
 
 
-def question(store: Store, *, outlives: bool) -> Dialog:
-    """What can be done when leaving: a session can be ended only by who has control.
+END_KEY = "ctrl+x"
+"""Asks to end the session. No study can bind it, and it only leads to a question that wants a word."""
 
-    `outlives`: whether the session goes on without this process.
-    """
-    if not outlives:
-        said = ["The robot is stopped and the session ends. It cannot be continued."]
-        return Dialog("End the session?", said, Answer("e", "End"), no="Stay")
-    detach = ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
+
+def question(store: Store) -> Dialog:
+    """What can be done when leaving: a session can be ended only by who has control."""
+    said = [session_words(store), *told(store), ""]
+    said += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
     if why_not := store.cannot_act():
-        said = [*detach, f"Ending the session needs control: {why_not}."]
+        said += [f"Ending the session needs control: {why_not}."]
         return Dialog("Leave?", said, Answer("d", "Detach"), no="Stay", first="d")
-    said = [*detach, "End     the robot is stopped; it cannot be continued."]
-    return Dialog("Leave?", said, Answer("d", "Detach"), Answer("e", "End the session"), no="Stay", first="d")
+    said += ["End     for good; this asks once more."]
+    return Dialog("Leave?", said, Answer("d", "Detach"), Answer(END_KEY, "End the session"), no="Stay", first="d")
+
+
+def question_of_end(store: Store, then: str = "") -> EndQuestion:
+    """Before the session ends for good. `then`: what comes after it, if not nothing."""
+    of = whose(store)
+    said = [session_words(store), *told(store), ""]
+    said += ["The robot is stopped, and the session ends for good:", "it cannot be continued."]
+    said += [then] * bool(then)
+    return EndQuestion(f"End the session of {of}?" if of else "End the session?", said)
 
 
 def question_of_gone(store: Store) -> Dialog:
@@ -34,6 +45,7 @@ def question_of_gone(store: Store) -> Dialog:
     said = [f"Recover  {line}" if line is GONE_ON[0] else f"         {line}" for line in GONE_ON]
     if store.hello.role == "observer":
         said = ["Watch    goes on, once somebody has recovered the session."]
+    said = [session_words(store), f"Its record came as far as {clock(store.view.t)}.", "", *said]
     ways = Answer("r", "Watch" if store.hello.role == "observer" else "Recover"), Answer("l", "Leave")
     return Dialog("The engine has gone", said, *ways, no="Stay")
 

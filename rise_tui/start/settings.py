@@ -11,6 +11,7 @@ from msgspec import Struct, field
 from rise_engine.bridge import Wire
 from rise_engine.link.spawn import Options
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
+from rise_engine.scenario.shipped import place_of
 
 
 class NothingChosenError(Exception):
@@ -28,7 +29,8 @@ class Settings(Struct, frozen=True):
     folder: str
     robot: str | None = None
     mode: str | None = None
-    seed: int = 0
+    seed: int | None = None
+    """None: a new one."""
     places: Mapping[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
     wire: Wire = Wire()
@@ -55,7 +57,7 @@ def options(settings: Settings, seed: int | None, recover: str) -> Options:
 
 def scenario_place(settings: Settings) -> str:
     """The scenario as the engine is told it; a folder and its scenario.toml are one session."""
-    path = expanded(settings.folder)
+    path = place(settings.folder)
     return str(path.parent if path.name == NAME else path)
 
 
@@ -65,8 +67,8 @@ def nothing_in(settings: Settings) -> str:
         return "name a folder"
     folder = folder_of(settings.folder)
     usual = [folder / name for name in (NAME, *DEFAULT_PLACES.values())]
-    if folder != expanded(settings.folder):  # a file was named
-        usual.append(expanded(settings.folder))
+    if folder != place(settings.folder):  # a file was named
+        usual.append(place(settings.folder))
     if folder.is_dir() and not any(settings.places.values()) and not any(path.exists() for path in usual):
         return f"there is no scenario in {folder}: no scenario.toml, no acts, no rules"
     return ""
@@ -77,7 +79,12 @@ def expanded(folder: str) -> Path:
     return Path(os.path.expanduser(folder))  # noqa: PTH111
 
 
+def place(folder: str) -> Path:
+    """What is meant by a scenario's name: the folder or file, or a shipped study where there is none."""
+    return Path(place_of(str(expanded(folder)))) if folder.strip() else expanded(folder)
+
+
 def folder_of(folder: str) -> Path:
     """The folder itself, also where its `scenario.toml` was named."""
-    path = expanded(folder)
+    path = place(folder)
     return path.parent if path.suffix == ".toml" else path

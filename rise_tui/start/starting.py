@@ -37,17 +37,25 @@ class Asked(Struct, frozen=True, kw_only=True):
     seed: int | None = None
     participant: str | None = None
     condition: str | None = None
+    sets: tuple[str, ...] = ()
+    """Memory values to begin with, as they were written: `KEY=JSON`."""
+    places: tuple[str, ...] = ()
+    """Where acts, rules and memory are read, as it was written: `KIND=PATH`."""
     new: bool = False
     recover: bool = False
+    here: bool = False
     session: str | None = None
     observe: bool = False
-    wizard: str = "wizard"
+    wizard: str | None = None
+    """None: nobody said; see `who`."""
     replay: str | None = None
     speed: float = 1.0
     display: Display = Display()
     keys: str | None = None
     fresh: bool = False
     web: int | None = None
+    in_browser: bool = False
+    """This is the console of one browser (`rise_tui.web.seat`)."""
 
     @property
     def role(self) -> Role:
@@ -59,11 +67,19 @@ class Asked(Struct, frozen=True, kw_only=True):
         return "new" if self.new else "recover" if self.recover else "ask"
 
     @property
+    def begins(self) -> list[str]:
+        """The options that were given and mean nothing to a session that runs."""
+        return ["--set"] * bool(self.sets) + ["--place"] * bool(self.places)
+
+    @property
     def settings(self) -> Settings:
+        from rise_engine.arguments import places_of
+
         return Settings(
             self.folder or "",
             self.robot,
             self.mode,
+            places=places_of(self.places),
             wire=Wire(self.ros or "auto", self.ros_args),
             participant=self.participant or "",
             condition=self.condition or "",
@@ -86,6 +102,53 @@ class PlainTerminal:
         except click.Abort:
             click.echo("")
             return None
+
+
+def login_name() -> str:
+    from getpass import getuser
+
+    try:
+        return getuser()
+    except (KeyError, OSError):
+        return "wizard"
+
+
+def who(asked: Asked, session: str) -> tuple[str, str]:
+    """The name of whoever sits here, and what there is to say about it.
+
+    A wizard who comes back to a session and says no name is who this user's console was before: sessions belong to one
+    user of the machine, and whoever held control last is who has lost a console.
+    """
+    if asked.wizard is not None or asked.observe:
+        return asked.wizard or login_name(), ""
+    from rise_engine.link.places import PlaceError, about
+    from rise_tui.text import clean
+
+    try:
+        found = about(session)
+    except PlaceError:  # attaching says it
+        found = None
+    login = login_name()
+    if found is None or found.wizard in ("", login):
+        return login, ""
+    return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"
+
+
+class ProgressLine:
+    """How far an engine is that is still coming up: one line of the terminal, which is written over."""
+
+    def __init__(self) -> None:
+        self._told = False
+
+    def tell(self, sentence: str) -> None:
+        from rise_engine.text import clean
+
+        self._told = True
+        click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)
+
+    def clear(self) -> None:
+        if self._told:
+            click.echo("\r\x1b[2K", nl=False)
 
 
 def start(asked: Asked) -> NoReturn:
@@ -143,7 +206,8 @@ def _left_over() -> list[str]:
 
 def running_session(asked: Asked) -> str:
     """The name of the running session that is meant. Raises NothingChosenError."""
-    from rise_engine.link.places import PlaceError, abouts, find, running, session_name
+    from rise_engine.link.elsewhere import everywhere
+    from rise_engine.link.places import PlaceError, find, running, session_name
     from rise_tui.start import choose
     from rise_tui.start.settings import scenario_place
 
@@ -151,13 +215,24 @@ def running_session(asked: Asked) -> str:
         if asked.session is not None:
             return find(asked.session)
         if asked.folder is None:
-            return choose.session(abouts(), PlainTerminal(), _left_over)
+            return choose.session(everywhere(), PlainTerminal(), _left_over)
         name = session_name(scenario_place(asked.settings))
         if name in running():
             return name
+        if elsewhere := _reached_elsewhere(asked.settings):
+            return elsewhere
     except PlaceError as error:
         _nothing(str(error))
     _nothing(f"no session of {asked.folder} is running")
+
+
+def _reached_elsewhere(settings: Settings) -> str:
+    """The socket of the scenario's session when it runs with another runtime folder; empty when none does."""
+    from rise_engine.session.folder import running_folders
+    from rise_tui.start.settings import scenario_place
+
+    holders = running_folders(str(Path(scenario_place(settings)).absolute())).values()
+    return next((holder.socket for holder in holders if holder is not None and holder.is_here), "")
 
 
 def _serve(asked: Asked) -> NoReturn:
@@ -197,6 +272,8 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     except PlaceError as error:
         _nothing(str(error))
     if asked.observe:
+        if elsewhere := _reached_elsewhere(settings):
+            _join(elsewhere, asked, keys)
         _nothing(f"no session of {settings.folder} is running, and --observe starts none")
     if asked.unfinished == "ask" and not PlainTerminal().interactive:
         from rise_engine.session.folder import unfinished
@@ -210,6 +287,7 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_engine.link.spawn import Refused, Starting, start_engine
 
     wanted = options(settings, asked.seed, asked.unfinished)
+    wanted = replace(wanted, wizard=asked.wizard or login_name(), here=asked.here, first=_first(asked))
     starting = Starting(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
     prepare_textual(asked.display)
@@ -217,16 +295,40 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_tui.start.launch import told_of
     from rise_tui.start.launch_process import RUNNING
 
-    found = starting.wait()
-    if isinstance(found, Refused) and found.unfinished:
+    progress = ProgressLine()
+    found = starting.wait(progress.tell)
+    progress.clear()
+    if isinstance(found, Refused) and (found.unfinished or found.others):
+        from rise_engine.session.folder import whose
         from rise_tui.start import choose
 
-        found = start_engine(replace(wanted, unfinished=choose.recovery(found.unfinished, PlainTerminal())))
-    if isinstance(found, Refused) and found.code == RUNNING:  # somebody else has just started it
-        _open_on(name, None, asked, keys)
+        named = whose(settings.participant, settings.condition)
+        chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
+        found = start_engine(replace(wanted, unfinished=chosen), progress.tell)
+        progress.clear()
+    if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
+        _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):
         _refuse(found.lines, settings.folder, found.code)
-    _open_on(found.name, settings, asked, keys, told=told_of(found))
+    unused = (
+        f"; {' and '.join(asked.begins)}: not used, it goes on as it was" if found.recovered and asked.begins else ""
+    )
+    _open_on(found.name, settings, asked, keys, told=told_of(found) + unused)
+
+
+def _first(asked: Asked) -> tuple[dict[str, str], ...]:
+    """What a new session begins with. Raises NothingChosenError."""
+    if not asked.sets:
+        return ()
+    from rise_engine.arguments import UnusableError, assignments
+
+    try:
+        return tuple(
+            {"input": "submit", "function": "assignValue", "behavior": behavior, "source": "wizard:command-line"}
+            for behavior in assignments(asked.sets)
+        )
+    except UnusableError as error:
+        raise NothingChosenError(USAGE, *str(error).splitlines()) from None
 
 
 def _check_clashes(settings: Settings, keys: KeyFile) -> None:
@@ -252,6 +354,7 @@ def _join(name: str, asked: Asked, keys: KeyFile | None) -> NoReturn:
         mode=asked.mode,
         participant=asked.participant,
         condition=asked.condition,
+        begins=asked.begins,
     )
     _need_terminal()
     _open_on(name, None, asked, keys)
@@ -268,8 +371,12 @@ def _open_on(name: str, settings: Settings | None, asked: Asked, keys: KeyFile |
     from rise_engine.link.socket_client import SocketClient
     from rise_tui.start.launch_process import process_launcher
 
-    client = SocketClient(name, asked.wizard, asked.role)
-    _open(client, settings, process_launcher(asked.wizard, asked.role), asked.wizard, asked, keys, told)
+    name_here, said = who(asked, name)
+    client = SocketClient(name, name_here, asked.role)
+    if told and said:
+        said = said.partition(",")[0]  # a line of 80 cells has no room for more
+    told = "; ".join(filter(None, (told, said)))
+    _open(client, settings, process_launcher(name_here, asked.role), name_here, asked, keys, told)
 
 
 def _replay(asked: Asked, keys: KeyFile | None) -> NoReturn:
@@ -312,6 +419,7 @@ def _open(
         client=client,
         told=told,
         keys=keys,
+        in_browser=asked.in_browser,
         keeper=Keeper(kept, fresh=asked.fresh, said=said, keeps=not asked.observe and asked.replay is None),
     )
     app.run(mouse=asked.display.mouse)

@@ -1,13 +1,17 @@
-"""The bars that cannot be missed: red for a stop, a disk, a link, a robot, an engine; amber for control."""
+"""The bars that cannot be missed: red for a stop, a disk, a link, a robot, an engine, an act; amber for control."""
 
 from __future__ import annotations
 
 from rise_tui.actions import key_for
+from rise_tui.model import failures
 from rise_tui.model.alarms import alarms, degraded, lines
 from rise_tui.model.control import short, taken_words
 from rise_tui.model.store import Store
 from rise_tui.text import Line, crop
 from rise_tui.widgets.line import Lines
+
+LEAST = 5
+"""Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
 
 
 class AlarmBar(Lines):
@@ -62,3 +66,20 @@ def _control(store: Store) -> Line:
 def _degraded(store: Store) -> Line:
     said = degraded(store)
     return ((f" {said} ", "wait"),) if said else ()
+
+
+class FailureBar(Lines):
+    """An act that failed, and what was not said: it stays until somebody answers it, or the act is done after all."""
+
+    DEFAULT_CSS = """
+    FailureBar { height: auto; background: $error 18%; display: none; }
+    FailureBar.-on { display: block; }
+    """
+
+    def draw(self, store: Store) -> None:
+        width, height = self.app.size
+        shown = failures.lines(store, self.size.width or width, max(LEAST, height // 3))
+        self.set_class(bool(shown), "-on")
+        if len(shown) != len(self.lines):
+            self.styles.height = max(1, len(shown))
+        self.show(*shown)

@@ -103,6 +103,7 @@ def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_mea
         ({"participant": "P08"}, "running already, without --participant; for the other one"),
         ({"condition": "loud"}, "running already, without --condition"),
         ({"new": True}, "to begin a new session"),
+        ({"begins": ["--set", "--place"]}, "--set and --place can only be said of a session that begins"),
     ):
         with pytest.raises(NothingChosenError, match=said):
             choose.same("a", About(), **wanted)  # type: ignore[arg-type]
@@ -115,7 +116,7 @@ def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:
     assert choose.recovery(ONE, typist) == ONE[0][0]
     assert typist.questions == 3
     said = "\n".join(typist.said)
-    assert "counts as lost: nothing is repeated to the participant by itself" in said
+    assert "counts as lost: nothing is repeated to the participant by itself" in " ".join(said.split())
     assert ONE[0][0] in said and ONE[0][1] in said
 
 
@@ -132,6 +133,32 @@ def test_of_several_unfinished_sessions_the_latest_or_any_other(answer: str, whi
     typist = Typist(["r3", answer])
     assert choose.recovery(TWO, typist) == TWO[which][0]
     assert typist.said[0].startswith("2 earlier sessions")
+
+
+def test_another_participant_s_session_is_named_and_never_chosen() -> None:
+    for answers, chosen in ((["r", "r1", "1", "n"], "new"), (["r"], None)):
+        typist = Typist(answers)
+        if chosen is None:
+            with pytest.raises(NothingChosenError):
+                choose.recovery([], typist, ONE, "P08")
+        else:
+            assert choose.recovery([], typist, ONE, "P08") == chosen
+        said = " ".join("\n".join(typist.said).split())
+        assert ONE[0][1] in said and "not of P08" in said and "begin a new session for P08" in said
+        assert "--participant ID --recover" in said and not any(line.startswith("  r ") for line in typist.said)
+
+
+def test_of_one_s_own_and_others_only_the_own_is_recovered() -> None:
+    typist = Typist(["2", "r"])
+    assert choose.recovery(ONE, typist, TWO[1:], "P07") == ONE[0][0]
+    assert TWO[1][1] in "\n".join(typist.said)
+
+
+def test_what_is_asked_fits_on_the_narrowest_terminal() -> None:
+    sentence = "LabLinking: setting the table (debug, pepper), participant P07, condition no hesitation, begun " * 2
+    typist = Typist(["n"])
+    choose.recovery([("/s/a", sentence), ("/s/b", sentence)], typist, [("/s/c", sentence)], "P08, condition hesitation")
+    assert max(map(len, typist.said)) < 80
 
 
 def test_without_a_terminal_the_options_are_named() -> None:

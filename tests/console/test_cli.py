@@ -43,6 +43,19 @@ def test_what_is_asked_for(asked: list[Asked]) -> None:
     assert it.settings.wire.arguments == ("-r", "__ns:=/lab")
 
 
+def test_what_a_session_begins_with(asked: list[Asked]) -> None:
+    line = ["--config", "x", "--set", "task=2", "--set", "name=Anna", "--place", "memory=pilot.json"]
+    assert CliRunner().invoke(main, line).exit_code == 0
+    (it,) = asked
+    assert it.settings.places == {"memory": "pilot.json"} and it.wizard is None
+    assert it.begins == ["--set", "--place"]
+    assert [task["behavior"] for task in starting._first(it)] == ['{"task": 2}', '{"name": "Anna"}']
+    with pytest.raises(starting.NothingChosenError, match="--set task: write KEY=JSON"):
+        starting._first(Asked(sets=("task",)))
+    with pytest.raises(SystemExit):
+        _ = Asked(places=("memory",)).settings
+
+
 def test_what_is_usual(asked: list[Asked]) -> None:
     assert CliRunner().invoke(main, []).exit_code == 0
     assert asked[0].display == Display() and asked[0].web is None and asked[0].role == "wizard"
@@ -63,6 +76,8 @@ def test_web_with_and_without_a_port(asked: list[Asked], arguments: tuple[str, .
         (("--session", "x", "--replay", "y"), "say either --session or --replay"),
         (("--web", "--replay", "y"), "say either --replay or --web"),
         (("--web", "--config", "x", "--participant", "P07"), "--participant say how a session starts, and --web"),
+        (("--set", "a=1"), "--set say how a session starts"),
+        (("--place", "memory=b.json"), "--place say how a session starts"),
         (("--participant", "P07"), "--participant say how a session starts: name its scenario"),
         (("--colors", "mono", "--theme", "light"), "--colors mono leaves no colours for --theme light"),
         (("--colors", "88"), "Invalid value for '--colors'"),
@@ -87,7 +102,7 @@ def test_every_command_and_option_is_documented() -> None:
     for name, command in {"": main, **main.commands}.items():
         assert not name or f"rise-tui {name}" in text, name
         for option in command.params:
-            if isinstance(option, click.Option):
+            if isinstance(option, click.Option) and not option.hidden:
                 assert f"`{option.opts[0]}" in text, f"{name} {option.opts[0]}"
 
 

@@ -12,6 +12,7 @@ from rise_engine.scenario.findings import Finding
 from rise_engine.scenario.model import Place
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.ending import EndQuestion
 from rise_tui.screens.help import HelpScreen
 from rise_tui.screens.settings import SettingsScreen
 from rise_tui.start.launch import Refused
@@ -467,13 +468,14 @@ async def test_settings_apply_after_asking_and_end_the_running_session_first() -
         await it.pilot.pause()
         screen.query_one("#mode").query(Button).last().press()
         await it.pilot.pause()
+        screen.query_one("#participant", Field).value = "P08"
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
         assert first.closed == []
-        await it.press("s")
+        await it.press("e", "n", "d", "enter")
         await it.until(lambda: first.closed == [True])
         await it.until(lambda: "REAL" in it.screen.status.text)
-        assert launcher.started[1].mode == "real"
+        assert launcher.started[1].mode == "real" and launcher.started[1].participant == "P08"
 
 
 async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothing() -> None:

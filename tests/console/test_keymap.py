@@ -37,7 +37,7 @@ def test_one_key_or_several_for_any_action(tmp_path: Path) -> None:
     filler = []
     acts.stop = "delete"
     scheduler.earlier = "shift+up"
-    "log.follow" = "ctrl+e"
+    "log.follow" = "ctrl+w"
     """
     keys = written(tmp_path, text)
     assert keys.findings == ()
@@ -48,7 +48,7 @@ def test_one_key_or_several_for_any_action(tmp_path: Path) -> None:
         "filler": (),
         "acts.stop": ("delete",),
         "scheduler.earlier": ("shift+up",),
-        "log.follow": ("ctrl+e",),
+        "log.follow": ("ctrl+w",),
     }
     assert for_textual(keys)["zoom"] == "f4,ctrl+f" and for_textual(keys)["filler"] == "no-key-of-filler"
 

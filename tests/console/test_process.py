@@ -23,7 +23,9 @@ def test_start_press_stop_and_leave() -> None:
         it.until("everything asked has confirmed")
         it.press(b"\x03")
         it.until("End the session")
-        it.press(b"e")
+        it.press(b"\x18")  # ctrl+x
+        it.until("Type end and press enter")
+        it.press(b"end\r")
         it.until("ended: the record is in ")
         assert it.ended() == 0
         assert not [engine for engine in it.engines() if alive(engine)]
@@ -180,7 +182,9 @@ def test_a_recorded_session_is_played_again() -> None:
         it.until("running")
         it.press(b"\x03")
         it.until("End the session")
-        it.press(b"e")
+        it.press(b"\x18")  # ctrl+x
+        it.until("Type end and press enter")
+        it.press(b"end\r")
         it.until("ended: the record is in ")
         it.ended()
         session = next(Path(it.home, "sessions").iterdir()).name

@@ -238,14 +238,14 @@ def check(some: Rule, width: int) -> Layout:
     return layout
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(rules(), st.integers(34, 130))
 def test_everything_is_there_once_and_rails_lead_where_they_should(some: Rule, width: int) -> None:
     layout = check(some, width)
     assert layout == lay_out(some, width)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(rules(), st.integers(34, 130), st.data())
 def test_only_marks_change(some: Rule, width: int, data: st.DataObject) -> None:
     layout = lay_out(some, width)

@@ -165,6 +165,40 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(places: Path) -> 
     assert again.end() == 0, "nobody is asked twice about a session that was left"
 
 
+def killed(study: Path, *arguments: object) -> Path:
+    """A session that did not end."""
+    it = Serving(study, *arguments)
+    record = it.record
+    it.end(signal.SIGKILL)
+    return record
+
+
+def test_nobody_s_session_goes_on_as_somebody_else_s(places: Path) -> None:
+    study = folder(places / "study")
+    record = killed(study, "--participant", "P07", "--condition", "calm")
+    for arguments in (["--participant", "P08", "--recover"], ["--condition", "loud", "--recover"]):
+        refused = engine("serve", study, *arguments)
+        assert refused.returncode == 4, refused.stderr
+        assert "participant P07, condition calm" in refused.stderr and "ran 0 s" in refused.stderr
+        assert f"no session of {'P08' if 'P08' in arguments else 'condition loud'} waits" in refused.stderr
+        assert "say --new to begin, or name theirs" in refused.stderr
+    refused = engine("serve", study, "--participant", "P08", "--session", record)
+    assert refused.returncode == 2 and "the session of P07, condition calm, not of P08" in refused.stderr
+    asked = engine("serve", study, "--participant", "P08")
+    assert asked.returncode == 4 and "say --recover" not in asked.stderr
+    started = start_engine(Options(str(study), participant="P08", unfinished="recover"))
+    assert isinstance(started, Refused) and started.unfinished == []
+    assert [Path(found) for found, _ in started.others] == [record]
+    assert statuses(record, "session") == ["started"], "it was not touched"
+    own = killed(study, "--participant", "P08", "--new")
+    again = Serving(study, "--participant", "P08", "--recover")
+    assert again.record == own
+    again.end()
+    again = Serving(study, "--participant", "P07", "--session", record)
+    assert again.record == record
+    again.end()
+
+
 def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places: Path) -> None:
     study, other = folder(places / "my study"), folder(places / "other")
     crashed = Serving(study)

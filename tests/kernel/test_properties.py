@@ -283,7 +283,7 @@ class Run:
 
 
 cases = given(scenarios(), st.lists(MOVES, max_size=25))
-quick = settings(max_examples=60, deadline=None, phases=[p for p in Phase if p not in (Phase.shrink, Phase.explain)])
+quick = settings(max_examples=60, phases=[p for p in Phase if p not in (Phase.shrink, Phase.explain)])
 
 
 @quick

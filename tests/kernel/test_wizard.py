@@ -299,12 +299,91 @@ def test_a_mistake_is_linked_to_its_act_and_can_be_taken_back(s: Session) -> Non
     assert (view.tasks[1].mark, view.tasks[2].mark) == ("double", "")
 
 
-@pytest.mark.parametrize("behavior", ["", "1", "1 bad", "x late", "7 late", "2 late", "-1 late", f"{'9' * 30} late"])
+@pytest.mark.parametrize("behavior", ["", "1", "1 bad", "x late", "7 late", "-1 late", f"{'9' * 30} late"])
 def test_marks_that_mean_nothing_are_rejected(s: Session, behavior: str) -> None:
     s.act("Answer")
-    s.event("next")  # task 2: no act
     assert s.submit("markMistake", behavior).status == "REJECTED"
     assert not of(s, MistakeRecord)
+
+
+@pytest.mark.parametrize(
+    ("function", "behavior"),
+    [
+        ("raiseEventTopic", "/next"),
+        ("assignValue", "task = 2"),
+        ("deleteValue", "name"),
+        ("startInteractionRule", "Main"),
+        ("markCue", ""),
+        ("stopAll", ""),
+    ],
+)
+def test_whatever_a_wizard_does_can_have_been_a_mistake(s: Session, function: str, behavior: str) -> None:
+    press(s, function, behavior)
+    press(s, "markMistake", "1 early")
+    (mark,) = of(s, MistakeRecord)
+    assert (mark.task, mark.act, mark.mark) == (1, "", "early")
+    assert view_of(s).tasks[1].mark == "early"
+    press(s, "markMistake", "2 late")
+    assert of(s, TaskRecord)[-1].status == "REJECTED", "a mark is no deed"
+
+
+def test_what_was_refused_or_done_by_others_is_no_mistake_of_a_wizard(s: Session) -> None:
+    press(s, "startInteractionRule", "Nobody")
+    s.do(Submit(function="raiseEventTopic", behavior="/next", source="ros:camera"))
+    for id in (1, 2):
+        press(s, "markMistake", f"{id} wrong")
+    assert not of(s, MistakeRecord)
+
+
+# --- failed acts ---
+
+
+def failed(s: Session) -> list[int]:
+    """As every console sees them; the kernel must agree."""
+    seen = view_of(s).failed
+    assert set(seen) == set(s.kernel.wizard.state.failed)
+    return seen
+
+
+def test_a_failed_act_stays_until_somebody_goes_on_without_it(s: Session) -> None:
+    s.act("Answer")
+    s.report("1/1", "failed", "no voice")
+    s.submit("say", "Hello")
+    s.report("2/say", "failed", "no voice")
+    assert failed(s) == [1, 2]
+    assert s.submit("goOn", "1").status == "SUCCEEDED"
+    assert failed(s) == [2]
+    for behavior in ("1", "7", "", "x", "-2"):
+        assert s.submit("goOn", behavior).status == "REJECTED", behavior
+    assert failed(s) == [2]
+
+
+def test_a_failed_act_that_succeeds_after_all_needs_no_answer(s: Session) -> None:
+    s.act("Answer")
+    s.report("1/1", "failed", "no voice")
+    s.act("Hm")
+    s.finish_all()
+    assert failed(s) == [1], "another act makes nothing good"
+    s.act("Answer")
+    assert failed(s) == [1], "it has only begun"
+    s.report("3/1", "failed", "no voice")
+    assert failed(s) == [3], "of one act the latest counts"
+    s.act("Answer")
+    s.submit("stopCommunicationRobotAct", "Answer")
+    s.report("4/1", "canceled")
+    assert failed(s) == [3], "who stops it has not answered"
+    s.act("Answer")
+    s.finish_all()
+    assert failed(s) == []
+
+
+def test_a_failure_outlives_the_engine(s: Session) -> None:
+    s.act("Answer")
+    s.report("1/1", "failed", "no voice")
+    snapshot = msgspec.json.decode(msgspec.json.encode(s.kernel.snapshot()), type=Snapshot)
+    again = Session(s.scenario, kernel=Kernel.restore(s.scenario, snapshot))
+    assert again.submit("goOn", "1").status == "SUCCEEDED"
+    assert again.submit("goOn", "1").status == "REJECTED"
 
 
 # --- times ---

@@ -89,8 +89,28 @@ async def test_a_program_drives_a_session(place: Path) -> None:
         await session.note("done")
         await session.stop_all()
         await session.until(lambda view: view.stop.status == "latched", 10)
-        await session.release_stop()
-        assert not session.view.stop.latched and session.now() > 0
+        with pytest.raises(Rejected, match=r"test may not release a stop: only who holds control may.*may_release"):
+            await session.release_stop()
+        assert session.view.stop.latched and session.now() > 0
+
+
+async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(place: Path) -> None:
+    scenario = place / "study"
+    scenario.mkdir()
+    (scenario / "scenario.toml").write_text('[control]\nmay_release = ["watchdog", "/lab/boss"]\n', "utf-8")
+    async with (
+        served(place, scenario) as running,
+        connect(running.name, name="watchdog") as watchdog,
+        connect(running.name, name="other") as other,
+        connect(running.name, name="anna", role="wizard") as anna,
+    ):
+        for who in (watchdog, anna):
+            await other.stop_all()
+            await other.until(lambda view: view.stop.status == "latched", 10)
+            with pytest.raises(Rejected, match="only who holds control may, or watchdog, /lab/boss"):
+                await other.release_stop()
+            await who.release_stop()
+            await other.until(lambda view: not view.stop.latched, 10)
 
 
 async def test_a_program_ends_a_session(place: Path) -> None:

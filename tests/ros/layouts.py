@@ -23,6 +23,13 @@ RISE = {
 LAYOUTS: dict[str, dict[str, str]] = {
     **{f"rise_interfaces/action/{name}_Goal": goal for name, goal in RISE.items()},
     **{f"rise_interfaces/action/{name}_Result": {"reason": "string"} for name in RISE},
+    **{f"rise_interfaces/action/{name}_Feedback": {"progress": "float32"} for name in RISE},
+    "std_skills/msg/Feedback": {
+        "data_bool": "bool",
+        "data_int": "uint16",
+        "data_float": "float32",
+        "data_str": "string",
+    },
     "std_msgs/msg/String": {"data": "string"},
     "std_msgs/msg/Header": {"stamp": "builtin_interfaces/msg/Time", "frame_id": "string"},
     "builtin_interfaces/msg/Time": {"sec": "int32", "nanosec": "uint32"},
@@ -38,8 +45,10 @@ LAYOUTS: dict[str, dict[str, str]] = {
         "input": "string",
     },
     "communication_skills/action/Say_Result": {"result": _RESULT},
+    "communication_skills/action/Say_Feedback": {"feedback": "std_skills/msg/Feedback"},
     "interaction_skills/action/LookAt_Goal": {"meta": _META, "policy": "string", "target": _POINT},
     "interaction_skills/action/LookAt_Result": {"result": _RESULT},
+    "interaction_skills/action/LookAt_Feedback": {"feedback": "std_skills/msg/Feedback"},
     "interaction_skills/msg/SetExpression": {"meta": _META, "expression": "hri_msgs/msg/Expression"},
     "hri_msgs/msg/Expression": {
         "header": "std_msgs/msg/Header",
@@ -50,6 +59,7 @@ LAYOUTS: dict[str, dict[str, str]] = {
     },
     "motions_skills/action/ReplayMotion_Goal": {"meta": _META, "name": "string", "unsafe": "bool"},
     "motions_skills/action/ReplayMotion_Result": {"result": _RESULT},
+    "motions_skills/action/ReplayMotion_Feedback": {"feedback": "std_skills/msg/Feedback"},
 }
 
 

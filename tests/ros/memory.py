@@ -23,7 +23,7 @@ from functools import cache, partial
 from importlib import import_module
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, Message, PortError, QoS, Reply
+from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, End, Message, PortError, QoS, Reply
 
 from rise_engine.robot import Clock
 
@@ -109,6 +109,8 @@ class MemoryWire:
         """Everything that was ever sent, in order."""
         self.killed: set[MemoryTransport] = set()
         self.forgotten: set[MemoryTransport] = set()
+        self.first_answer_only = False
+        """As the real transports: of several servers that answer one request, the first counts."""
 
     # --- faults ---
 
@@ -204,6 +206,10 @@ class _Subscription:
         if self.open and self.home.wire.reaches(source, self.home):
             self.taken(deepcopy(message))
 
+    def publishers(self) -> int:
+        wire, home = self.home.wire, self.home
+        return sum(p.matches(self) for t in wire.transports if wire.sees(home, t) for p in t.publishers)
+
     def close(self) -> None:
         self.open = False
         if self in self.home.subscriptions:
@@ -290,8 +296,10 @@ class _Server:
             self.home.servers.remove(self)
 
 
-class _Call(NamedTuple):
-    answer: Callable[[Message], None]
+class _Call:
+    def __init__(self, answer: Callable[[Message], None]) -> None:
+        self.answer = answer
+        self.answered = False
 
 
 class _Client:
@@ -322,10 +330,15 @@ class _Client:
 
     def take(self, server: MemoryTransport, call: _Call, message: Message) -> None:
         if self.open and self.home.wire.reaches(server, self.home):
+            if call.answered and self.home.wire.first_answer_only:
+                return
+            call.answered = True
             call.answer(deepcopy(message))
 
     def close(self) -> None:
         self.open = False
+        if self in self.home.clients:
+            self.home.clients.remove(self)
 
 
 class MemoryTransport:
@@ -340,12 +353,16 @@ class MemoryTransport:
         self.loop = loop
         self.node = node if node.startswith("/") else f"/{node}"
         self.about = f"in memory, node {self.node}"
+        self.vendor = "0110"
+        self.hashes: dict[str, str] = {}
+        """What it announces instead of the type's own hash, and takes for that: of another version of it."""
         self.why_lost = ""
         self.closed = False
         self._remaps = {self._full(a): self._full(b) for a, b in (remaps or {}).items()}
         self.publishers: list[_Publisher] = []
         self.subscriptions: list[_Subscription] = []
         self.servers: list[_Server] = []
+        self.clients: list[_Client] = []
         wire.transports.append(self)
 
     # --- the port ---
@@ -378,23 +395,54 @@ class MemoryTransport:
 
     def client(self, name: str, type: str) -> _Client:
         self._check()
-        return _Client(self, self.resolve(name), type)
+        made = _Client(self, self.resolve(name), type)
+        self.clients.append(made)
+        return made
 
     def fields(self, type: str) -> Mapping[str, str]:
         return self.wire.types.fields(type)
 
     def type_hash(self, type: str) -> str:
-        return self.wire.types.hash(type)
+        return self.hashes.get(type, self.wire.types.hash(type))
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        full = self.resolve(name)
-        others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
-        types = [server.type for t in others for server in t.servers if server.name == full]
-        types += [publisher.type for t in others for publisher in t.publishers if publisher.topic == full]
-        return [(type, self.type_hash(type)) for type in types]
+    def publisher_ends(self, topic: str) -> list[End]:
+        full = self.resolve(topic)
+        return [t.end(p.type, p.qos) for t in self._others() for p in t.publishers if p.topic == full]
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        full = self.resolve(topic)
+        return [t.end(s.type, s.qos) for t in self._others() for s in t.subscriptions if s.topic == full]
+
+    def server_ends(self, service: str) -> list[End]:
+        full = self.resolve(service)
+        return [
+            t.end(f"{server.type}_{end}", RELIABLE)
+            for t in self._others()
+            for server in t.servers
+            if server.name == full
+            for end in ("Request", "Response")
+        ]
+
+    def topics(self) -> list[str]:
+        return sorted({each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)})
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return [(t.node, t.vendor) for t in self._others() if t.vendor != self.vendor]
+
+    def _others(self) -> list[MemoryTransport]:
+        return [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
+
+    def end(self, type: str, qos: QoS) -> End:
+        """One of this node's, as others see it."""
+        return End(self.node, type, self.type_hash(type), self.vendor, qos)
 
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
+
+    def clients_of(self, service: str) -> list[str]:
+        full = self.resolve(service)
+        others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
+        return sorted({t.node for t in others for client in t.clients if client.name == full})
 
     def lost(self) -> str:
         return self.why_lost
@@ -459,12 +507,10 @@ class Definitions:
         return found
 
     def hash(self, type: str) -> str:
-        if self._known is None:
-            return ""
         try:
-            return str(self._known.type_hash(type))
+            return str(self._known.type_hash(type)) if self._known is not None else f"RIHS01_{type}"
         except PortError:
-            return ""
+            return f"RIHS01_{type}"
 
     def complete(self, type: str, message: Message) -> Message:
         """The message as it would arrive: every field there, nothing shared with the sender's. Raises PortError."""

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from rise_adapters.ros2 import bridge as bridges
+from rise_adapters.ros2 import neighbours
 from rise_adapters.ros2.action_server import ActionServer, ServerGoal
 from rise_adapters.ros2.bridge import Ros2Bridge
-from rise_adapters.ros2.port import Transport
+from rise_adapters.ros2.port import QoS, Transport
 
 from rise_engine.bridge import BridgeError, Wire
 from rise_engine.clock import RealClock
@@ -76,6 +77,7 @@ async def wired(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Wired]:
     it = Wired()
     monkeypatch.setattr(bridges, "open_transport", it.open)
     monkeypatch.setattr(bridges, "WATCH_SECONDS", 0.01)
+    monkeypatch.setattr(neighbours, "LISTEN", 0.05)
     yield it
 
 
@@ -159,3 +161,104 @@ async def test_a_rehearsal_is_on_ros_only_if_that_is_said(tmp_path: Path, wired:
     assert await session.act() == "SUCCEEDED", "the simulated robot did it"
     assert not wired.wire.messages("*/robot/*") and wired.wire.messages("*rise/record")
     await bridge.close()
+
+
+# --- other sessions ---------------------------------------------------------------------------------------------------
+
+
+async def opened(scenario: Scenario) -> Ros2Bridge:
+    bridge = await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    assert isinstance(bridge, Ros2Bridge)
+    return bridge
+
+
+async def test_a_second_session_under_the_same_names_is_refused(tmp_path: Path, wired: Wired) -> None:
+    """E5: both would offer /rise/domain_task, and a node's task would be done by both."""
+    scenario = study(tmp_path, mode="debug")
+    first = await opened(scenario)
+    session = Session(scenario, first)
+    with pytest.raises(BridgeError) as refused:
+        await opened(scenario)
+    about, todo = refused.value.lines
+    assert f"“{scenario.title}”" in about and "node /rise on" in about and "process" in about
+    assert "--ros-args -r __ns:=/lab2" in todo and "ROS_DOMAIN_ID" in todo
+    assert wired.made[1].closed and not wired.made[0].closed
+    assert session.notes == [], "the one that runs is not disturbed"
+    await first.close()
+    await (await opened(scenario)).close()
+
+
+async def test_a_session_that_has_crashed_is_in_nobodys_way(tmp_path: Path, wired: Wired) -> None:
+    """The network shows it for the seconds of its lease. It says nothing, though."""
+    scenario = study(tmp_path, mode="debug")
+    first = await opened(scenario)
+    Session(scenario, first)
+    wired.wire.kill("/rise")
+    second = await opened(scenario)
+    Session(scenario, second)
+    wired.wire.killed.clear()
+    await first.close()
+    await second.close()
+
+
+@pytest.mark.parametrize("at_once", [2, 5])
+async def test_of_sessions_that_begin_at_once_exactly_one_does(tmp_path: Path, wired: Wired, at_once: int) -> None:
+    scenario = study(tmp_path, mode="debug")
+    begun = await asyncio.gather(*(opened(scenario) for _ in range(at_once)), return_exceptions=True)
+    assert [isinstance(each, BridgeError) for each in begun] == [False] + [True] * (at_once - 1)
+    assert isinstance(begun[0], Ros2Bridge)
+    await begun[0].close()
+
+
+async def test_of_two_that_begin_at_once_both_decide_the_same_whatever_their_clocks_say() -> None:
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    for since in ((5, 9), (9, 5), (7, 7)):
+        made = [
+            neighbours.Neighbours(
+                MemoryTransport(wire, loop, f"n{number}"), neighbours.Session(f"id{number}", each, "asking")
+            )
+            for number, each in enumerate(since)
+        ]
+        stands_back = [await asyncio.wait_for(each.ask(), 10) is not None for each in made]
+        assert sorted(stands_back) == [False, True]
+        for each in made:
+            each.close()
+
+
+async def test_a_session_says_so_when_it_finds_that_it_is_not_alone(tmp_path: Path, wired: Wired) -> None:
+    """Two networks that are joined while both are running."""
+    scenario = study(tmp_path, mode="debug")
+    first = await opened(scenario)
+    one = Session(scenario, first)
+    wired.wire.forget("/rise")
+    second = await opened(scenario)
+    other = Session(scenario, second)
+    assert one.notes == other.notes == []
+    wired.wire.heal("/rise")
+    for session in (one, other):
+        (note,) = await until(lambda session=session: session.notes)
+        assert note.startswith(f"another session is on ROS under the same names now: “{scenario.title}”")
+        assert not session.engine.ended
+    status = first._face._status()  # type: ignore[union-attr]
+    assert status["level"] == 1 and status["message"].startswith("another session has the same names")
+    await second.close()
+    await until(lambda: not first._neighbours.others)
+    await first.close()
+
+
+async def test_what_is_no_word_of_a_session_is_passed_over(tmp_path: Path, wired: Wired) -> None:
+    loop = asyncio.get_running_loop()
+    failures: list[object] = []
+    loop.set_exception_handler(lambda _, context: failures.append(context))
+    noise = MemoryTransport(wired.wire, loop, "/noise")
+    publisher = noise.publisher("/rise/session", "std_msgs/msg/String", QoS(depth=1, latched=True))
+    for data in ("", "{}", '{"id": 1}', "[" * 5000):
+        publisher.publish({"data": data})
+    scenario = study(tmp_path, mode="debug")
+    bridge = await opened(scenario)
+    for data in ("", "{}", '{"id": 1}', "[" * 5000):
+        publisher.publish({"data": data})
+    await asyncio.sleep(0.01)
+    await bridge.close()
+    assert failures == []

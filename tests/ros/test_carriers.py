@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from rise_adapters.ros2.carriers import (
@@ -72,6 +72,7 @@ TEST = {
         "points": "geometry_msgs/msg/Point[]",
         "hole": "nowhere_msgs/msg/Nothing",
     },
+    "test/action/Do_Feedback": {},
     "test/action/Do_Result": {"code": "int32", "success": "bool", "text": "string", "inner": "test/msg/Inner"},
     "test/msg/Inner": {"code": "uint8", "words": "string", "many": "int32[]"},
     "test/msg/Do": {"text": "string", "small": "uint8"},
@@ -297,7 +298,6 @@ ANYTHING = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None)
 @given(ANYTHING)
 def test_whatever_an_author_gives_a_message_fits_its_type_or_is_refused(parameters: dict[str, Any]) -> None:
     one = PROPERTY_CARRIER
@@ -355,7 +355,6 @@ def property_carrier() -> Carrier:
 PROPERTY_CARRIER = property_carrier()
 
 
-@settings(deadline=None)
 @given(st.floats(0, 86_400_000))
 def test_a_duration_is_the_time_to_the_nanosecond(milliseconds: float) -> None:
     time = made(PROPERTY_CARRIER, ms=milliseconds)["time"]

@@ -22,9 +22,10 @@ pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 pytest.importorskip("rosbags", reason="the extra dds is not installed")
 
 from cyclonedds.qos import Policy
+from rise_adapters.ros2 import vendors
 from rise_adapters.ros2.dds import DdsTransport, domain, graph, names
 from rise_adapters.ros2.dds.entities import policies
-from rise_adapters.ros2.port import PortError, QoS
+from rise_adapters.ros2.port import End, PortError, QoS
 
 from tests.ros.dds_peer import SET, TEXT
 
@@ -95,15 +96,18 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         assert heard == [{"data": "Grüß dich"}]
         assert answers == [{"success": True, "message": "from the peer"}]
         await until(lambda: transport.nodes() == ["/here", "/peer"])
-        request = transport.type_hash(f"{SET}_Request")
-        assert transport.remote_types("set") == [(f"{SET}_Request", request)]
-        assert transport.remote_types("said") == [(TEXT, transport.type_hash(TEXT))]
-        assert transport.remote_types("heard") == []
+        types = [f"{SET}_Request", f"{SET}_Response"]
+        usual = QoS(depth=10)
+        assert transport.server_ends("set") == [
+            End("/peer", type, transport.type_hash(type), "0110", usual) for type in types
+        ]
+        assert transport.publisher_ends("said") == [End("/peer", TEXT, transport.type_hash(TEXT), "0110", usual)]
+        assert transport.publisher_ends("heard") == []
         process.kill()
         killed = time.monotonic()
         await until(lambda: not ask.servers())
         assert time.monotonic() - killed < 2.5
-        await until(lambda: transport.nodes() == ["/here"] and transport.remote_types("set") == [])
+        await until(lambda: transport.nodes() == ["/here"] and transport.server_ends("set") == [])
 
 
 async def test_what_was_said_just_before_closing_arrives(transport: DdsTransport) -> None:
@@ -125,7 +129,7 @@ async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) 
     say = transport.publisher("heard", TEXT)
     with peer("burst"):
         await until(say.subscribers)
-        await until(lambda: transport.remote_types("said"))
+        await until(lambda: transport.publisher_ends("said"))
         delays = []
         say.publish({"data": "2"})
         while len(heard) < 2000:
@@ -288,8 +292,9 @@ async def test_two_servers_are_two_and_a_wrong_type_is_none(transport: DdsTransp
     second = other.serve("set", SET, lambda asked, reply: reply({}))
     wrong = other.serve("wrong", "std_srvs/srv/Trigger", lambda asked, reply: reply({}))
     ask, miss = transport.client("set", SET), transport.client("wrong", SET)
+    types = {"std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"}
     await until(lambda: ask.servers() == 2)
-    await until(lambda: [type for type, _ in transport.remote_types("wrong")] == ["std_srvs/srv/Trigger_Request"])
+    await until(lambda: {end.type for end in transport.server_ends("wrong")} == types)
     assert miss.servers() == 0
     second.close()
     await until(lambda: ask.servers() == 1)
@@ -343,7 +348,7 @@ async def test_about_says_what_it_is(transport: DdsTransport) -> None:
     assert transport.about.startswith("dds, Cyclone DDS ")
     assert transport.about.endswith(f"without ROS, domain {ENVIRONMENT['ROS_DOMAIN_ID']}")
     assert (transport.kind, transport.node, transport.lost()) == ("dds", "/here", "")
-    assert transport.foreign() == []
+    assert transport.strangers() == [] and transport.vendor == vendors.CYCLONE
 
 
 # --- configuration -------------------------------------------------------------------------------------------------
@@ -421,15 +426,14 @@ def test_programs_with_other_software_are_named() -> None:
     seen = graph.Graph(own)
     for key in (own, fast, other):
         seen.participant(graph.Participant(key))
-    seen.named(fast, ["/camera", "/microphone"])
-    first, second = seen.foreign()
-    assert first.startswith(
-        "the node /camera, /microphone uses eProsima Fast DDS (rmw_fastrtps_cpp): topics may arrive"
-    )
-    assert "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp" in first
-    assert second.startswith("a program without named nodes (0163000000000000")
+    seen.named(fast, [("/camera", []), ("/microphone", [])])
+    assert seen.strangers() == [
+        ("/camera, /microphone", "010f"),
+        ("without named nodes (016300000000000000000000)", "0163"),
+    ]
+    assert seen.nodes() == ["/camera", "/microphone"]
     seen.participant(graph.Gone(fast))
-    assert len(seen.foreign()) == 1
+    assert len(seen.strangers()) == 1
     assert seen.nodes() == []
 
 
@@ -439,7 +443,10 @@ def test_endpoints_of_others_come_and_go() -> None:
     end = graph.Endpoint(key, key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
     seen.writer(end)
     seen.writer(graph.Endpoint(own, own, "rt/a", TEXT, {}))
-    assert seen.writers("rt/a") == [end]
+    assert seen.writers("rt/a") == [End("", TEXT, "RIHS01_1", "0110")]
+    seen.named(key, [("/camera", [key])])
+    assert [end.node for end in seen.writers("rt/a")] == ["/camera"]
+    assert seen.topics() == ["/a"]
     assert seen.readers("rt/a") == seen.writers("rt/b") == []
     seen.writer(graph.Gone(key))
     assert seen.writers("rt/a") == []

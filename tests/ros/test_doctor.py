@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from rise_adapters.ros2 import choose, doctor
 from rise_adapters.ros2.action_server import ActionServer
 from rise_adapters.ros2.doctor import Finding, document, examine, status, text
-from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.port import PortError, QoS
 
 from rise_engine.bridge import BridgeError
 from rise_engine.clock import RealClock
@@ -173,6 +173,7 @@ def test_which_transport_and_why(only: Any) -> None:
 def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = {"rise_interfaces/msg/Record": "RIHS01_1", "rise_interfaces/action/DomainTask": "RIHS01_2"}
     monkeypatch.setattr(doctor, "own_hashes", lambda environment: ours)
+    monkeypatch.setattr(doctor, "_importable", lambda package: False)  # also where a workspace is sourced
     assert "comes with" in said(list(doctor.interfaces({}, "dds")), "ok")
     assert "colcon build" in said(list(doctor.interfaces({}, "rclpy")), "problem")
     good = workspace(tmp_path / "good", interfaces=ours)
@@ -209,9 +210,9 @@ class Lab:
     def node(self, name: str) -> MemoryTransport:
         return MemoryTransport(self.wire, self.loop, name)
 
-    def speaks(self, node: str, type: str = SPEECH["type"]) -> ActionServer:
+    def speaks(self, node: str, type: str = SPEECH["type"], name: str = "/rise/robot/speech") -> ActionServer:
         clock = RealClock(self.loop)
-        return ActionServer(self.node(node), "/rise/robot/speech", type, lambda goal: goal.reject(), clock=clock)
+        return ActionServer(self.node(node), name, type, lambda goal: goal.reject(), clock=clock)
 
     async def open(self, choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
         return self.node(f"/{node}")
@@ -248,11 +249,23 @@ async def test_a_robot_that_is_there_in_part(only: Any) -> None:
     lab = Lab()
     lab.speaks("/tin/mouth")
     findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
-    assert "nobody takes the topic /rise/robot/led" in said(findings, "problem")
+    assert "Emotion: nothing listens to /rise/robot/led" in said(findings, "problem")
     lab = Lab()
     lab.node("/tin/led").subscribe("/rise/robot/led", LED["type"], print)
     findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
     assert "Speech: nothing offers /rise/robot/speech" in said(findings, "problem")
+
+
+async def test_a_robot_by_another_name(only: Any) -> None:
+    lab = Lab()
+    lab.node("/tin/led").subscribe("/tin/led", LED["type"], print)
+    lab.speaks("/tin/mouth", name="/tin/speech")
+    findings = await lab.examined(profile(Speech=SPEECH))
+    assert "nothing offers /rise/robot/speech there is one of this type, by other names: /tin/speech;" in said(
+        findings, "problem"
+    )
+    findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED))
+    assert "of their types there are, by other names: /tin/speech, /tin/led;" in said(findings, "problem")
 
 
 async def test_two_robots_on_one_name(only: Any) -> None:
@@ -272,17 +285,35 @@ async def test_a_server_of_another_type(only: Any) -> None:
     assert "nothing offers" not in said(findings, "problem")
 
 
-async def test_a_server_of_another_version(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_server_of_another_version(only: Any) -> None:
     lab = Lab()
     lab.speaks("/tin/mouth")
-    monkeypatch.setattr(
-        MemoryTransport, "remote_types", lambda self, name: [(f"{SPEECH['type']}_SendGoal_Request", "RIHS01_a")]
-    )
-    monkeypatch.setattr(MemoryTransport, "type_hash", lambda self, type: "RIHS01_b")
+    lab.wire.transports[0].hashes[f"{SPEECH['type']}_SendGoal_Request"] = "RIHS01_a"
     findings = await lab.examined(profile(Speech=SPEECH))
     assert "with another version of test_interfaces/action/Say" in said(findings, "problem")
-    monkeypatch.setattr(MemoryTransport, "type_hash", lambda self, type: "")
-    assert status(await lab.examined(profile(Speech=SPEECH))) == 0, "what is not known is no difference"
+    lab.wire.transports[0].hashes[f"{SPEECH['type']}_SendGoal_Request"] = ""
+    findings = await lab.examined(profile(Speech=SPEECH))
+    assert status(findings) == 0, "what is not known is no difference"
+    assert "does not say which version of its types it has" in said(findings, "note")
+
+
+async def test_who_does_not_hear_whom(only: Any) -> None:
+    """Feature nodes, too: what they listen to may be published in another way, and nothing says so."""
+    lab = Lab()
+    lab.node("/cam").publisher("/gaze", LED["type"], QoS(reliable=False))
+    lab.node("/gaze_trigger").subscribe("/gaze", LED["type"], print)
+    lab.node("/words").publisher("/said", LED["type"])
+    lab.node("/late").subscribe("/said", LED["type"], print, QoS(latched=True))
+    other = lab.node("/other")
+    other.subscribe("/said", LED["type"], print)
+    other.hashes[LED["type"]] = "RIHS01_a"
+    lab.node("/wrong").subscribe("/said", "std_msgs/msg/String", print)
+    warnings = said(await lab.examined(None), "warning")
+    assert "the node /cam publishes /gaze as best effort, and the node /gaze_trigger wants it reliably" in warnings
+    assert "/words publishes /said as volatile, and the node /late wants it with what was said before" in warnings
+    assert f"another version of {LED['type']} than the node /other listens for: what arrives is garbage" in warnings
+    assert f"publishes /said as {LED['type']}, and the node /wrong listens for std_msgs/msg/String" in warnings
+    assert warnings.count("publishes") == 4
 
 
 async def test_a_profile_with_mistakes(only: Any) -> None:
@@ -298,8 +329,13 @@ async def test_no_robot_and_one_without_ros(only: Any) -> None:
 
 async def test_other_peoples_nodes_and_a_lost_wire(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     lab = Lab()
-    monkeypatch.setattr(MemoryTransport, "foreign", lambda self: ["/cam uses Fast DDS"], raising=False)
-    assert "/cam uses Fast DDS" in said(await lab.examined(None), "warning")
+    lab.node("/cam").vendor = "010f"
+    warning = said(await lab.examined(None), "warning")
+    assert "the node /cam uses eProsima Fast DDS (rmw_fastrtps_cpp): topics may arrive, services and" in warning
+    assert (
+        "What to do: start the robot's program with RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on its computer, or"
+        in warning
+    )
     monkeypatch.setattr(MemoryTransport, "lost", lambda self: "the context was shut down")
     assert "the context was shut down" in said(await lab.examined(None), "problem")
 

@@ -29,10 +29,10 @@ from rise_adapters.ros2.face.record_topics import REPEATED, RULES_LATCHED
 from rise_adapters.ros2.port import Message
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
-from rise_engine.kernel.records import TaskRecord
+from rise_engine.kernel.records import NoteRecord, TaskRecord
 from rise_engine.session.disk import Disk
 from rise_engine.view import RuleView, TaskView, View
-from tests.ros.facing import Node, session_and_node, until
+from tests.ros.facing import Node, scenario_folder, session_and_node, until
 from tests.ros.memory import MemoryTransport, MemoryWire
 
 START_ACT, START_RULE = "startCommunicationRobotAct", "startInteractionRule"
@@ -97,23 +97,105 @@ FUNCTIONS = [
     ([(START_ACT, "Story", ""), ("cancelTask", "1", "")], "SUCCEEDED"),
     ([(START_ACT, "Story", ""), (START_ACT, "Hello", ""), (START_ACT, "Nod", "Blocking"), ("moveTask", "3 0", "")],
      "SUCCEEDED"),
-    ([("stopAll", "", ""), ("releaseStop", "", "")], "SUCCEEDED"),
+    ([("stopAll", "", "")], "SUCCEEDED"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("tasks", "status"), FUNCTIONS, ids=[tasks[-1][0] + tasks[-1][1] for tasks, _ in FUNCTIONS])
 async def test_every_function(tmp_path: Path, tasks: list[tuple[str, str, str]], status: str) -> None:
-    async with session_and_node(tmp_path) as (session, node, _):
+    async with session_and_node(tmp_path) as (_, node, _):
         *first, last = tasks
         for each in first:
             assert await node.ask(*each).decided()
-        if last[0] == "releaseStop":
-            await until(lambda: session.room.view.stop.status == "latched")
         asked = node.ask(*last)
         assert await asked.decided()
         assert (await asked.ended())[0] == status
         assert asked.status == {"SUCCEEDED": SUCCEEDED, "ABORTED": ABORTED}[status]
         assert asked.result["reason"] or status == "SUCCEEDED"
+
+
+# --- releasing a stop ---------------------------------------------------------------------------------------------
+
+
+def who_may_release(place: Path, *names: str) -> Path:
+    folder = scenario_folder(place)
+    (folder / "scenario.toml").write_text(f"[control]\nmay_release = {json.dumps(names)}\n", "utf-8")
+    return folder
+
+
+async def stopped(session: Any, node: Node) -> None:
+    assert (await node.ask("stopAll").ended())[0] == "SUCCEEDED"
+    await until(lambda: session.room.view.stop.status == "latched")
+
+
+async def test_a_node_that_the_scenario_names_releases_a_stop_and_the_record_says_who(tmp_path: Path) -> None:
+    folder = who_may_release(tmp_path, "/lab/supervisor", "/node")
+    async with session_and_node(tmp_path, scenario=folder) as (session, node, _):
+        records = task_records(session)
+        await stopped(session, node)
+        asked = node.ask("releaseStop", "/node")
+        assert await asked.ended() == ("SUCCEEDED", "")
+        assert not session.room.view.stop.latched
+        assert (records[-1].function, records[-1].source, records[-1].ref) == (
+            "releaseStop",
+            "ros:/node",
+            asked.id.hex(),
+        )
+        state = await until(lambda: [s for s in node.tasks if s["function_type"] == "releaseStop"])
+        assert (state[0]["source"], state[0]["status"], state[0]["goal_id"]) == (
+            "ros:/node", "SUCCEEDED", asked.id.hex()
+        )  # fmt: skip
+        assert [name for name in session.room.members if "node" in name] == [], "it leaves again"
+
+
+@pytest.mark.parametrize(
+    ("named", "says", "why"),
+    [
+        ((), "", "a stop is released by who holds control, or by a node that scenario.toml names; a node says who"),
+        ((), "/node", 'or by a node that scenario.toml names: [control] may_release = ["/node"]'),
+        (("/lab/boss",), "/node", "a stop is released by who holds control, or by /lab/boss, and not by /node"),
+        (("/lab/boss",), "/lab/boss", "it says that it is /lab/boss, and no node of that name uses /rise/domain_task"),
+        (("/node",), "node", "a stop is released by who holds control, or by /node, and not by node"),
+    ],
+)
+async def test_any_other_node_does_not(tmp_path: Path, named: tuple[str, ...], says: str, why: str) -> None:
+    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, *named)) as (session, node, _):
+        notes: list[str] = []
+        session.room.subscribe(lambda update: notes.append(update.text) if isinstance(update, NoteRecord) else None)
+        await stopped(session, node)
+        for _ in range(2):
+            assert not await node.ask("releaseStop", says).decided()
+        refused = await until(lambda: [s for s in node.tasks if s["function_type"] == "releaseStop"])
+        assert refused[0]["status"] == "REJECTED" and why in refused[0]["reason"]
+        assert session.room.view.stop.latched
+        await until(lambda: notes)
+        assert (
+            len(notes) == 1
+            and notes[0].startswith("a node asked to release the stop and may not: ")
+            and why in notes[0]
+        )
+
+
+async def test_a_node_whose_name_is_not_known_yet_is_waited_for(tmp_path: Path) -> None:
+    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/late")) as (session, node, wire):
+        await stopped(session, node)
+        asked = node.ask("releaseStop", "/late")
+        await asyncio.sleep(0)
+        Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late"))
+        assert (await asked.ended())[0] == "SUCCEEDED"
+
+
+async def test_who_subscribes_to_task_states_late_gets_those_from_before(tmp_path: Path) -> None:
+    """E10: the topic promises that (transient local)."""
+    async with session_and_node(tmp_path) as (session, node, wire):
+        node.transport.close()
+        session.room.engine.post(Submit(function="assignValue", behavior="age = 1", source="wizard:w"))
+        session.room.engine.post(Submit(function="nonsense", source="wizard:w"))
+        await until(lambda: len(wire.messages("/rise/task_state")) == 2)
+        late = Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late"))
+        await until(lambda: [(s["function_type"], s["status"]) for s in late.tasks] == [
+            ("assignValue", "SUCCEEDED"), ("nonsense", "REJECTED"),
+        ])  # fmt: skip
 
 
 async def test_a_rejected_task_is_rejected_on_the_wire_and_the_reason_is_on_the_topic(tmp_path: Path) -> None:

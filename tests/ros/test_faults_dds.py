@@ -231,7 +231,7 @@ async def test_a23_two_servers_on_one_name() -> None:
         await until(lambda: s.robot_statuses()[-1] == "degraded")
         s.act()
         await until(lambda: s.ending(TASK))
-        assert s.ending(TASK).startswith("failed: two-servers: 2 servers offer /pepper/rise/speech")
+        assert s.ending(TASK).startswith("failed: two-servers: 2 nodes offer /pepper/rise/speech")
         assert robot.said("goal") == twin.said("goal") == []
 
 

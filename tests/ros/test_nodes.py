@@ -14,10 +14,11 @@ from typing import Any
 import pytest
 from rise_adapters.ros2.nodes import running
 from rise_adapters.ros2.nodes.answer_node import SYSTEM, AnswerNode
-from rise_adapters.ros2.nodes.gaze_trigger import GazeTrigger, Region
+from rise_adapters.ros2.nodes.gaze_trigger import NOTHING, Dwell, GazeTrigger, Region
+from rise_adapters.ros2.nodes.hearing import hear
 from rise_adapters.ros2.nodes.keyword_spotter import Keyword, KeywordSpotter, words
 from rise_adapters.ros2.nodes.session import SessionClient, SessionGoneError
-from rise_adapters.ros2.port import Publisher
+from rise_adapters.ros2.port import Message, Publisher, QoS
 
 from tests.ros.facing import Faced, faced, until
 from tests.ros.memory import MemoryTransport, MemoryWire
@@ -215,7 +216,8 @@ async def test_the_spotter_outlives_a_session(tmp_path: Path, capsys: pytest.Cap
 
 @asynccontextmanager
 async def gaze(it: Lab, dwell: float = 0.1, away: float = 2.0, *regions: str) -> AsyncIterator[GazeTrigger]:
-    made = GazeTrigger(SessionClient(it.transport("/gaze_trigger")), dwell, away, [Region(each) for each in regions])
+    session = SessionClient(it.transport("/gaze_trigger"))
+    made = GazeTrigger(session, Dwell(dwell, 0.0, away), [Region(each) for each in regions])
     it.run(made.work())
     yield made
 
@@ -259,6 +261,138 @@ async def test_points_in_named_regions(tmp_path: Path) -> None:
 def test_what_is_no_region(wrong: str) -> None:
     with pytest.raises(ArgumentTypeError, match="not of the form NAME=X,Y,Z,RADIUS"):
         Region(wrong)
+
+
+class Eyes:
+    """Looks by the clock, and what has lasted."""
+
+    def __init__(self, dwell: float = 0.8, gap: float = 0.3, away: float = 10.0) -> None:
+        self.dwell, self.now = Dwell(dwell, gap, away), 0.0
+        self.raised: list[tuple[float, str]] = []
+
+    def on(self, target: str, seconds: float) -> None:
+        """Ten words a second about one thing."""
+        for _ in range(round(seconds * 10)):
+            self.dwell.see(target, self.now)
+            self.pass_time(0.1)
+
+    def pass_time(self, seconds: float) -> None:
+        for _ in range(round(seconds * 50)):
+            self.now = round(self.now + 0.02, 6)
+            if target := self.dwell.lasted(self.now):
+                self.raised.append((round(self.now, 1), target))
+
+
+@pytest.mark.parametrize("meanwhile", [NOTHING, "door"])
+def test_a_blink_ends_no_look(meanwhile: str) -> None:
+    eyes = Eyes()
+    eyes.on("robot", 0.5)
+    eyes.on(meanwhile, 0.2)
+    eyes.on("robot", 0.5)
+    assert eyes.raised == [(0.8, "robot")]
+    eyes.on(meanwhile, 0.2)
+    eyes.on("robot", 2.0)
+    assert len(eyes.raised) == 1, "and begins no second one"
+
+
+def test_a_tracker_that_is_silent_during_a_blink() -> None:
+    eyes = Eyes()
+    eyes.on("robot", 0.5)
+    eyes.pass_time(0.25)
+    eyes.on("robot", 0.2)
+    assert eyes.raised == [(0.8, "robot")]
+
+
+def test_what_is_longer_than_a_blink_ends_the_look() -> None:
+    eyes = Eyes()
+    eyes.on("robot", 0.7)
+    eyes.on("door", 0.5)  # has turned away: the look at the robot was too short
+    assert eyes.raised == []
+    eyes.on("robot", 0.7)
+    eyes.on(NOTHING, 0.4)
+    assert eyes.raised == []
+    eyes.on("door", 0.9)
+    assert [target for _, target in eyes.raised] == ["door"]
+
+
+def test_eyes_that_wander_look_at_nothing_for_long() -> None:
+    eyes = Eyes()
+    eyes.on("robot", 0.6)
+    for _ in range(20):
+        eyes.on("door", 0.2)
+        eyes.on("window", 0.2)
+        eyes.on("floor", 0.2)
+    assert eyes.raised == []
+    eyes.on("robot", 0.7)
+    assert eyes.raised == [], "what was seen before counts no more"
+
+
+def test_a_look_during_which_the_person_has_just_turned_away_is_not_called_long_enough() -> None:
+    eyes = Eyes()
+    eyes.on("robot", 0.7)
+    eyes.on(NOTHING, 5.0)
+    assert eyes.raised == []
+
+
+@pytest.mark.parametrize("first", [True, False])
+async def test_feature_nodes_hear_publishers_that_promise_nothing(first: bool) -> None:
+    """Trackers and recognisers publish best effort; of those a reliable subscription hears nothing, silently."""
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    heard: list[str] = []
+    sensor = MemoryTransport(wire, loop, "/sensor")
+    tracker = sensor.publisher("/gaze", "std_msgs/msg/String", QoS(reliable=False)) if first else None
+    made = hear(
+        MemoryTransport(wire, loop, "/node"),
+        "gaze",
+        "std_msgs/msg/String",
+        lambda m: heard.append(m["data"]),
+        look=0.01,
+    )
+    reliable = sensor.publisher("/gaze", "std_msgs/msg/String")
+    reliable.publish({"data": "at once"})
+    await until(lambda: heard == ["at once"])
+    tracker = tracker or sensor.publisher("/gaze", "std_msgs/msg/String", QoS(reliable=False))
+    await until(tracker.subscribers)
+    tracker.publish({"data": "robot"})
+    await until(lambda: heard == ["at once", "robot"])
+    reliable.publish({"data": "door"})
+    await until(lambda: heard == ["at once", "robot", "door"])
+    made.close()
+    assert not tracker.subscribers()
+
+
+async def test_what_is_promised_is_asked_for() -> None:
+    """A text that somebody said once must not get lost because the subscription did not ask for it again."""
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    node, mouth = MemoryTransport(wire, loop, "/node"), MemoryTransport(wire, loop, "/mouth")
+    mouth.publisher("/speech", "std_msgs/msg/String")
+    made = hear(node, "speech", "std_msgs/msg/String", lambda m: None, look=0.001)
+    await asyncio.sleep(0.05)
+    assert [each.qos.reliable for each in node.subscriptions] == [True]
+    made.close()
+
+
+async def test_a_node_says_why_it_hears_nothing() -> None:
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    said: list[str] = []
+    heard: list[Message] = []
+    node = MemoryTransport(wire, loop, "/node")
+    hear(node, "gaze", "std_msgs/msg/String", heard.append, say=said.append, look=0.01, patience=0.02)
+    await until(lambda: said)
+    assert said == ["nobody publishes on /gaze (yet); is its node running, and is the topic called so?"]
+    sensor = MemoryTransport(wire, loop, "/sensor")
+    wrong = sensor.publisher("/gaze", "geometry_msgs/msg/PointStamped")
+    await until(lambda: len(said) == 2)
+    assert said[1] == (
+        "geometry_msgs/msg/PointStamped is published on /gaze, and this node hears std_msgs/msg/String: "
+        "nothing of it arrives"
+    )
+    wrong.close()
+    sensor.publisher("/gaze", "std_msgs/msg/String").publish({"data": "robot"})
+    await until(lambda: heard)
 
 
 # --- answer node ------------------------------------------------------------------------------------------------------

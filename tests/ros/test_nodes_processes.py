@@ -138,3 +138,30 @@ def test_help_needs_no_ros(start: Start) -> None:
         program = node(start, name, "--help")
         assert program.process.wait(PATIENCE) == 0
         assert f"usage: {name}" in program.said()
+
+
+@pytest.mark.parametrize("ros", TRANSPORTS)
+async def test_a_second_session_in_the_domain_needs_names_of_its_own(ros: str, start: Start, tmp_path: Path) -> None:
+    """E5, between processes. The one that was killed is in nobody's way, though the network still shows it."""
+
+    def session(name: str, *more: str) -> Program:
+        return start(
+            name, "rise_engine", "serve", str(LAB), "--mode", "debug", "--ros", ros, "--new", "--name", name, *more,
+            RISE_SESSIONS=str(tmp_path / "sessions"), RISE_RUNTIME=str(tmp_path / "run"),
+        )  # fmt: skip
+
+    first = session("first")
+    await first.says("serving first")
+    second = session("second")
+    assert second.process.wait(PATIENCE) == 1
+    assert re.search(r"another session is on ROS under the same names .*“Opening of the laboratory”.*", second.said())
+    assert re.search(rf"process {first.process.pid}\n.*--ros-args -r __ns:=/lab2", second.said())
+    third = session("third", "--ros-args", "-r", "__ns:=/lab2")
+    await third.says("serving third")
+    first.process.kill()
+    first.process.wait(PATIENCE)
+    fourth = session("fourth")
+    await fourth.says("serving fourth")
+    for program in (third, fourth):
+        assert program.end(signal.SIGTERM) == 0
+        assert "Traceback" not in program.said()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rise_adapters import robots
 from rise_adapters.ros2.carriers import Carrier, read_carriers
@@ -127,7 +127,6 @@ def test_whatever_an_author_gives_becomes_a_message_of_the_type(robot: str, acti
     type = sent_type(carrier)
     codec = TYPES.codec(type)
 
-    @settings(deadline=None)
     @given(authored(PROFILES[robot].actions[action]))
     def check(parameters: dict[str, Any]) -> None:
         made = carrier.message(parameters, node="/rise/engine", goal="4/1", frame="base_link")

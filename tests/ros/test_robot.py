@@ -448,7 +448,7 @@ class Chaos(Alone):
         self.serve()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(plans, min_size=1, max_size=4), st.lists(moves, max_size=25), st.sampled_from([0.0, 1.0]))
 def test_whatever_happens_every_goal_has_exactly_one_ending(
     which: list[Plan], happenings: list[tuple[float, str]], result: float

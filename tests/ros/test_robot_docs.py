@@ -162,6 +162,7 @@ DECLARED = WAVE.split("[actions.Wave.carrier]")[0]
 WAVE_TYPES = {
     "bob_interfaces/action/Wave_Goal": {"arm": "string", "settings": "bob_interfaces/msg/Settings", "caller": "string"},
     "bob_interfaces/action/Wave_Result": {"result": "bob_interfaces/msg/Result"},
+    "bob_interfaces/action/Wave_Feedback": {},
     "bob_interfaces/msg/Settings": {"times": "int32", "height": "float64"},
     "bob_interfaces/msg/Result": {"code": "uint8", "message": "string"},
 }
@@ -207,7 +208,7 @@ def test_every_row_is_read() -> None:
 def test_what_fills_a_field(tmp_path: Path, written: str, type: str, given: str, gets: str) -> None:
     goal = f"goal = {{ field = {written} }}"
     carrier = f'carrier = {{ action = "bob/wave", type = "bob_interfaces/action/Wave", {goal} }}'
-    layouts = {"bob_interfaces/action/Wave_Goal": {"field": type}}
+    layouts = {**WAVE_TYPES, "bob_interfaces/action/Wave_Goal": {"field": type}}
     robot, carriers = read(tmp_path, f"{DECLARED}\n{carrier}", layouts)
     parameters = {}
     for name, value in re.findall(r"`(\w+)` = `(.*?)`", given):

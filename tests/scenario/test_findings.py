@@ -161,7 +161,36 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     "unraised": ("", '\n<transition eventTopic="B_end" target="S"/>', ["4:25 unraised-event"]),
     "time": ("", '\n<transition after="2" target="S"/>', ["4:20 time"]),
     "no time": ("", '\n<transition after="0s" target="S"/>', ["4:20 out-of-range"]),
-    "shortest time": ("", '\n<transition after="1ms" target="S"/>', []),
+    "shortest time": ("", '\n<transition after="1ms" target="S"/>', ["4:20 short-loop"]),
+    "short loop, not quite": ("", '\n<transition after="50ms" target="S"/>', []),
+    "short wait, no loop": ("", '\n<transition after="1ms" target="T"/></State>\n<State id="T">', []),
+    "short wait, stays": (
+        "",
+        '\n<transition after="1ms"><function startCommunicationRobotAct="A"/></transition>',
+        [],
+    ),
+    "short loop over conditions": (
+        "",
+        '\n<transition after="0.04s" cond="pause" target="T"/></State>\n'
+        '<State id="T"><transition cond="pause" target="U"/></State>\n'
+        '<State id="U"><transition after="49ms" target="S"/>',
+        ["4:20 short-loop", "6:34 short-loop"],
+    ),
+    "loop with a pause": (
+        "",
+        '\n<transition after="1ms" target="T"/></State>\n<State id="T"><transition after="1s" target="S"/>',
+        [],
+    ),
+    "loop that waits for an event": (
+        "",
+        '\n<transition after="1ms" target="T"/></State>\n<State id="T"><transition eventTopic="A_end" target="S"/>',
+        [],
+    ),
+    "loop over an event of its own": (
+        '<function raiseEventTopic="own"/>',
+        '\n<transition eventTopic="own" target="T"/></State>\n<State id="T"><transition after="1ms" target="S"/>',
+        ["5:34 short-loop"],
+    ),
     "longest time": ("", '\n<transition after="1440min" target="S"/>', []),
     "too long": ("", '\n<transition after="99999999999999999999min" target="S"/>', ["4:20 out-of-range"]),
     "no effect": ("", '\n<transition after="2s"/>', ["4:1 no-effect"]),
@@ -196,6 +225,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         [
             "scenario.toml:1:9 toml-syntax",
             "scenario.toml:3:15 missing-value",
+            "scenario.toml:5:1 unknown-key",
             "scenario.toml:6:1 duplicate-key",
             "scenario.toml:7:1 duplicate-key",
             "scenario.toml:8:1 wrong-type",
@@ -282,6 +312,10 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "fillers": (
         {"scenario.toml": "[fillers]\noffer_after = -1\nauto_after = 'x'\nafter = 1"},
         ["scenario.toml:2:15 out-of-range", "scenario.toml:3:14 wrong-type", "scenario.toml:4:1 unknown-key"],
+    ),
+    "control": (
+        {"scenario.toml": "[control]\nmay_release = '/boss'\nmay_relase = []"},
+        ["scenario.toml:2:15 wrong-type", "scenario.toml:3:1 unknown-key"],
     ),
     "fillers without any": ({"scenario.toml": "[fillers]\nauto_after = 4"}, ["scenario.toml:2:1 no-filler"]),
     "fillers too soon": (

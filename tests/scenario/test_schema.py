@@ -9,13 +9,14 @@ from lxml import etree
 
 from rise_engine.scenario.actions import core_actions
 from rise_engine.scenario.relaxng import FOLDER, act_schema, act_schema_text, rule_schema, rule_schema_text
-from tests.scenario.folders import LISTINGS, act, in_state, loaded, rule
+from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
 from tests.scenario.test_findings import ACTS, RULES
 
 BEYOND = (
-    "duplicate-id unknown-id cycle bad-name wrong-type out-of-range unknown-name template unset-key empty-act",
-    "unknown-act unknown-rule unheard-event assignment bare-word condition reads-differently unraised-event",
+    "duplicate-id unknown-id cycle bad-name wrong-type out-of-range unknown-name template unset-key unknown-path",
+    "empty-act unknown-act unknown-rule unheard-event assignment bare-word condition reads-differently unraised-event",
     "unknown-state duplicate-state unreachable-state unreachable-transition no-effect ambiguous-else missing-value",
+    "short-loop",
 )
 """Codes of what a schema cannot see: names, references, values, conditions."""
 _BEYOND = {code for line in BEYOND for code in line.split()}
@@ -62,10 +63,23 @@ def test_declared_actions_are_in_the_schema(tmp_path: Path) -> None:
     assert not schema.validate(etree.fromstring(act("<Drive><actionID>1</actionID><were>a</were></Drive>")))
 
 
-def test_a_refusal_by_the_schema_alone_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    grammar = '<element name="x" xmlns="http://relaxng.org/ns/structure/1.0"><empty/></element>'
-    nothing = etree.RelaxNG(etree.fromstring(grammar))
-    monkeypatch.setattr("rise_engine.scenario.loader.rule_schema", lambda: nothing)
-    result = loaded(tmp_path, {"rules/r.xml": rule('<State id="S"/>')})
-    assert [finding.code for finding in result.findings] == ["schema"]
-    assert result.scenario is None
+def test_a_help_text_that_xml_cannot_hold(tmp_path: Path) -> None:
+    """It came from a robot's profile, and made the whole check fall."""
+    toml = '[actions.Drive]\nhelp = "a\\u0007b"\nparameters.where = { type = "name", names = ["a\\u0001"] }\n'
+    scenario, findings = loaded(tmp_path, {"scenario.toml": toml, "acts/a.xml": act(SPEECH)})
+    assert findings == []
+    act_schema(scenario.robot.actions)
+
+
+@pytest.mark.parametrize("name", ["ª", "Löwe\u0301", "𝐀", "1a", "a b", "a:b", "", "µ", "\ufffe"])
+def test_an_action_is_called_what_an_element_can_be_called(tmp_path: Path, name: str) -> None:
+    scenario, findings = loaded(tmp_path, {"scenario.toml": f'[actions."{name}"]\n', "acts/a.xml": act(SPEECH)})
+    try:
+        element = etree.Element(name).tag == name and ":" not in name
+    except ValueError:
+        element = False
+    if findings:
+        assert [finding.code for finding in findings] == ["bad-name"]
+    else:
+        assert element
+        act_schema(scenario.robot.actions)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
 from rise_engine.scenario import load
+from rise_engine.scenario.settings import TOP_KEYS
 from rise_engine.scenario.study import condition_problem, conditions
+from tests.scenario.folders import SPEECH, act, found, loaded, rule
 
 GREETING = Path(__file__).parents[2] / "scenarios" / "greeting"
 
@@ -33,3 +36,62 @@ def test_a_condition_is_one_of_the_study_s(study: dict[str, object], condition: 
     found = condition_problem(scenario, condition)
     assert problem in found and bool(problem) == bool(found)
     assert all(isinstance(one, str) for one in conditions(scenario))
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        ('participants = 24\nconditions = ["A", "B"]', []),
+        ('condition = ["A", "B"]', ["2:1 unknown-key"]),
+        ("participant = 3", ["2:1 unknown-key"]),
+        ('participants = "24"', ["2:16 wrong-type"]),
+        ("participants = true", ["2:16 wrong-type"]),
+        ("participants = 0", ["2:16 out-of-range"]),
+        ('conditions = "A"', ["2:14 wrong-type"]),
+        ('conditions = ["A", 2]', ["2:14 wrong-type"]),
+        ("conditions = []", ["2:14 missing-value"]),
+        ('conditions = ["A", " "]', ["2:14 missing-value"]),
+        ('conditions = ["A", "B", "A"]', ["2:14 duplicate-name"]),
+    ],
+)
+def test_what_a_study_says_is_checked(tmp_path: Path, table: str, expected: list[str]) -> None:
+    result = loaded(tmp_path, {"scenario.toml": f"[study]\n{table}\n"})
+    assert found(result) == [f"scenario.toml:{each}" for each in expected]
+
+
+# A table of scenario.toml, with `_` for an entry that it does not have, and what is meant by that.
+TABLES = {
+    "titel = 'T'": "title",
+    "[stdy]\nparticipants = 3": "study",
+    "[study]\ncondition = ['A']": "conditions",
+    "[study]\nparticpants = 3": "participants",
+    "[keys]\na = { rul = 'R' }": "rule",
+    "[act.A]\nholt = true": "hold",
+    "[act.A]\ncallingType = 'None'": "calling_type",
+    "[fillers]\noffer = 3": "offer_after",
+    "[check]\nalow = []": "allow",
+    "[check]\nallow = [{ code = 'unset-key', key = 'k', reason = 'r', resaon = 'r' }]": "reason",
+    "[actions.Drive]\nchanels = ['base']": "channels",
+    "[actions.Drive]\nchannels = ['base']\nparameters.place = { type = 'text', requird = true }": "required",
+    "[actions.Drive.parameters.place]\ntype = 'number'\nminimun = 3": "minimum",
+    "[actions.LookAt.parameters.pointx]\ntype = 'number'\ndefualt = 3": "default",
+}
+
+
+@pytest.mark.parametrize("toml", TABLES)
+def test_no_table_takes_an_entry_that_nobody_reads(tmp_path: Path, toml: str) -> None:
+    """A slip names the right entry, at its place, and the scenario is refused."""
+    files = {"scenario.toml": toml, "acts/a.xml": act(SPEECH), "rules/r.xml": rule('<State id="S"/>')}
+    result = loaded(tmp_path, {**files})
+    unknown = [each for each in result.findings if each.code == "unknown-key"]
+    assert len(unknown) == 1 and result.scenario is None
+    wrong = unknown[0].message.split("`")[1]
+    assert f"did you mean `{TABLES[toml]}`?" in unknown[0].message
+    place = unknown[0].place
+    assert toml.split("\n")[place.line - 1][place.column - 1 :].startswith(wrong)
+
+
+def test_every_table_is_tried() -> None:
+    """Who adds a table to scenario.toml adds it above."""
+    tried = {found[1] for toml in TABLES if (found := re.match(r"\[(\w+)", toml))}
+    assert {*TOP_KEYS} - {"title", "robot", "mode", "acts", "rules", "memory"} <= tried

@@ -22,6 +22,7 @@ from rise_adapters.ros2.port import (
     STATUS,
     STATUS_TOPIC,
     Message,
+    QoS,
     Transport,
     action_topic,
     action_types,
@@ -51,9 +52,17 @@ class ActionClient:
     """One action on the wire. Owns its services and subscriptions; every answer is handed on, also a second one."""
 
     def __init__(
-        self, transport: Transport, name: str, type: str, *, now: Callable[[], float] = time.monotonic
+        self,
+        transport: Transport,
+        name: str,
+        type: str,
+        *,
+        now: Callable[[], float] = time.monotonic,
+        feedback: QoS = RELIABLE,
+        status: QoS = STATUS,
     ) -> None:
-        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard`. Raises PortError."""
+        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard`; `feedback` and `status`:
+        how these topics are listened to. Raises PortError."""
         self.name = transport.resolve(name)
         """The full name."""
         self.type = type
@@ -71,8 +80,8 @@ class ActionClient:
         self._cancel = transport.client(action_topic(self.name, CANCEL_GOAL), types[CANCEL_GOAL])
         self._result = transport.client(action_topic(self.name, GET_RESULT), types[GET_RESULT])
         self._subscriptions = (
-            transport.subscribe(action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, RELIABLE),
-            transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, STATUS),
+            transport.subscribe(action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, feedback),
+            transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status),
         )
 
     def servers(self) -> int:

@@ -5,13 +5,18 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
+from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
 from rise_adapters.ros2.face import Face
+from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
+from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
 from rise_adapters.ros2.port import PortError, Transport
+from rise_adapters.ros2.rclpy_types import fields as fields_of_rclpy
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_engine.bridge import BridgeError, Wire
 from rise_engine.kernel.inputs import Note
@@ -44,14 +49,20 @@ class Ros2Bridge:
         transport: Transport,
         profile: RobotProfile | None,
         carriers: Mapping[str, Carrier],
+        neighbours: Neighbours,
         again: Callable[[], Awaitable[Transport]],
+        *,
+        rosout: bool = True,
     ) -> None:
-        """`again` opens another transport like the first, after that was lost; it may raise BridgeError."""
+        """`again` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
+        whether what happens is told on /rosout, too."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
         self._carriers = carriers
+        self._neighbours = neighbours
         self._again = again
+        self._rosout = rosout
         self._robot: Ros2Robot | None = None
         self._room: Room | None = None
         self._face: Face | None = None
@@ -64,10 +75,22 @@ class Ros2Bridge:
 
     def join(self, room: Room) -> None:
         self._room = room
-        self._face = Face(self._transport, room)
+        self._show(self._neighbours)
+
+    def _show(self, neighbours: Neighbours) -> None:
+        assert self._room is not None
+        self._neighbours = neighbours
+        self._face = Face(self._transport, self._room, neighbours, rosout=self._rosout)
+        ParameterServices(self._transport, partial(settings_of, self._room))
+        neighbours.met = self._met
+        neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
+
+    def _met(self, other: Session) -> None:
+        self._note(meeting(other))
 
     async def close(self) -> None:
         self._watching.cancel()
+        self._neighbours.close()
         if self._face is not None:
             await self._face.close()
         self._transport.close()
@@ -99,7 +122,7 @@ class Ros2Bridge:
                 if self._robot is not None:
                     self._robot.use(fresh)
                 if self._room is not None and not self._room.engine.ended:
-                    self._face = Face(fresh, self._room)
+                    self._show(Neighbours(fresh, self._neighbours.me))
                 self._note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
                 self._note(f"the new connection to ROS cannot be used: {error}")
@@ -114,20 +137,29 @@ class Ros2Bridge:
 async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.bridge.BridgeOpener`)."""
     try:
+        _, arguments = as_options(wire.arguments, NODE, {})  # the command line has taken its own
+    except PortError as error:
+        raise BridgeError([str(error)]) from None
+    try:
         share = [Path(each) for each in read_options(profile).share] if profile is not None else []
     except CarrierErrors:
         assert profile is not None
         raise BridgeError(profile_findings(profile)) from None  # also what is wrong elsewhere in it
 
     def connect() -> Awaitable[Transport]:
-        return open_transport(wire.transport, wire.arguments, node=NODE, share=share)
+        return open_transport(wire.transport, arguments, node=NODE, share=share)
 
     transport = await connect()
     sys.setswitchinterval(SWITCH_SECONDS)
     try:
+        neighbours = Neighbours(transport)
         for type in FACE_TYPES:
             transport.fields(type)
         carriers = read_carriers(profile, transport.fields) if profile is not None else {}
+        other = await neighbours.ask()
+        if other is not None:
+            neighbours.close()
+            raise BridgeError(refusal(other, transport))
     except CarrierErrors as errors:
         transport.close()
         raise BridgeError(errors.findings) from None
@@ -137,22 +169,61 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     except BaseException:
         transport.close()
         raise
-    return Ros2Bridge(transport, profile, carriers, connect)
+    rosout = "--disable-rosout-logs" not in arguments
+    return Ros2Bridge(transport, profile, carriers, neighbours, connect, rosout=rosout)
+
+
+def settings_of(room: Room) -> dict[str, Setting]:
+    """A session's settings as parameters of its node."""
+    about = room.about()
+    return {
+        "title": Setting(about.title, "of the scenario"),
+        "scenario": Setting(about.scenario_folder, "its folder"),
+        "session": Setting(about.folder, "the session's folder"),
+        "mode": Setting(about.mode, "debug: the robot is simulated; real"),
+        "robot": Setting(about.robot, "the robot's profile"),
+        "seed": Setting(about.seed, "for everything picked at random"),
+        "participant": Setting(about.participant, "who takes part"),
+        "condition": Setting(about.condition, "of the study"),
+    }
+
+
+def read_parameters(
+    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """Parameters of the session's node as options of `rise-engine serve` (`rise_engine.bridge.ParameterReader`)."""
+    options = {
+        flag.removeprefix("--").replace("-", "_"): Option(flag, switch=flag in switches, many=flag in many)
+        for flag in (*switches, *single, *many)
+    }
+    try:
+        return as_options(arguments, NODE, options, written)
+    except PortError as error:
+        raise BridgeError([str(error)]) from None
 
 
 def check_profile(profile: RobotProfile) -> list[str]:
-    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode)."""
-    fields = None
-    if not available()["dds"]:  # the types can be read without ROS
-        from rise_adapters.ros2.types import Types
-
-        try:
-            fields = Types(read_options(profile).share).fields
-        except CarrierErrors:
-            return profile_findings(profile)
-        except PortError as error:
-            return [str(error)]
+    """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
+    same that a session, which takes the types from where the check takes them, is refused for."""
+    try:
+        fields = _fields(read_options(profile).share)
+    except CarrierErrors:
+        return profile_findings(profile)
+    except PortError as error:
+        return [str(error)]
     return profile_findings(profile, fields)
+
+
+def _fields(share: Sequence[str]) -> Fields | None:
+    """The types as the transport has them that a session would use here; None: there is none."""
+    missing = available()
+    if not missing["rclpy"]:
+        return fields_of_rclpy
+    if missing["dds"]:
+        return None
+    from rise_adapters.ros2.types import Types
+
+    return Types(share).fields
 
 
 def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:

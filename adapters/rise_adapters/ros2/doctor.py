@@ -26,10 +26,10 @@ from xml.etree import ElementTree
 import msgspec
 from msgspec import Struct
 
-from rise_adapters.ros2 import choose
+from rise_adapters.ros2 import choose, ends
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, read_carriers, read_options
-from rise_adapters.ros2.port import SEND_GOAL, PortError, Transport, action_topic, action_types
+from rise_adapters.ros2.port import PortError, Transport
 from rise_adapters.ros2.rclpy_transport import rclpy_missing
 from rise_engine.bridge import BridgeError
 from rise_engine.scenario.model import RobotProfile
@@ -51,6 +51,7 @@ SECONDS = 3.0
 SETTLE = 0.5
 """For which it goes on after all were found, because a second server may come."""
 _LOOK = 0.05
+_MOST_NAMES = 8
 _SAFE_DOMAINS = 101
 """Above it, the ports of DDS overlap those that Linux gives to programs."""
 _INSTALLED = Path("/opt/ros")
@@ -459,7 +460,7 @@ def built_hashes(folder: Path) -> dict[str, str]:
 
 
 async def robot(wire: Transport, profile: RobotProfile | None, seconds: float = SECONDS) -> list[Finding]:
-    """Whether each of the robot's actions is offered: once, and as the type that the profile names."""
+    """Whether each of the robot's actions is offered: once, and as what the profile says (`ends`)."""
     if profile is None:
         return [Finding("note", "robot", "no robot was named, so none was looked for", "add --robot NAME")]
     if profile.driver != DRIVER:
@@ -481,7 +482,9 @@ async def robot(wire: Transport, profile: RobotProfile | None, seconds: float = 
         await _look(looked_for, seconds)
         if len(looked_for) > 1 and not any(each.seen() for each in looked_for):
             names = ", ".join(each.full for each in looked_for)
-            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", _start_it("these"))]
+            others = list(dict.fromkeys(name for each in looked_for for name in each.elsewhere()))
+            remedy = _rename("these", others) if others else _start_it("these")
+            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
         return [finding for each in looked_for for finding in each.findings()]
     except PortError as error:
         return [Finding("problem", "robot", str(error))]
@@ -503,7 +506,7 @@ async def _look(looked_for: Sequence[_LookedFor], seconds: float) -> None:
     until = loop.time() + seconds
     complete: float | None = None
     while loop.time() < until and (complete is None or loop.time() < complete + SETTLE):
-        if complete is None and all(each.count() for each in looked_for):
+        if complete is None and all(each.complete() for each in looked_for):
             complete = loop.time()
         await asyncio.sleep(_LOOK)
 
@@ -518,9 +521,11 @@ class _LookedFor:
         self.full = wire.resolve(carrier.name)
         self._end: Any
         if carrier.kind == "action":
-            self._end = ActionClient(wire, carrier.name, carrier.type)
+            self._end = ActionClient(
+                wire, carrier.name, carrier.type, feedback=carrier.feedback_qos, status=carrier.status_qos
+            )
         else:
-            self._end = wire.publisher(carrier.name, carrier.type)
+            self._end = wire.publisher(carrier.name, carrier.type, carrier.topic_qos)
 
     def close(self) -> None:
         self._end.close()
@@ -529,55 +534,43 @@ class _LookedFor:
         """How many offer it, or take it."""
         return int(self._end.servers() if self._carrier.kind == "action" else self._end.subscribers())
 
+    def complete(self) -> bool:
+        """Everything of it is there, and can be compared."""
+        return self.count() > 0 and ends.look(self._wire, self._carrier).whole
+
     def seen(self) -> bool:
         """Whether there is anything of that name, be it the right thing or not."""
-        if self._carrier.kind == "topic":
-            return self.count() > 0
-        return self.count() > 0 or bool(self._wire.remote_types(action_topic(self.full, SEND_GOAL)))
+        return self.count() > 0 or bool(ends.look(self._wire, self._carrier).seen)
+
+    def elsewhere(self) -> list[str]:
+        """The names under which there is something of its type."""
+        return ends.elsewhere(self._wire, self._carrier)
 
     def findings(self) -> Iterator[Finding]:
         number, name, full = self.count(), self._name, self.full
-        if self._carrier.kind == "topic":
-            if number:
-                yield Finding("ok", "robot", f"{name}: {full} has {number} subscriber{'s' if number > 1 else ''}")
-            else:
-                yield Finding("problem", "robot", f"{name}: nobody takes the topic {full}", _start_it(full))
-            return
-        other = list(self._other_types())
-        yield from other
-        if number > 1:
+        action = self._carrier.kind == "action"
+        found = ends.look(self._wire, self._carrier)
+        for misfit in found.all:
+            yield Finding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
+        if number > 1 and action:
+            yield Finding("problem", "robot", f"{name}: {ends.several(number, full)}", "end all but one of them")
+        elif number and not found.all:
+            listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield Finding(
-                "problem",
-                "robot",
-                f"{name}: {number} nodes offer {full}, so the robot would do everything {number} times",
-                "end all but one of them",
+                "ok", "robot", f"{name}: {full} {f'is offered, as {self._carrier.type}' if action else listens}"
             )
-        elif number:
-            if not other:
-                yield Finding("ok", "robot", f"{name}: {full} is offered, as {self._carrier.type}")
-        elif not other:
-            yield Finding("problem", "robot", f"{name}: nothing offers {full}", _start_it(full))
+        elif not found.all:
+            others = self.elsewhere()
+            remedy = "" if found.seen else _rename(full, others) if others else _start_it(full)
+            yield Finding("problem", "robot", f"{name}: {ends.nothing(found, self._carrier, full)}", remedy)
+        if found.unannounced:
+            yield Finding("note", "robot", f"{name}: {ends.uncompared(full)}")
 
-    def _other_types(self) -> Iterator[Finding]:
-        wanted = action_types(self._carrier.type)[SEND_GOAL]
-        for type, hash in sorted(set(self._wire.remote_types(action_topic(self.full, SEND_GOAL)))):
-            if type.removesuffix("_Request") != wanted:
-                there = type.removesuffix("_Request").removesuffix("_SendGoal")
-                yield Finding(
-                    "problem",
-                    "robot",
-                    f"{self._name}: {self.full} is offered as {there or '?'}, not as {self._carrier.type}",
-                    "correct `carrier.type` in the robot's profile, or start the wrapper that fits it",
-                )
-                continue
-            own = self._wire.type_hash(type)
-            if own and hash and own != hash:
-                yield Finding(
-                    "problem",
-                    "robot",
-                    f"{self._name}: {self.full} is offered with another version of {self._carrier.type}",
-                    "build its interface package from the same release on both sides",
-                )
+
+def _rename(name: str, others: Sequence[str]) -> str:
+    are = "there is one of this type" if name.startswith("/") else "of their types there are"
+    names = ", ".join(others[:_MOST_NAMES]) + (", ..." if len(others) > _MOST_NAMES else "")
+    return f"{are}, by other names: {names}; correct the names in the profile, or start with --ros-args -r FROM:=TO"
 
 
 def _start_it(name: str) -> str:
@@ -613,9 +606,11 @@ def graph(wire: Transport) -> Iterator[Finding]:
             "no other node is seen",
             "if there are some: same ROS domain, same network, same middleware? A firewall may be in the way",
         )
-    foreign: Callable[[], list[str]] | None = getattr(wire, "foreign", None)
-    for sentence in foreign() if foreign is not None else ():
+    for sentence in ends.strangers(wire):
         yield Finding("warning", "graph", sentence)
+    for topic in wire.topics():
+        for sentence in ends.topic_misfits(wire, topic):
+            yield Finding("warning", "graph", sentence, "make both the same")
 
 
 # --- small things -------------------------------------------------------------------------------------------------

@@ -41,7 +41,26 @@ class QoS(Struct, frozen=True):
     """Transient local: who subscribes later gets the last `depth` messages."""
 
 
+class End(Struct, frozen=True):
+    """What another node has on a topic or a service, as it announces it to everybody."""
+
+    node: str = ""
+    """The full name of the node; empty when it is not known (yet)."""
+    type: str = ""
+    """As ROS names it; empty when it is no type of ROS. Of a service, `PKG/srv/NAME_Request` for what takes its
+    requests and `PKG/srv/NAME_Response` for what answers."""
+    hash: str = ""
+    """Of that type, `RIHS01_...`; empty when it does not say."""
+    vendor: str = ""
+    """Whose software carries it, by the number that DDS gives out (`0110`); empty when that is not known."""
+    qos: QoS | None = None
+    """What it promises, or asks for; None: not known. (Of the depth others know nothing.)"""
+
+
 RELIABLE = QoS()
+SENSOR = QoS(reliable=False)
+"""For subscriptions: this takes from every publisher, those that promise nothing included (cameras, trackers,
+recognisers), of whom a reliable subscription hears nothing, without a word. But what is lost on the way is lost."""
 STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
@@ -65,6 +84,12 @@ class Publisher(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+class Subscription(Handle, Protocol):
+    def publishers(self) -> int:
+        """How many there are that it takes from: of its type, and promising what it asks for."""
+        ...
 
 
 class Client(Protocol):
@@ -93,6 +118,8 @@ class Transport(Protocol):
     """For a person: `rclpy, rmw_cyclonedds_cpp, domain 0`."""
     node: str
     """The node's full name, `/rise/engine`."""
+    vendor: str
+    """Whose software carries its messages, as in `End`; empty when that says nothing about who can talk to whom."""
 
     def resolve(self, name: str) -> str:
         """The full name that `name` (of a topic, service or action) has after namespace and remappings."""
@@ -100,7 +127,9 @@ class Transport(Protocol):
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher: ...
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle: ...
+    def subscribe(
+        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
+    ) -> Subscription: ...
 
     def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle: ...
 
@@ -117,13 +146,35 @@ class Transport(Protocol):
         """The type's `RIHS01_...` (REP-2016), for an action and a service that of the whole; empty when not known."""
         ...
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        """What other nodes offer as the request of the service `name`, or publish on the topic `name`: pairs of type
-        and type hash, one for each endpoint (hash empty when it does not say)."""
+    def publisher_ends(self, topic: str) -> list[End]:
+        """What other nodes have that publishes on a topic."""
+        ...
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        """What other nodes have that listens to a topic."""
+        ...
+
+    def server_ends(self, service: str) -> list[End]:
+        """What other nodes have that takes the requests of a service, and what they have that answers: two for each
+        server. (Where the middleware does not list these, one, without more than its type.)"""
+        ...
+
+    def topics(self) -> list[str]:
+        """The full names of the topics that other nodes publish on or listen to."""
+        ...
+
+    def strangers(self) -> list[tuple[str, str]]:
+        """Programs that other software than this one's carries: the node's full name (or whatever is known of it), and
+        the vendor, as in `End`."""
         ...
 
     def nodes(self) -> list[str]:
         """Full names of all nodes that are seen, also this one."""
+        ...
+
+    def clients_of(self, service: str) -> list[str]:
+        """Full names of the other nodes that are seen to call a service; each may do so at any moment. (Whose request
+        one is, ROS does not tell a server.)"""
         ...
 
     def lost(self) -> str:

@@ -19,7 +19,8 @@ from importlib import import_module
 from time import perf_counter
 from typing import Any, Literal
 
-from rise_adapters.ros2.port import RELIABLE, Handle, Message, PortError, QoS, Reply
+from rise_adapters.ros2 import vendors
+from rise_adapters.ros2.port import RELIABLE, End, Handle, Message, PortError, QoS, Reply
 from rise_adapters.ros2.rclpy_types import Form, Types
 
 _log = logging.getLogger(__name__)
@@ -33,6 +34,8 @@ _SERVICE_DEPTH = 1000
 _JOIN_SECONDS = 2.0
 _KEPT = 256
 """Closed publishers, subscriptions, services and clients that are kept from being reused."""
+_UNKNOWN = "_UNKNOWN_"
+"""Within the name of a node that ROS does not know (yet): `_NODE_NAME_UNKNOWN_`."""
 _MOST_FAILURES = 20
 """Failures of the executor, one after the other, after which it is given up."""
 
@@ -92,8 +95,7 @@ class RclpyTransport:
                 node,
                 context=self._context,
                 namespace=namespace,
-                allow_undeclared_parameters=True,
-                automatically_declare_parameters_from_overrides=True,
+                start_parameter_services=False,  # ours are the same on both transports (parameters.py)
             )
         except Exception as error:
             self._context.try_shutdown()
@@ -107,6 +109,7 @@ class RclpyTransport:
         self._closed_things: deque[Any] = deque(maxlen=_KEPT)
         self.node: str = self._node.get_fully_qualified_name()
         rmw = import_module("rclpy").get_rmw_implementation_identifier()
+        self.vendor = vendors.of_rmw(rmw)
         self.about = f"rclpy, {rmw}, domain {self._context.get_domain_id()}"
         self._thread = threading.Thread(target=self._spin, name=f"rclpy {self.node}", daemon=True)
         self._inbox.taker = self._thread
@@ -126,11 +129,6 @@ class RclpyTransport:
         except Exception as error:
             raise PortError(f"{name!r} cannot be the name of a topic or service: {_first_line(error)}") from error
 
-    def parameters(self) -> dict[str, Any]:
-        """The node's parameters by name, as they are now (`--ros-args -p name:=value`, `ros2 param set`)."""
-        found: Mapping[str, Any] = self._node.get_parameters_by_prefix("")
-        return {name: parameter.value for name, parameter in found.items()}
-
     def fields(self, type: str) -> Mapping[str, str]:
         return dict(self._types.message(type)[1].fields)
 
@@ -147,7 +145,7 @@ class RclpyTransport:
         )
         return _Publisher(self, publisher, form)
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle:
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> _Subscription:
         self._check()
         made, form = self._types.message(type)
         subscription = _Subscription(self, form, taken)
@@ -182,25 +180,53 @@ class RclpyTransport:
 
     # --- the graph ------------------------------------------------------------------------------------------------
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
+    def publisher_ends(self, topic: str) -> list[End]:
+        return self._ends(self._node.get_publishers_info_by_topic, self.resolve(topic))
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        return self._ends(self._node.get_subscriptions_info_by_topic, self.resolve(topic))
+
+    def server_ends(self, service: str) -> list[End]:
+        full = self.resolve(service)
+        # RMWs on DDS carry a service on two topics: what reads the one and writes the other are the servers.
+        found = [
+            *self._ends(self._node.get_subscriptions_info_by_topic, f"rq{full}Request", no_mangle=True),
+            *self._ends(self._node.get_publishers_info_by_topic, f"rr{full}Reply", no_mangle=True),
+        ]
+        return found or self._services(full)
+
+    def topics(self) -> list[str]:
         if self._ended():
             return []
-        full = self.resolve(name)
-        found = [
-            (info.topic_type, _hash_text(info.topic_type_hash))
-            for info in self._node.get_publishers_info_by_topic(full)
-            if not self._own(info)
+        return [
+            name
+            for name, _ in self._node.get_topic_names_and_types()
+            if self.publisher_ends(name) or self.subscriber_ends(name)
         ]
-        # RMWs on DDS carry the requests of a service on this topic; its readers are the servers.
-        found += [
-            (_plain_type(info.topic_type), _hash_text(info.topic_type_hash))
-            for info in self._node.get_subscriptions_info_by_topic(f"rq{full}Request", no_mangle=True)
-            if not self._own(info)
-        ]
-        return found or [(f"{type}_Request", "") for type in self._services(full)]
+
+    def strangers(self) -> list[tuple[str, str]]:
+        if not self.vendor or self._ended():
+            return []
+        # By what they have: what a program is carried by is nowhere else to be seen.
+        found = {
+            (end.node, end.vendor)
+            for name, _ in self._node.get_topic_names_and_types(no_demangle=True)
+            for look in (self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic)
+            for end in self._ends(look, name, no_mangle=True)
+            if end.vendor != self.vendor
+        }
+        named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
+        return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
 
     def nodes(self) -> list[str]:
         return [] if self._ended() else list(self._node.get_fully_qualified_node_names())
+
+    def clients_of(self, service: str) -> list[str]:
+        if self._ended():
+            return []
+        # As in `server_ends`: on DDS, who writes this topic calls the service.
+        infos = self._node.get_publishers_info_by_topic(f"rq{self.resolve(service)}Request", no_mangle=True)
+        return sorted({f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if not self._own(info)})
 
     def lost(self) -> str:
         if not self._lost and not self._context.ok():
@@ -294,20 +320,52 @@ class RclpyTransport:
         """The same as far as it is known already: asking ROS costs as much as a third of a small message."""
         return self._closed or bool(self._lost)
 
+    def _ends(self, look: Callable[..., Any], name: str, **more: Any) -> list[End]:
+        """What the graph lists of others under a name."""
+        if self._ended():
+            return []
+        try:
+            found = look(name, **more)
+        except Exception as error:
+            _log.debug("%s cannot be looked up: %s", name, _first_line(error))
+            return []
+        return [self._end(info) for info in found if not self._own(info)]
+
+    def _end(self, info: Any) -> End:
+        node = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        return End(
+            "" if _UNKNOWN in node else node,
+            _plain_type(info.topic_type),
+            _hash_text(info.topic_type_hash),
+            bytes(info.endpoint_gid[:2]).hex() if self.vendor else "",
+            self._quality(info.qos_profile),
+        )
+
+    def _quality(self, profile: Any) -> QoS | None:
+        reliable = {self._qos.ReliabilityPolicy.RELIABLE: True, self._qos.ReliabilityPolicy.BEST_EFFORT: False}
+        latched = {self._qos.DurabilityPolicy.TRANSIENT_LOCAL: True, self._qos.DurabilityPolicy.VOLATILE: False}
+        try:
+            return QoS(reliable=reliable[profile.reliability], latched=latched[profile.durability])
+        except KeyError:  # the middleware does not say
+            return None
+
     def _own(self, info: Any) -> bool:
         return f"{info.node_namespace.rstrip('/')}/{info.node_name}" == self.node
 
-    def _services(self, full: str) -> list[str]:
-        """Types of the service of that name that other nodes offer, as far as their nodes are known."""
-        found = []
+    def _services(self, full: str) -> list[End]:
+        """The service of that name as far as other nodes, each by itself, are known to offer it."""
+        found: list[End] = []
+        if self._ended():
+            return found
         for name, namespace in self._node.get_node_names_and_namespaces():
-            if f"{namespace.rstrip('/')}/{name}" == self.node:
+            node = f"{namespace.rstrip('/')}/{name}"
+            if node == self.node:
                 continue
             try:
                 offered = self._node.get_service_names_and_types_by_node(name, namespace)
             except Exception:  # the node went away meanwhile
                 continue
-            found += [type for service, types in offered if service == full for type in types]
+            found += [End(node, f"{type}_Request") for service, types in offered if service == full for type in types]
         return found
 
 
@@ -352,6 +410,9 @@ class _Subscription:
     def _deliver(self, message: Message) -> None:
         if not self._closed:
             self._taken(message)
+
+    def publishers(self) -> int:
+        return 0 if self._closed or self._transport._ended() else int(self.made.get_publisher_count())
 
     def close(self) -> None:
         if not self._closed:

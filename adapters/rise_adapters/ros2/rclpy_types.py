@@ -183,6 +183,11 @@ class Types:
         return Value(type, form.write, form.read, (lambda: form.write({})) if form.defaults else None)
 
 
+def fields(type: str) -> Mapping[str, str]:
+    """As `port.Transport.fields`, without a node."""
+    return dict(Types().message(type)[1].fields)
+
+
 # --- one value --------------------------------------------------------------------------------------------------------
 
 

@@ -11,10 +11,15 @@ import asyncio
 import signal
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import msgspec
+from rise_adapters.ros2 import ends
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
+from rise_adapters.ros2.carriers import Carrier, Deadlines
+from rise_adapters.ros2.carriers.fill import Group
 from rise_adapters.ros2.choose import open_transport
 from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport
 
@@ -49,8 +54,21 @@ class Peer:
     def type_hash(self, type: str) -> str:
         return self._transport.type_hash(type)
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        return self._transport.remote_types(name)
+    def ends(self, what: str, name: str) -> list[dict[str, Any]]:
+        return [msgspec.to_builtins(end) for end in getattr(self._transport, f"{what}_ends")(name)]
+
+    def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
+        """What `ends` says about an action."""
+        made = {part: QoS(**each) for part, each in qos.items()}
+        carrier = Carrier("action", name, type, Deadlines(), Group({}), qos=made)
+        found = ends.look(self._transport, carrier)
+        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.all]}
+
+    def topics(self) -> list[str]:
+        return self._transport.topics()
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return self._transport.strangers()
 
     def nodes(self) -> list[str]:
         return self._transport.nodes()
@@ -157,9 +175,11 @@ def say(event: str, **fields: Any) -> None:
 
 
 async def main(kind: str, node: str, arguments: list[str]) -> None:
+    share = [Path(each.removeprefix("share=")) for each in arguments if each.startswith("share=")]
+    arguments = arguments[len(share) :]
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
-    transport = await open_transport(kind, arguments, node=node)
+    transport = await open_transport(kind, arguments, node=node, share=share)
     peer = Peer(transport)
 
     def heard(line: str) -> None:

@@ -10,7 +10,7 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -45,11 +45,16 @@ def missing(kind: str) -> str:
     return rclpy_missing()
 
 
-@cache
 def cyclone_rmw() -> bool:
     """Whether rclpy can run on Cyclone DDS."""
+    return has_rmw("rmw_cyclonedds_cpp")
+
+
+@cache
+def has_rmw(name: str) -> bool:
+    """Whether a middleware is installed."""
     try:
-        import_module("ament_index_python.packages").get_package_prefix("rmw_cyclonedds_cpp")
+        import_module("ament_index_python.packages").get_package_prefix(name)
     except (ImportError, LookupError):
         return False
     return True
@@ -68,6 +73,29 @@ def environment() -> dict[str, str]:
     return values
 
 
+def fast_dds(folder: Path) -> dict[str, str]:
+    """Settings for a peer on Fast DDS that those on Cyclone DDS and the loopback can see. `folder`: for a file."""
+    loopback = "<locator><udpv4><address>127.0.0.1</address></udpv4></locator>"
+    profile = folder / "fastdds.xml"
+    profile.write_text(
+        '<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><transport_descriptors>'
+        "<transport_descriptor><transport_id>loopback</transport_id><type>UDPv4</type>"
+        "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>"
+        "<maxInitialPeersRange>64</maxInitialPeersRange></transport_descriptor></transport_descriptors>"
+        '<participant profile_name="loopback" is_default_profile="true"><rtps>'
+        "<userTransports><transport_id>loopback</transport_id></userTransports>"
+        "<useBuiltinTransports>false</useBuiltinTransports>"
+        f"<builtin><metatrafficUnicastLocatorList>{loopback}</metatrafficUnicastLocatorList>"
+        f"<initialPeersList>{loopback}</initialPeersList></builtin></rtps></participant></profiles>",
+        "utf-8",
+    )
+    return {
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
+    }
+
+
 def until(holds: Callable[[], Any], patience: float = PATIENCE) -> Any:
     """Wait for a condition, and give what it gave."""
     limit = time.monotonic() + patience
@@ -84,18 +112,31 @@ class Refused(Exception):
 class Peer:
     """One process with one transport. `peer.publish(key=..., ...)` does what `tests.ros.contract.peer.Peer` can do."""
 
-    def __init__(self, kind: str, *arguments: str, node: str = "") -> None:
+    def __init__(
+        self,
+        kind: str,
+        *arguments: str,
+        node: str = "",
+        share: Path | None = None,
+        settings: Mapping[str, str] | None = None,
+    ) -> None:
+        """`share`: a folder of definitions that come before all others (of a `dds` peer); `settings`: of its
+        environment."""
         self.kind = kind
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process, in __exit__
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.ros.contract.peer", kind, node or f"peer_{uuid.uuid4().hex[:8]}", *arguments],
+            [
+                *(sys.executable, "-m", "tests.ros.contract.peer", kind, node or f"peer_{uuid.uuid4().hex[:8]}"),
+                *(f"share={each}" for each in (share,) if each is not None),
+                *arguments,
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,
             bufsize=1,
             cwd=ROOT,
-            env=environment(),
+            env=environment() | dict(settings or {}),
         )
         self._count = 0
         self._answers: dict[int, dict[str, Any]] = {}

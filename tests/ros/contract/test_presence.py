@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -75,27 +76,40 @@ def test_nodes_are_seen_with_their_names(pair: Pair) -> None:
     until(lambda: f"/{pair.name}/lab" not in pair.near.nodes())
 
 
-def test_what_others_offer_is_seen_with_its_type(pair: Pair) -> None:
-    name = f"{pair.name}/thing"
-    assert pair.near.remote_types(name=name) == []
+def test_what_others_publish_and_listen_to_is_seen_as_it_is(pair: Pair) -> None:
+    name, text = f"{pair.name}/thing", "std_msgs/msg/String"
+    assert pair.near.ends(what="publisher", name=name) == pair.near.ends(what="subscriber", name=name) == []
     pair.near.publisher(key="own", topic=name, type="std_msgs/msg/Int32")
-    pair.far.publisher(key=name, topic=name, type="std_msgs/msg/String")
-    kind, hash = until(lambda: pair.near.remote_types(name=name))[0]
-    assert kind == "std_msgs/msg/String"
-    assert hash in ("", pair.far.type_hash(type="std_msgs/msg/String"))
-    assert len(pair.near.remote_types(name=name)) == 1, "its own are not meant"
+    pair.far.publisher(key=name, topic=name, type=text, reliable=False)
+    pair.far.subscribe(key="taken", topic=name, type=text, latched=True)
+    node = pair.far.about()["node"]
+    for what, qos in (("publisher", {"reliable": False, "latched": False}), ("subscriber", {"latched": True})):
+        found = until(lambda: [end for end in pair.near.ends(what=what, name=name) if end["node"] == node])  # noqa: B023
+        assert len(pair.near.ends(what=what, name=name)) == 1, "its own are not meant"
+        assert found[0]["type"] == text
+        assert found[0]["hash"] in ("", pair.far.type_hash(type=text))
+        assert found[0]["qos"] is None or qos.items() <= found[0]["qos"].items()
+    until(lambda: f"/{name}" in pair.near.topics())
+    assert pair.near.strangers() == []
     pair.near.close(key="own")
+    pair.far.close(key="taken")
 
 
-def test_what_others_serve_is_seen_with_its_type(pair: Pair) -> None:
+def test_what_others_serve_is_seen_with_its_types(pair: Pair) -> None:
     name = f"{pair.name}/ask"
     pair.near.client(key=name, name=name, type=SET)
     pair.near.serve(key="own", name=name, type=SET)
     pair.far.serve(key=name, name=name, type=TRIGGER)
-    kind, hash = until(lambda: pair.near.remote_types(name=name))[0]
-    assert kind == f"{TRIGGER}_Request"
-    assert hash in ("", pair.far.type_hash(type=f"{TRIGGER}_Request"))
-    assert len(pair.near.remote_types(name=name)) == 1, "its own are not meant"
+    node = pair.far.about()["node"]
+
+    def seen() -> list[dict[str, Any]]:
+        return [end for end in pair.near.ends(what="server", name=name) if end["node"] == node]
+
+    until(lambda: len(seen()) == 2)
+    assert len(pair.near.ends(what="server", name=name)) == 2, "its own are not meant"
+    for end in seen():
+        assert end["hash"] in ("", pair.far.type_hash(type=end["type"]))
+    assert {end["type"] for end in seen()} == {f"{TRIGGER}_Request", f"{TRIGGER}_Response"}
     pair.near.close(key="own")
 
 
@@ -104,5 +118,5 @@ def test_a_server_of_another_type_does_not_count(pair: Pair) -> None:
     name = f"{pair.name}/ask"
     pair.near.client(key=name, name=name, type=SET)
     pair.far.serve(key=name, name=name, type=TRIGGER)
-    until(lambda: pair.near.remote_types(name=name))
+    until(lambda: pair.near.ends(what="server", name=name))
     assert pair.near.servers(key=name) == 0

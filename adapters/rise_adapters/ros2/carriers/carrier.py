@@ -10,7 +10,10 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from rise_adapters.ros2.carriers.fill import Filling, Group
-from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, Message, QoS
+
+NO_QOS: Mapping[str, QoS] = {}
+"""Nothing but what is usual."""
 
 
 class Deadlines(Struct, frozen=True):
@@ -63,6 +66,7 @@ class Carrier:
         reset: Group | None = None,
         verdict: Verdict | None = None,
         left_out: tuple[str, ...] = (),
+        qos: Mapping[str, QoS] = NO_QOS,
     ) -> None:
         self.kind = kind
         self.name = name
@@ -72,6 +76,12 @@ class Carrier:
         self.deadlines = deadlines
         self.left_out = left_out
         """Parameters of the action that do not reach this robot: it has no field for them."""
+        self.topic_qos = qos.get("topic", RELIABLE)
+        """Of a topic, how it is published."""
+        self.feedback_qos = qos.get(FEEDBACK, RELIABLE)
+        """Of an action, how its feedback is listened to ..."""
+        self.status_qos = qos.get(STATUS_TOPIC, STATUS)
+        """... and how its status is."""
         self._message = message
         self._reset = reset
         self._verdict = verdict or Verdict()

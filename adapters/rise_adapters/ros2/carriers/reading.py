@@ -18,21 +18,27 @@ from rise_adapters.ros2.carriers.carrier import Carrier, CarrierErrors, Deadline
 from rise_adapters.ros2.carriers.compile import Compiler, Notes
 from rise_adapters.ros2.carriers.fields import Fields, FieldType, Types
 from rise_adapters.ros2.carriers.fill import Group
+from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, QoS
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.findings import suggestion
+from rise_engine.scenario.findings import nearest, suggestion
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 from rise_engine.scenario.parameters import accepts_any_name, known_names
 
 DRIVER = "ros2"
 
 _KEYS = {
-    "action": ("action", "type", "goal", "values", "error", "deadlines"),
-    "topic": ("topic", "type", "message", "reset", "values", "deadlines"),
+    "action": ("action", "type", "goal", "values", "error", "deadlines", "qos"),
+    "topic": ("topic", "type", "message", "reset", "values", "deadlines", "qos"),
 }
 _NAME = re.compile(r"(?:~/|/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*\Z", re.ASCII)
 _TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?:(?P<kind>[a-z]+)/)?(?P<name>[A-Z][A-Za-z0-9]*)\Z", re.ASCII)
 _STANDARD = "rise/robot"
 """What the names of the profile `rise` begin with."""
+_QOS_KEYS = ("reliability", "durability", "depth")
+_RELIABILITY = {"reliable": True, "best_effort": False}
+_DURABILITY = {"volatile": False, "transient_local": True}
+_DEEPEST = 10_000
+"""Messages that may be kept for one topic."""
 _ERROR_KEYS = ("code", "ok", "text", "codes")
 
 
@@ -66,9 +72,24 @@ def read_carriers(
         carrier = _Reading(_written_out(spec, options), options, types, notes).carrier()
         if carrier is not None:
             carriers[name] = carrier
+            _check_qos(name, carriers, notes)
     if notes.sentences:
         raise CarrierErrors(profile.name, list(dict.fromkeys(notes.sentences)))
     return carriers
+
+
+def _check_qos(name: str, carriers: Mapping[str, Carrier], notes: Notes) -> None:
+    """Actions that go the same way have one subscription or publisher between them, and it has one quality of service.
+    `name`: that of the action that was read last."""
+    carrier = carriers[name]
+    for other, before in carriers.items():
+        if (before.kind, before.name, before.type) == (carrier.kind, carrier.name, carrier.type) and (
+            (before.topic_qos, before.feedback_qos, before.status_qos)
+            != (carrier.topic_qos, carrier.feedback_qos, carrier.status_qos)
+        ):
+            where = f"actions.{name}.carrier.qos"
+            notes.add(where, f"differs from that of {other}, which goes to {carrier.name} too; give both the same")
+            return
 
 
 def profile_findings(profile: RobotProfile, fields: Fields | None = None) -> list[str]:
@@ -181,7 +202,8 @@ class _Reading:
         deadlines = _deadlines(self.part("deadlines"), self.options.deadlines, self.where("deadlines"), self.notes)
         part = "goal" if kind == "action" else "message"
         sent = f"{type}_Goal" if type and kind == "action" else type
-        if sent and (missing := self.types.missing(sent)):
+        whole = [sent, f"{type}_Result", f"{type}_Feedback"] if kind == "action" else [sent]
+        if sent and (missing := next(filter(None, map(self.types.missing, whole)), "")):
             self.note("type", f"cannot be used here: {missing}")
             sent = type = ""
         compiler = Compiler(self.spec, self.values(), self.types, self.notes)
@@ -198,6 +220,7 @@ class _Reading:
             self.reset(type) if kind == "topic" else None,
             self.verdict(type) if kind == "action" else None,
             tuple(each for each in self.spec.parameters if each not in used),
+            self.qos(kind),
         )
 
     def kind(self) -> Literal["action", "topic"] | None:
@@ -267,6 +290,47 @@ class _Reading:
         # When it is sent nobody knows the parameters any more: an action without any.
         nobody = replace(self.spec, parameters={})
         return Compiler(nobody, {}, self.types, self.notes).message(self.part("reset"), type, self.where("reset"))
+
+    def qos(self, kind: str) -> dict[str, QoS]:
+        """The quality of service of what a carrier publishes, or listens to."""
+        table = self.part("qos")
+        if kind == "topic":
+            return {"topic": self.quality(table, RELIABLE, "qos")}
+        usual = {FEEDBACK: RELIABLE, STATUS_TOPIC: STATUS}
+        for key in table:
+            if key in _QOS_KEYS:
+                self.note(f"qos.{key}", f"stands in `qos.{FEEDBACK}` or `qos.{STATUS_TOPIC}`: goals have no other")
+            elif key not in usual:
+                self.note(f"qos.{key}", f"does not exist{suggestion(key, usual)}")
+        return {key: self.quality(table.get(key, {}), before, f"qos.{key}") for key, before in usual.items()}
+
+    def quality(self, table: Any, before: QoS, where: str) -> QoS:
+        if not isinstance(table, dict):
+            self.note(where, 'is a table: { reliability = "best_effort" }')
+            return before
+        for key in table:
+            if key not in _QOS_KEYS:
+                self.note(f"{where}.{key}", f"does not exist{suggestion(key, _QOS_KEYS)}")
+        depth = table.get("depth", before.depth)
+        if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= _DEEPEST:
+            self.note(f"{where}.depth", f"is a whole number of messages from 1 to {_DEEPEST}")
+            depth = before.depth
+        return QoS(
+            depth,
+            self.word(table, "reliability", _RELIABILITY, before.reliable, where),
+            self.word(table, "durability", _DURABILITY, before.latched, where),
+        )
+
+    def word(self, table: Mapping[str, Any], key: str, words: Mapping[str, bool], before: bool, where: str) -> bool:
+        word = table.get(key)
+        if word is None:
+            return before
+        if isinstance(word, str) and word in words:
+            return words[word]
+        near = nearest(word, words) if isinstance(word, str) else None
+        meant = f"; did you mean `{near}`?" if near is not None else ""
+        self.note(f"{where}.{key}", f"is {' or '.join(f'`{each}`' for each in words)}{meant}")
+        return before
 
     def verdict(self, type: str) -> Verdict:
         table = self.part("error")

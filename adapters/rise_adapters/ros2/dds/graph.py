@@ -7,24 +7,20 @@ has.
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
 
 from cyclonedds import _clayer
 from cyclonedds.core import InstanceState
 from cyclonedds.qos import _CQos
 from msgspec import Struct
 
+from rise_adapters.ros2 import vendors
 from rise_adapters.ros2.dds import names
+from rise_adapters.ros2.port import End, QoS
 
-CYCLONE = b"\x01\x10"
-_VENDORS = {
-    b"\x01\x0f": "eProsima Fast DDS (rmw_fastrtps_cpp)",
-    b"\x01\x01": "RTI Connext DDS (rmw_connextdds)",
-    b"\x01\x03": "OpenSplice",
-    b"\x01\x12": "RustDDS",
-    b"\x01\x14": "GurumDDS (rmw_gurumdds_cpp)",
-}
-"""By the first two bytes of a participant's id (https://www.dds-foundation.org/dds-rtps-vendor-and-product-ids/)."""
+CYCLONE = bytes.fromhex(vendors.CYCLONE)
+"""What the ids of its participants and endpoints begin with."""
 
 
 class Endpoint(Struct, frozen=True):
@@ -39,10 +35,15 @@ class Endpoint(Struct, frozen=True):
     """As ROS has it; empty when it is none of ROS."""
     data: dict[str, str]
     """Its user data: `typehash`, `serviceid`, `clientid`."""
+    qos: QoS | None = None
 
     @property
     def cyclone(self) -> bool:
         return self.key[:2] == CYCLONE
+
+
+_Said: TypeAlias = tuple[bytes, QoS | None]
+"""Of what an endpoint announces: its user data, and its quality of service."""
 
 
 class Gone(Struct, frozen=True):
@@ -61,31 +62,45 @@ def take_participants(reader: int, most: int) -> Any:
 
 
 def take_endpoints(reader: int, most: int) -> Any:
-    return _clayer.ddspy_take_endpoint(reader, most, _endpoint, _user_data)
+    return _clayer.ddspy_take_endpoint(reader, most, _endpoint, _announced)
 
 
 def matched_reader(writer: int, handle: int) -> Endpoint | None:
     """Who a matched reader is; None when it is gone."""
-    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _endpoint, _user_data)
+    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _endpoint, _announced)
     return found if isinstance(found, Endpoint) else None
 
 
 def matched_writer(reader: int, handle: int) -> Endpoint | None:
     """Who a matched writer is; None when it is gone."""
-    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _endpoint, _user_data)
+    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _endpoint, _announced)
     return found if isinstance(found, Endpoint) else None
 
 
 def _endpoint(
-    key: bytes, participant: bytes, handle: int, topic: str, type: str, data: bytes, info: Any, type_id: Any
+    key: bytes, participant: bytes, handle: int, topic: str, type: str, said: _Said, info: Any, type_id: Any
 ) -> Endpoint | Gone:
     if info is not None and info.instance_state != InstanceState.Alive:
         return Gone(key)
-    return Endpoint(key, participant, topic or "", names.ros_type(type or ""), names.read_user_data(data))
+    data, qos = said
+    return Endpoint(key, participant, topic or "", names.ros_type(type or ""), names.read_user_data(data), qos)
+
+
+# What is read of a QoS is read one by one and not by the library's own conversion of whole QoS objects: that is slow,
+# and not made for several threads.
+
+
+def _announced(pointer: int) -> _Said:
+    reliable, durable, blocking = ctypes.c_int(), ctypes.c_int(), ctypes.c_int64()
+    qos = None
+    if _CQos._get_reliability(
+        ctypes.c_void_p(pointer), ctypes.byref(reliable), ctypes.byref(blocking)
+    ) and _CQos._get_durability(ctypes.c_void_p(pointer), ctypes.byref(durable)):
+        qos = QoS(reliable=bool(reliable.value), latched=bool(durable.value))
+    return _user_data(pointer), qos
 
 
 def _user_data(pointer: int) -> bytes:
-    # Not by the library's own conversion of whole QoS objects: it is slow, and not made for several threads.
     value, size = ctypes.c_void_p(), ctypes.c_size_t()
     if not _CQos._get_userdata(ctypes.c_void_p(pointer), ctypes.byref(value), ctypes.byref(size)) or not value.value:
         return b""
@@ -105,9 +120,12 @@ class Graph:
         """`own`: the id of this participant."""
         self._own = own[:12]
         self._participants: set[bytes] = {own}
-        self._readers: dict[bytes, Endpoint] = {}
-        self._writers: dict[bytes, Endpoint] = {}
-        self._nodes: dict[bytes, list[str]] = {}
+        self._readers = _Endpoints()
+        self._writers = _Endpoints()
+        self._nodes: dict[bytes, dict[str, int]] = {}
+        """By participant, its nodes: how many there are of each name."""
+        self._owners: dict[bytes, dict[bytes, str]] = {}
+        """By participant, the node that each of its endpoints belongs to."""
 
     def participant(self, seen: Participant | Gone) -> None:
         if isinstance(seen, Participant):
@@ -115,52 +133,92 @@ class Graph:
         else:
             self._participants.discard(seen.key)
             self._nodes.pop(seen.key, None)
+            self._owners.pop(seen.key[:12], None)
 
     def reader(self, seen: Endpoint | Gone) -> None:
-        self._endpoint(self._readers, seen)
+        self._readers.take(seen)
 
     def writer(self, seen: Endpoint | Gone) -> None:
-        self._endpoint(self._writers, seen)
+        self._writers.take(seen)
 
-    def named(self, participant: bytes, nodes: list[str]) -> None:
-        """A participant says which nodes it has."""
-        self._nodes[participant] = nodes
+    def named(self, participant: bytes, nodes: Iterable[tuple[str, Iterable[bytes]]]) -> None:
+        """A participant says which nodes it has, and the ids of what each of them has."""
+        counts: dict[str, int] = {}
+        owners: dict[bytes, str] = {}
+        for node, keys in nodes:
+            counts[node] = counts.get(node, 0) + 1
+            owners.update(dict.fromkeys(keys, node))
+        self._nodes[participant] = counts
+        self._owners[participant[:12]] = owners
+
+    def writing(self, topic: str) -> list[str]:
+        """The nodes of others that write a DDS topic, as far as they say so."""
+        return sorted({end.node for end in self.writers(topic) if end.node})
 
     def nodes(self) -> list[str]:
         """Full names, each as often as it is there."""
         return sorted(
-            node for participant, nodes in self._nodes.items() if participant in self._participants for node in nodes
+            node
+            for participant, nodes in self._nodes.items()
+            if participant in self._participants
+            for node, count in nodes.items()
+            for _ in range(count)
         )
 
-    def writers(self, topic: str) -> list[Endpoint]:
+    def writers(self, topic: str) -> list[End]:
         """Those of others that write a DDS topic."""
         return self._others(self._writers, topic)
 
-    def readers(self, topic: str) -> list[Endpoint]:
+    def readers(self, topic: str) -> list[End]:
         """Those of others that read a DDS topic."""
         return self._others(self._readers, topic)
 
-    def foreign(self) -> list[str]:
-        """A sentence for each program that uses other software for DDS than Cyclone, or talks DDS but is not ROS 2."""
-        sentences = []
-        for key in sorted(self._participants):
-            if key[:2] != CYCLONE:
-                vendor = _VENDORS.get(key[:2], f"DDS software of another vendor (number {key[:2].hex()})")
-                sentences.append(
-                    f"{self._called(key)} uses {vendor}: topics may arrive, services and actions do not. "
-                    "Start it with RMW_IMPLEMENTATION=rmw_cyclonedds_cpp, or use --ros rclpy here"
-                )
-        return sentences
+    def topics(self) -> list[str]:
+        """The topics of ROS (without those of services) on which others have something."""
+        found = {
+            topic
+            for known in (self._readers, self._writers)
+            for topic, ends in known.by_topic.items()
+            if any(end.participant[:12] != self._own for end in ends.values())
+        }
+        return sorted(name for topic in found if (name := names.ros_topic(topic)))
 
-    def _called(self, participant: bytes) -> str:
-        nodes = self._nodes.get(participant)
-        return f"the node {', '.join(nodes)}" if nodes else f"a program without named nodes ({participant[:12].hex()})"
+    def strangers(self) -> list[tuple[str, str]]:
+        """Programs that use other software for DDS than Cyclone, or talk DDS but are not ROS 2."""
+        return [
+            (", ".join(self._nodes.get(key, ())) or f"without named nodes ({key[:12].hex()})", key[:2].hex())
+            for key in sorted(self._participants)
+            if key[:2] != CYCLONE
+        ]
 
-    def _endpoint(self, known: dict[bytes, Endpoint], seen: Endpoint | Gone) -> None:
+    def _others(self, known: _Endpoints, topic: str) -> list[End]:
+        return [self._end(end) for end in known.on(topic) if end.participant[:12] != self._own]
+
+    def _end(self, end: Endpoint) -> End:
+        owner = self._owners.get(end.participant[:12], _NOBODY).get(end.key, "")
+        return End(owner, end.type, end.data.get("typehash", ""), end.key[:2].hex(), end.qos)
+
+
+_NOBODY: Mapping[bytes, str] = {}
+
+
+class _Endpoints:
+    """Those that read, or those that write."""
+
+    def __init__(self) -> None:
+        self.by_topic: dict[str, dict[bytes, Endpoint]] = {}
+        self._topics: dict[bytes, str] = {}
+
+    def take(self, seen: Endpoint | Gone) -> None:
+        before = self._topics.pop(seen.key, None)
+        if before is not None:
+            ends = self.by_topic[before]
+            del ends[seen.key]
+            if not ends:
+                del self.by_topic[before]
         if isinstance(seen, Endpoint):
-            known[seen.key] = seen
-        else:
-            known.pop(seen.key, None)
+            self._topics[seen.key] = seen.topic
+            self.by_topic.setdefault(seen.topic, {})[seen.key] = seen
 
-    def _others(self, known: dict[bytes, Endpoint], topic: str) -> list[Endpoint]:
-        return [end for end in known.values() if end.topic == topic and end.participant[:12] != self._own]
+    def on(self, topic: str) -> list[Endpoint]:
+        return list(self.by_topic.get(topic, {}).values())

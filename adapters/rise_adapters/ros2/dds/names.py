@@ -9,6 +9,11 @@ def topic(name: str) -> str:
     return f"rt{name}"
 
 
+def ros_topic(name: str) -> str:
+    """The other way; empty when it is none of ROS, or one of a service."""
+    return name[2:] if name.startswith("rt/") else ""
+
+
 def request(service: str) -> str:
     return f"rq{service}Request"
 

@@ -1,7 +1,7 @@
 """ROS 2 without a ROS installation: the port over Cyclone DDS (the `cyclonedds` wheel), as rmw_cyclonedds speaks it.
 
 Nodes on the other side must use `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp`. With another, topics may arrive, but services,
-and with them actions, do not (`DdsTransport.foreign` says who does).
+and with them actions, do not (`DdsTransport.strangers` says who does).
 
 How fast a death is noticed is announced by the one who may die: the nodes of this transport do it with `lease`; others
 need `<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10 seconds. One
@@ -29,7 +29,7 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 
-from rise_adapters.ros2 import ros_args
+from rise_adapters.ros2 import ros_args, vendors
 from rise_adapters.ros2.dds import domain as domains
 from rise_adapters.ros2.dds import graph, names
 from rise_adapters.ros2.dds.entities import Writer, delete, make_reader, policies
@@ -37,7 +37,7 @@ from rise_adapters.ros2.dds.idl import IdlTypes
 from rise_adapters.ros2.dds.reading import Reading
 from rise_adapters.ros2.dds.services import DdsClient, DdsServer
 from rise_adapters.ros2.names import Names
-from rise_adapters.ros2.port import RELIABLE, Message, PortError, QoS, Reply
+from rise_adapters.ros2.port import RELIABLE, End, Message, PortError, QoS, Reply
 from rise_adapters.ros2.types import Codec, Types
 
 _T = TypeVar("_T")
@@ -93,6 +93,7 @@ class DdsTransport:
                 "use (CYCLONEDDS_URI), and are there fewer programs of ROS on this machine than it allows?"
             ) from None
         self.node = self._names.node
+        self.vendor = vendors.CYCLONE
         self.about = f"dds, Cyclone DDS {version('cyclonedds')} without ROS, domain {number}"
         self._gid = self._participant.guid.bytes
         self._closed = False
@@ -157,18 +158,27 @@ class DdsTransport:
         except PortError:
             return ""
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        """As the port says. For a service the pair is that of its request: `PKG/srv/NAME_Request`."""
-        full = self.resolve(name)
-        ends = [*self._graph.writers(names.topic(full)), *self._graph.readers(names.request(full))]
-        return [(end.type, end.data.get("typehash", "")) for end in ends]
+    def publisher_ends(self, topic: str) -> list[End]:
+        return self._graph.writers(names.topic(self.resolve(topic)))
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        return self._graph.readers(names.topic(self.resolve(topic)))
+
+    def server_ends(self, service: str) -> list[End]:
+        full = self.resolve(service)
+        return [*self._graph.readers(names.request(full)), *self._graph.writers(names.reply(full))]
+
+    def topics(self) -> list[str]:
+        return self._graph.topics()
 
     def nodes(self) -> list[str]:
         return self._graph.nodes()
 
-    def foreign(self) -> list[str]:
-        """A sentence about each program that can be seen but not be talked to as ROS wants it."""
-        return self._graph.foreign()
+    def strangers(self) -> list[tuple[str, str]]:
+        return self._graph.strangers()
+
+    def clients_of(self, service: str) -> list[str]:
+        return self._graph.writing(names.request(self.resolve(service)))
 
     def lost(self) -> str:
         return "the transport is closed" if self._closed else self.reading.failed
@@ -268,7 +278,10 @@ class DdsTransport:
             self._graph.named(
                 message["gid"]["data"],
                 [
-                    f"{node['node_namespace'].rstrip('/')}/{node['node_name']}"
+                    (
+                        f"{node['node_namespace'].rstrip('/')}/{node['node_name']}",
+                        [gid["data"] for key in ("reader_gid_seq", "writer_gid_seq") for gid in node[key]],
+                    )
                     for node in message["node_entities_info_seq"]
                 ],
             )
@@ -327,6 +340,9 @@ class DdsSubscription:
         self._codec = codec
         self._handler = taken
         self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
+
+    def publishers(self) -> int:
+        return len(self._reader.get_matched_publications()) if self._remove is not None else 0
 
     def close(self) -> None:
         if self._remove is not None:

@@ -30,14 +30,15 @@ from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
 from rise_adapters.ros2.face import diagnostics
 from rise_adapters.ros2.face.portions import Portions
 from rise_adapters.ros2.face.record_topics import RecordTopics, as_json
-from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport
+from rise_adapters.ros2.neighbours import Neighbours
+from rise_adapters.ros2.port import SEND_GOAL, Message, PortError, QoS, Reply, Transport, action_topic
 from rise_engine.clock import RealClock
 from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, TaskRecord
 from rise_engine.link import client as link
 from rise_engine.link.messages import MESSAGE_LIMIT
-from rise_engine.link.room import Room
+from rise_engine.link.room import Member, Room
 from rise_engine.link.server import LagMeter
 from rise_engine.view import MemoryView
 
@@ -47,7 +48,7 @@ DOMAIN_TASK, DOMAIN_TASK_TYPE = "rise/domain_task", "rise_interfaces/action/Doma
 GET_MEMORY, GET_MEMORY_TYPE = "rise/get_memory", "rise_interfaces/srv/GetMemory"
 
 SOURCE = "ros:domain_task"
-"""The source of tasks that came as goals. Which node sent a goal, ROS does not say."""
+"""The source of tasks that came as goals. Which node sent a goal, ROS does not say; who releases a stop says it."""
 
 UNDECIDED = 1000
 """Goals that wait to be taken, or for the disk, at most."""
@@ -55,6 +56,10 @@ OPEN = 1000
 """Acts and rules that goals have started and that have not ended, at most."""
 GOODBYE_SECONDS = 1.0
 """For what is still to be published at the end."""
+REFUSALS_NOTED = 100
+"""Different refusals to release a stop that come to the record at most."""
+KNOWN_SECONDS, KNOWN_LOOK = 1.0, 0.05
+"""For which a node that releases a stop may still be unknown: its goal can be here before word of its name is."""
 FETCH_SECONDS, FETCH_LOOK = 0.5, 0.01
 """For which results of goals that end with the session wait to be asked for."""
 GONE = "the session is not on ROS any more"
@@ -64,6 +69,8 @@ class _Asked(Struct):
     """What is known about a goal's task."""
 
     id: int = 0
+    source: str = SOURCE
+    """Under which it was submitted."""
     accepted: bool = False
     records: list[TaskRecord] = field(default_factory=list)
     """Those that came before the goal was accepted."""
@@ -72,16 +79,20 @@ class _Asked(Struct):
 class Face:
     """One session's face. All methods belong to the engine's loop."""
 
-    def __init__(self, transport: Transport, room: Room) -> None:
-        """Make it before the engine starts, so that it misses no record, inside the running loop.
+    def __init__(
+        self, transport: Transport, room: Room, neighbours: Neighbours | None = None, *, rosout: bool = True
+    ) -> None:
+        """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
+        sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
 
         Raises PortError when the transport does not have the types of `rise_interfaces`.
         """
         self._transport = transport
         self._room = room
+        self._neighbours = neighbours
         self._loop = asyncio.get_running_loop()
         self._member = room.attach("domain_task", "node", SOURCE)
-        self._topics = RecordTopics(transport, room, self._member.source)
+        self._topics = RecordTopics(transport, room, self._member.source, rosout=rosout)
         self._moves: deque[Callable[[], object]] = deque()
         """What has become of goals and is still to be told to their clients."""
         self._cancels: deque[tuple[ServerGoal, Decide]] = deque()
@@ -94,6 +105,8 @@ class Face:
         self._parting: list[ServerGoal] = []
         """Those that have ended because the session, or this, has."""
         self._refused = 0
+        self._refused_releases: set[str] = set()
+        """What the record says already."""
         self._dropped = 0
         self._closed = False
         self._portions = Portions(
@@ -160,16 +173,55 @@ class Face:
 
     def _submit(self, goal: ServerGoal) -> None:
         submit = _submit_of(goal)
+        if submit.function == "releaseStop":
+            self._release(goal, self._loop.time() + KNOWN_SECONDS)
+            return
         if submit.function.startswith("start") and len(self._running) >= OPEN:
             self._refuse(goal, f"{OPEN:,} tasks that came as goals are running or waiting already")
             return
-        goal.data = _Asked()
+        self._send(goal, submit, self._member)
+
+    def _send(self, goal: ServerGoal, submit: Submit, member: Member) -> None:
+        goal.data = _Asked(source=member.source)
         self._submitted[goal.hex] = goal
         try:
-            self._room.send(self._member, submit, partial(self._answered, goal))
+            self._room.send(member, submit, partial(self._answered, goal))
         except Exception as error:  # the engine's own failure, which ends the session
             if self._submitted.pop(goal.hex, None) is not None:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
+
+    def _release(self, goal: ServerGoal, until: float) -> None:
+        """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
+        says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
+        if goal.decided:
+            return
+        who = str(goal.message["domain_task_behavior"]).strip()
+        named = self._room.engine.scenario.may_release
+        action = action_topic(self._transport.resolve(DOMAIN_TASK), SEND_GOAL)
+        if not who.startswith("/") or who not in named:
+            reason = "a stop is released by who holds control, "
+            reason += f"or by {', '.join(named)}" if named else "or by a node that scenario.toml names"
+            if not who:
+                reason += "; a node says who it is: domain_task_behavior is its full name"
+            elif not named:
+                reason += f': [control] may_release = ["{who if who.startswith("/") else f"/{who}"}"]'
+            else:
+                reason += f", and not by {who}"
+        elif who in self._transport.clients_of(action):
+            member = self._room.attach(who.rpartition("/")[2], "node", f"ros:{who}")
+            self._send(goal, Submit(function="releaseStop", ref=goal.hex), member)
+            self._loop.call_soon(self._room.leave, member)
+            return
+        elif self._loop.time() < until and not self._closed:
+            self._loop.call_later(KNOWN_LOOK, self._release, goal, until)
+            return
+        else:
+            reason = f"it says that it is {who}, and no node of that name uses {self._transport.resolve(DOMAIN_TASK)}"
+        self._refuse(goal, reason)
+        text = f"a node asked to release the stop and may not: {reason}"
+        if text not in self._refused_releases and len(self._refused_releases) < REFUSALS_NOTED:
+            self._refused_releases.add(text)
+            self._room.send(self._member, Note(text=text), _nobody)
 
     def _answered(self, goal: ServerGoal, reply: link.Reply) -> None:
         """May be called in a step; so may what follows it, because nothing of it comes back at once."""
@@ -222,7 +274,7 @@ class Face:
         goal = self._running.get(record.id)
         if goal is None:
             goal = self._submitted.get(record.ref) if record.ref is not None else None
-            if goal is None or record.source != self._member.source:
+            if goal is None or record.source != _asked(goal).source:
                 return
             _asked(goal).id = record.id
         asked = _asked(goal)
@@ -327,11 +379,14 @@ class Face:
 
     def _status(self) -> Message:
         topics, lost = self._topics, self._transport.lost()
+        others = self._neighbours.others if self._neighbours is not None else []
         level, message = diagnostics.OK, self._transport.about
         if lost:
             level, message = diagnostics.ERROR, lost
         elif topics.trouble:
             level, message = diagnostics.ERROR, f"records are not published: {topics.trouble}"
+        elif others:
+            level, message = diagnostics.WARN, f"another session has the same names: {others[0]}"
         elif topics.dropped > self._dropped:
             level, message = diagnostics.WARN, "records come faster than they can be published; some are missing"
         values = {
@@ -342,6 +397,7 @@ class Face:
             "goals refused": self._refused,
             "records waiting": topics.waiting,
             "records dropped": topics.dropped,
+            "other sessions": len(others),
         }
         return diagnostics.status(self._room, "ros", level, message, values)
 

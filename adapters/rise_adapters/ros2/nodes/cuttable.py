@@ -5,7 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_adapters.ros2.port import RELIABLE, Client, Handle, Message, Publisher, QoS, Reply, Transport
+from rise_adapters.ros2.port import (
+    RELIABLE,
+    Client,
+    End,
+    Handle,
+    Message,
+    Publisher,
+    QoS,
+    Reply,
+    Subscription,
+    Transport,
+)
 
 
 class CuttableTransport:
@@ -16,6 +27,7 @@ class CuttableTransport:
         self._open: set[Handle] = set()
         self.cut_off = False
         self.kind, self.about, self.node = transport.kind, transport.about, transport.node
+        self.vendor = transport.vendor
 
     def cut(self) -> None:
         """Take back everything that was offered, without a word."""
@@ -33,8 +45,10 @@ class CuttableTransport:
         self._open.add(publisher)
         return _Publisher(self, publisher)
 
-    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Handle:
-        return self._handle(self._transport.subscribe(topic, type, taken, qos))
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Subscription:
+        subscription = self._transport.subscribe(topic, type, taken, qos)
+        self._open.add(subscription)
+        return _Subscription(self, subscription)
 
     def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle:
         def heard(request: Message, reply: Reply) -> None:
@@ -61,11 +75,26 @@ class CuttableTransport:
     def type_hash(self, type: str) -> str:
         return self._transport.type_hash(type)
 
-    def remote_types(self, name: str) -> list[tuple[str, str]]:
-        return self._transport.remote_types(name)
+    def publisher_ends(self, topic: str) -> list[End]:
+        return self._transport.publisher_ends(topic)
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        return self._transport.subscriber_ends(topic)
+
+    def server_ends(self, service: str) -> list[End]:
+        return self._transport.server_ends(service)
+
+    def topics(self) -> list[str]:
+        return self._transport.topics()
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return self._transport.strangers()
 
     def nodes(self) -> list[str]:
         return self._transport.nodes()
+
+    def clients_of(self, service: str) -> list[str]:
+        return self._transport.clients_of(service)
 
     def lost(self) -> str:
         return self._transport.lost()
@@ -80,6 +109,15 @@ class _Handle:
 
     def close(self) -> None:
         self._home.drop(self._handle)
+
+
+class _Subscription(_Handle):
+    def __init__(self, home: CuttableTransport, subscription: Subscription) -> None:
+        super().__init__(home, subscription)
+        self._subscription = subscription
+
+    def publishers(self) -> int:
+        return 0 if self._home.cut_off else self._subscription.publishers()
 
 
 class _Publisher(_Handle):

@@ -1,5 +1,6 @@
 """Feature node: hears what the person looks at, and raises `/gaze/TARGET` when they have looked at it for a while;
-`/gaze/nothing` when they have looked at nothing for longer. (The gaze node of the RISE paper, section 5.1.2.)
+`/gaze/nothing` when they have looked at nothing for longer. A blink or a glance elsewhere that is shorter than the gap
+does not end a look. (The gaze node of the RISE paper, section 5.1.2.)
 
     python -m rise_adapters.ros2.nodes.gaze_trigger --dwell 0.8                     # names, as std_msgs/String
     python -m rise_adapters.ros2.nodes.gaze_trigger --region robot=0,0,1.2,0.3      # points, as PointStamped
@@ -11,8 +12,9 @@ from __future__ import annotations
 
 import asyncio
 from argparse import ArgumentTypeError, Namespace
-from math import dist
+from math import dist, inf
 
+from rise_adapters.ros2.nodes.hearing import hear
 from rise_adapters.ros2.nodes.running import node_parser, run_node
 from rise_adapters.ros2.nodes.session import SessionClient, SessionGoneError
 from rise_adapters.ros2.port import Message, Transport
@@ -25,6 +27,7 @@ class Region:
     """`robot=0,0,1.2,0.3`: a ball around x, y, z with a radius, all in metres in the frame of the points."""
 
     def __init__(self, text: str) -> None:
+        self.text = text
         self.name, _, numbers = text.partition("=")
         try:
             *self.centre, self.radius = map(float, numbers.split(","))
@@ -33,19 +36,65 @@ class Region:
         if not self.name or len(self.centre) != 3:
             raise ArgumentTypeError(f"{text!r} is not of the form NAME=X,Y,Z,RADIUS")
 
+    def __str__(self) -> str:
+        return self.text
+
     def holds(self, point: Message) -> bool:
         return dist(self.centre, (point["x"], point["y"], point["z"])) <= self.radius
 
 
-class GazeTrigger:
-    """`target` is what the person looks at; each look at it raises one event, once it has lasted."""
+class Dwell:
+    """When a look has lasted. All times are seconds on one clock, whichever."""
 
-    def __init__(self, session: SessionClient, dwell: float, away: float, regions: list[Region]) -> None:
-        self.session, self.dwell, self.away, self.regions = session, dwell, away, regions
+    def __init__(self, dwell: float, gap: float, away: float) -> None:
+        self.dwell, self.gap, self.away = dwell, gap, away
         self.target, self.since = NOTHING, 0.0
-        self.last = 0.0
-        """When the last message came; after `away` seconds of silence nobody is there."""
-        self.raised = NOTHING
+        """What is looked at, and since when."""
+        self._else: tuple[str, float] | None = None
+        """What is seen instead since when, as long as it may be a blink ..."""
+        self._left = 0.0
+        """... and since when the look is interrupted."""
+        self._last = 0.0
+        """When the last word came; after `away` seconds of silence nobody is there."""
+        self._raised = NOTHING
+
+    def see(self, target: str, now: float) -> None:
+        """The person looks there now."""
+        self.pass_time(now)
+        self._last = now
+        if target == self.target:
+            self._else = None
+        elif self.target == NOTHING or not self.gap:
+            self._turn(target, now)
+        elif self._else is None or self._else[0] != target:
+            self._left = now if self._else is None else self._left
+            self._else = (target, now)
+
+    def pass_time(self, now: float) -> None:
+        """What becomes of the look as time goes on."""
+        if self._else is not None and now - self._left >= self.gap:
+            self._turn(*self._else)
+        if self.target != NOTHING and now - self._last > self.away:
+            self._turn(NOTHING, self._last)
+
+    def lasted(self, now: float) -> str:
+        """What has been looked at for long enough just now, once for each look; else empty."""
+        self.pass_time(now)
+        needed = self.away if self.target == NOTHING else self.dwell
+        if self._else is not None or self.target == self._raised or now - self.since < needed:
+            return ""
+        self._raised = self.target
+        return self._raised
+
+    def _turn(self, target: str, since: float) -> None:
+        self.target, self.since, self._else = target, since, None
+
+
+class GazeTrigger:
+    """Each look raises one event, once it has lasted."""
+
+    def __init__(self, session: SessionClient, dwell: Dwell, regions: list[Region]) -> None:
+        self.session, self.dwell, self.regions = session, dwell, regions
 
     def take_name(self, message: Message) -> None:
         self.look(message["data"].strip().strip("/") or NOTHING)
@@ -54,35 +103,38 @@ class GazeTrigger:
         self.look(next((region.name for region in self.regions if region.holds(message["point"])), NOTHING))
 
     def look(self, target: str) -> None:
-        self.last = asyncio.get_running_loop().time()
-        if target != self.target:
-            self.target, self.since = target, self.last
+        self.dwell.see(target, asyncio.get_running_loop().time())
 
     async def work(self) -> None:
         while True:
             await asyncio.sleep(_LOOK_SECONDS)
             now = asyncio.get_running_loop().time()
-            if self.target != NOTHING and now - self.last > self.away:
-                self.target, self.since = NOTHING, self.last
-            needed = self.away if self.target == NOTHING else self.dwell
-            if self.target == self.raised or now - self.since < needed:
+            target = self.dwell.lasted(now)
+            if not target:
                 continue
-            self.raised = self.target
-            print(f"/gaze/{self.raised}, after {now - self.since:.1f} s")
+            print(f"/gaze/{target}, after {now - self.dwell.since:.1f} s")
             try:
-                await self.session.raise_event(f"/gaze/{self.raised}")
+                await self.session.raise_event(f"/gaze/{target}")
             except SessionGoneError as error:
                 print(f"the event came to nothing: {error}")
 
 
 async def work(transport: Transport, options: Namespace) -> None:
-    trigger = GazeTrigger(SessionClient(transport), options.dwell, options.away, options.region)
+    dwell = Dwell(options.dwell, options.gap, options.away)
+    trigger = GazeTrigger(SessionClient(transport), dwell, options.region)
     if options.region:
-        transport.subscribe(options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
+        hear(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
     else:
-        transport.subscribe(options.topic, "std_msgs/msg/String", trigger.take_name)
+        hear(transport, options.topic, "std_msgs/msg/String", trigger.take_name)
     print(f"watching {transport.resolve(options.topic)} ({transport.about})")
     await trigger.work()
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0 <= seconds < inf:
+        raise ValueError
+    return seconds
 
 
 def main() -> None:
@@ -91,8 +143,11 @@ def main() -> None:
     parser.add_argument(
         "--region", type=Region, action="append", default=[], metavar="NAME=X,Y,Z,RADIUS", help="metres; repeatable"
     )
-    parser.add_argument("--dwell", type=float, default=0.8, help="seconds that a look lasts (default: %(default)s)")
-    parser.add_argument("--away", type=float, default=10, help="seconds until nobody looks (default: %(default)s)")
+    parser.add_argument("--dwell", type=_seconds, default=0.8, help="seconds that a look lasts (default: %(default)s)")
+    parser.add_argument(
+        "--gap", type=_seconds, default=0.3, help="seconds of a blink, which ends no look (default: %(default)s)"
+    )
+    parser.add_argument("--away", type=_seconds, default=10.0, help="seconds until nobody looks (default: %(default)s)")
     run_node(parser, work)
 
 

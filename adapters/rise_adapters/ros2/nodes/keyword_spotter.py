@@ -12,6 +12,7 @@ import asyncio
 import re
 from argparse import ArgumentTypeError, Namespace
 
+from rise_adapters.ros2.nodes.hearing import hear
 from rise_adapters.ros2.nodes.running import node_parser, run_node
 from rise_adapters.ros2.nodes.session import SessionClient, SessionGoneError
 from rise_adapters.ros2.port import Message, Transport
@@ -21,10 +22,14 @@ class Keyword:
     """`hello,good morning=/H_greets`: words or phrases, and the event that each of them raises."""
 
     def __init__(self, text: str) -> None:
+        self.text = text
         phrases, equals, self.event = text.rpartition("=")
         self.phrases = [" ".join(words(phrase)) for phrase in phrases.split(",") if words(phrase)]
         if not equals or not self.event.strip() or not self.phrases:
             raise ArgumentTypeError(f"{text!r} is not of the form WORD,ANOTHER WORD=/EVENT")
+
+    def __str__(self) -> str:
+        return self.text
 
     def spotted(self, utterance: str) -> str | None:
         heard = f" {' '.join(words(utterance))} "
@@ -76,9 +81,9 @@ class KeywordSpotter:
 async def work(transport: Transport, options: Namespace) -> None:
     spotter = KeywordSpotter(SessionClient(transport), options.keyword, options.key, options.otherwise)
     if options.live_speech:
-        transport.subscribe(options.topic, "hri_msgs/msg/LiveSpeech", spotter.take_live_speech)
+        hear(transport, options.topic, "hri_msgs/msg/LiveSpeech", spotter.take_live_speech)
     else:
-        transport.subscribe(options.topic, "std_msgs/msg/String", spotter.take_string)
+        hear(transport, options.topic, "std_msgs/msg/String", spotter.take_string)
     print(f"listening to {transport.resolve(options.topic)} ({transport.about})")
     await spotter.work()
 

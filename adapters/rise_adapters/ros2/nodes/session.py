@@ -96,6 +96,11 @@ class SessionClient:
         """Start an act, and wait until it has ended."""
         return await self.submit("startCommunicationRobotAct", act, calling_type)
 
+    async def release_stop(self) -> TaskResult:
+        """Release a stop: for a node that the scenario names, [control] may_release = ["/supervisor"]; others are
+        refused."""
+        return await self.submit("releaseStop", self._transport.node)
+
     async def memory(self, key: str, otherwise: Any = None) -> Any:
         """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""
         await self._until(self._memory.servers, "no session offers rise/get_memory")

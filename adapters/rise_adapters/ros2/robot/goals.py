@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 from uuid import uuid4
@@ -26,10 +27,13 @@ from rise_adapters.ros2.action_client import (
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCELED,
+    CANCELING,
     SUCCEEDED,
     TERMINAL,
+    UNKNOWN,
     CancelAnswer,
 )
+from rise_adapters.ros2.ends import WORDS, several
 from rise_adapters.ros2.port import Message, PortError
 from rise_adapters.ros2.robot.parts import ActionPart, Part
 from rise_engine.kernel.acts import CANCEL_LIMIT
@@ -61,6 +65,8 @@ CANCEL_MOST = CANCEL_LIMIT - 0.25
 """The kernel gives a cancel up after CANCEL_LIMIT; our word about it must be there before."""
 RESULT_GRACE = 2.0
 """Seconds that a result may come after the status topic has said that the goal is over."""
+UNKNOWN_GRACE = 0.3
+"""Seconds that the status topic may need to say how a goal has ended whose result the server has thrown away."""
 EARLY = 1e-5
 """Seconds that a timer may be early."""
 OVERDUE = 1.0
@@ -127,6 +133,10 @@ class ActionGoal:
         self._asked_at = 0.0
         self._over_since: float | None = None
         """Since when the status topic says that it is over."""
+        self._over_as = UNKNOWN
+        """How, in its words."""
+        self._unknown_since: float | None = None
+        """Since when the server says that it does not know it, which is decided about a moment later."""
         self._ending: Ending | None = None
         self._ended_at = 0.0
         # Cancelling, before or after the end:
@@ -135,11 +145,12 @@ class ActionGoal:
         self._cancel_by = inf
         self._cancel_next = inf
         self._cancels = 0
-        self._cancel_round = 0
-        """The server's appearance that `_cancels` counts for."""
+        self._cancel_round = -1
+        """The servers (`Presence.changes`) that `_cancels` counts for."""
         self._stopping = False
         """The server has said that it cancels it."""
-        self._refused = False
+        self._refused_at: float | None = None
+        """When the server did not let it be stopped for the first time."""
         self._open = False
         """It may be running on the robot."""
         self._noted: set[tuple[str, str]] = set()
@@ -148,7 +159,11 @@ class ActionGoal:
     # --- from the engine ----------------------------------------------------------------------------------------
 
     def cancel(self) -> None:
-        """Stop it. Before it was sent that is all; after that the server is asked as soon as it has accepted it."""
+        """Stop it. Before it was sent that is all; after that the server is asked as soon as it has accepted it. One
+        that has ended here, and may be going on there, is asked about once more."""
+        if self.phase == "ended" and self._open:
+            self._cancels = 0
+            self._ask_cancel()
         if self.phase == "ended" or self._cancel_wanted:
             return
         now = self._home.clock.now()
@@ -166,6 +181,11 @@ class ActionGoal:
         """Whether it may be running on the robot now, whatever the engine thinks of it."""
         return self._open
 
+    @property
+    def stopping(self) -> bool:
+        """Whether its server has said that it stops it."""
+        return self._stopping
+
     def matters(self) -> bool:
         """Whether it is still to be looked at: it has not ended, or it has to be stopped on the robot."""
         return self.phase != "ended" or self._cancel_next < inf
@@ -181,6 +201,8 @@ class ActionGoal:
             due = min(due, self._asked_at + ASK_AGAIN, self._cancel_next, self._silent_at())
             if self._over_since is not None:
                 due = min(due, self._over_since + RESULT_GRACE)
+            if self._unknown_since is not None:
+                due = min(due, self._unknown_since + UNKNOWN_GRACE)
         return due
 
     def look(self) -> None:
@@ -197,21 +219,22 @@ class ActionGoal:
 
     def _look_for_server(self, now: float) -> None:
         part = self.part
-        if part.ready:
+        part.examine()
+        if part.misfit:
+            self._end("failed", part.misfit)
+        elif part.ready:
             self._send()
         elif part.presence.count > 1 and (part.presence.twice_from_start or now >= self._deadline):
-            self._end(
-                "failed",
-                f"two-servers: {part.presence.count} servers offer {part.name}, and the robot would do it "
-                f"{part.presence.count} times; end all but one",
-            )
+            self._end("failed", f"two-servers: {several(part.presence.count, part.name)}; end all but one")
         elif now >= self._deadline:
             if self._sends:
                 why = f"what offers {part.name} went away {_times(self._sends)} before it took it"
-            elif part.presence.count:
+            elif part.presence.count and not part.presence.settled:
                 why = f"{part.name} comes and goes, {_times(part.presence.losses)} lately"
+            elif part.found.seen:
+                why = part.trouble
             else:
-                why = f"nothing offers {part.name}; is the robot's wrapper running?"
+                why = f"{part.trouble}; is the robot's wrapper running?"
             self._end("failed", f"server-missing: {why}")
 
     def _look_for_answer(self, now: float) -> None:
@@ -225,7 +248,9 @@ class ActionGoal:
 
     def _look_after(self, now: float) -> None:
         part, carrier = self.part, self._carrier
-        if now >= self._cancel_by:
+        if self._unknown_since is not None and now >= self._unknown_since + UNKNOWN_GRACE:
+            self._end_unknown()
+        elif now >= self._cancel_by:
             self._end_uncancelled()
         elif now >= self._deadline:
             self._end(
@@ -266,17 +291,19 @@ class ActionGoal:
             self._end("lost", f"server-gone: what offered {part.name} has gone away in the middle of it")
 
     def server_changed(self) -> None:
-        """There are more servers than before, or again one: was it restarted?"""
+        """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
         if self.phase == "running":
             self._ask_result()
-        elif self.phase == "ended" and self._open and self._cancel_round != self.part.presence.returns:
+        elif self.phase == "ended" and self._open:
             self._cancel_next = self._home.clock.now()
             self._home.changed(self)
 
     def lose(self, reason: str) -> None:
         """The robot is lost as a whole."""
         if self.phase == "waiting" and not self._sends:
-            self._end("failed", reason if reason.startswith("server-missing") else f"server-missing: {reason}")
+            self._end(
+                "failed", reason if reason.startswith(("server-missing", *WORDS)) else f"server-missing: {reason}"
+            )
         elif self.phase != "ended":
             self._end("lost", reason)
 
@@ -295,6 +322,8 @@ class ActionGoal:
         now = self._home.clock.now()
         if status is not None:
             self._heard = now
+        if status == CANCELING:
+            self.stops()
         if status is None:
             if self.phase == "running" and now >= self._asked_at + LOOK_AGAIN:
                 self._ask_result()
@@ -302,8 +331,10 @@ class ActionGoal:
             if self._unanswered():
                 self._accept()
             if self.phase == "running" and self._over_since is None:
-                self._over_since = now
-                if now >= self._asked_at + LOOK_AGAIN:
+                self._over_since, self._over_as = now, status
+                if self._unknown_since is not None:
+                    self._end_unknown()
+                elif now >= self._asked_at + LOOK_AGAIN:
                     self._ask_result()
                 self._home.changed(self)
             elif self.phase == "ended":
@@ -312,6 +343,11 @@ class ActionGoal:
             self._accept()
         elif status and self.phase == "ended" and self._accepted is None:
             self._accepted_late()
+
+    def stops(self) -> None:
+        """Its server has said that it stops it, whoever asked for that."""
+        self._stopping = True
+        self._refused_at = None
 
     # --- sending ------------------------------------------------------------------------------------------------
 
@@ -386,12 +422,13 @@ class ActionGoal:
         self._asks += 1
         self._asked_at = self._home.clock.now()
         try:
-            self.part.client.get_result(self.id, self._result)
+            self.part.client.get_result(self.id, partial(self._result, self.part.presence.changes))
         except PortError as error:
             _LOG.debug("the result of %s could not be asked for: %s", self.action, error)
         self._home.changed(self)
 
-    def _result(self, status: int, result: Message) -> None:
+    def _result(self, asked_of: int, status: int, result: Message) -> None:
+        """`asked_of`: the servers that there were when it was asked for (`Presence.changes`)."""
         self._results += 1
         if self._results > self._asks:
             self._note(
@@ -406,7 +443,11 @@ class ActionGoal:
                     "result",
                 )
             self._result_taken = self._result_taken or status in TERMINAL
-            self._settle()
+            if status in TERMINAL or self._only(asked_of):
+                self._settle()
+            return
+        if status not in TERMINAL:  # UNKNOWN, or what no result can have: never a success by itself
+            self._unknown(asked_of)
             return
         self._result_taken = True
         self._open = False
@@ -415,15 +456,48 @@ class ActionGoal:
         elif status == CANCELED:
             asked = self._cancel_wanted
             self._end("canceled", "" if asked else f"canceled: somebody else stopped it at {self.part.name}")
-        elif status == ABORTED:
+        else:
             why = self._said(self._carrier.reason, result) or "the robot gave it up and did not say why"
             self._end("failed", f"aborted: {why}")
-        else:  # UNKNOWN, or what no result can have: never a success
-            self._open = self.part.presence.count > 1  # another one may have it
-            self._end(
-                "lost",
-                f"server-restarted: {self.part.name} does not know it any more; was the robot's wrapper restarted?",
-            )
+
+    def _only(self, asked_of: int) -> bool:
+        """Whether what was asked of the servers of then was answered by the only one that there is."""
+        presence = self.part.presence
+        return presence.count == 1 and presence.changes == asked_of
+
+    def _unknown(self, asked_of: int) -> None:
+        """The server does not know it: one that was restarted, or that keeps no results. The latter's status topic says
+        how it ended, perhaps a moment later."""
+        presence = self.part.presence
+        if presence.changes != asked_of:
+            return  # whoever is there now has been asked since
+        if self._over_since is not None:
+            self._end_unknown()
+        elif presence.count > 1:
+            self._result_taken = True
+            self._end("lost", self._restarted())  # another one may have it, and is told to stop
+        elif self._unknown_since is None:
+            self._unknown_since = self._home.clock.now()
+            self._home.changed(self)
+
+    def _end_unknown(self) -> None:
+        """It is over there, and nobody has its result."""
+        self._result_taken = True
+        self._open = False
+        gone = f"{self.part.name} did not keep its result (its result_timeout is too short)"
+        if self._over_as == SUCCEEDED and self._cancel_wanted:
+            self._end("succeeded", f"succeeded-during-cancel: {gone}")
+        elif self._over_as == SUCCEEDED:
+            self._end("succeeded", f"result-not-kept: it says that it succeeded, and {gone}")
+        elif self._over_as == CANCELED:
+            self._end("canceled", "" if self._cancel_wanted else f"canceled: somebody else stopped it; {gone}")
+        elif self._over_as == ABORTED:
+            self._end("failed", f"aborted: why is not known; {gone}")
+        else:
+            self._end("lost", self._restarted())
+
+    def _restarted(self) -> str:
+        return f"server-restarted: {self.part.name} does not know it any more; was the robot's wrapper restarted?"
 
     def _succeeded(self, result: Message) -> None:
         wrong = self._said(self._carrier.error, result)
@@ -457,8 +531,8 @@ class ActionGoal:
 
     def _ask_cancel(self) -> None:
         presence = self.part.presence
-        if self._cancel_round != presence.returns:
-            self._cancel_round = presence.returns
+        if self._cancel_round != presence.changes:
+            self._cancel_round = presence.changes
             self._cancels = 0
         if not presence.count:
             self._cancel_next = inf  # `server_changed` comes when it is back
@@ -473,37 +547,53 @@ class ActionGoal:
             self._cancels += 1
             self._cancel_next = self._home.clock.now() + LOOK_AGAIN
             try:
-                self.part.client.cancel(self.id, self._cancel_answered)
+                self.part.client.cancel(self.id, partial(self._cancel_answered, presence.changes))
             except PortError as error:
                 _LOG.debug("%s could not be cancelled: %s", self.action, error)
         self._home.changed(self)
 
-    def _cancel_answered(self, answer: CancelAnswer) -> None:
+    def _cancel_answered(self, asked_of: int, answer: CancelAnswer) -> None:
+        """`asked_of`: the servers that there were when it was asked (`Presence.changes`)."""
         if self.id in answer.goals:
-            self._stopping = True
+            self.stops()
             self._cancel_next = inf
             if not self._asks:
                 self._ask_result()
         elif answer.code in (CANCEL_NONE, CANCEL_REJECTED):
-            # A goal that ends at this very moment is answered the same way; its result will tell.
-            if self._open and not self._stopping:
-                self._refused = True
-                self._note("cancel-refused", f"{self.part.name} does not stop {self.action}; it goes on")
+            self._refuse()
         elif self.phase == "ended":  # the server does not have it, or it is over
-            self._cancel_next = inf
-            if answer.code == CANCEL_TERMINATED or not self.part.presence.count > 1:
+            status = self.part.client.statuses.get(self.id, UNKNOWN)
+            if answer.code == CANCEL_TERMINATED:
+                # rcl says this also of a goal that it is cancelling already; then its end is still to come.
+                self._cancel_next = inf
+                if status != CANCELING:
+                    self._settle()
+            elif self._only(asked_of):
                 self._settle()
+            elif self.part.presence.changes == asked_of:
+                self._cancel_next = inf  # one of several; `server_changed` comes when only one is left
         elif self.phase == "running":
             self._cancel_next = inf
             self._ask_result()  # it has ended, or the server has forgotten it: both come as a result
         self._home.changed(self)
+
+    def _refuse(self) -> None:
+        """The server does not let it be stopped; or it is at it already, or over at this very moment, which is answered
+        the same way. Only one who says so again a while later has refused."""
+        if not self._open or self._stopping:
+            return
+        now = self._home.clock.now()
+        if self._refused_at is None:
+            self._refused_at = now
+        elif now >= self._refused_at + LOOK_AGAIN / 2:
+            self._note("cancel-refused", f"{self.part.name} does not stop {self.action}; it goes on")
 
     def _end_uncancelled(self) -> None:
         """It was to be stopped and was not."""
         part, seconds = self.part, min(self._carrier.deadlines.cancel, CANCEL_MOST)
         if self._stopping:
             self._end("lost", f"cancel-unconfirmed: {part.name} said that it stops, and did not within {seconds:g} s")
-        elif self._refused:
+        elif self._refused_at is not None:
             self._end("failed", f"cancel-refused: {part.name} did not let it be stopped; it may still be going on")
         else:
             part.unanswered()

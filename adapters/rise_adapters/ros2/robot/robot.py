@@ -9,9 +9,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Mapping
 from functools import partial
+from itertools import cycle
 from math import inf
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from rise_adapters.ros2 import ends
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.port import Message, PortError, Transport
 from rise_adapters.ros2.robot.goals import EARLY, ActionGoal, Ending
@@ -72,6 +74,8 @@ class Ros2Robot:
         """How the robot stood when that was reported last."""
         self._grace_until = inf
         self._seen: float | None = None
+        self._uncompared: set[str] = set()
+        """Names of parts that do not say what their types are, which was said already."""
         self._closed = False
         self._use(transport)
 
@@ -88,12 +92,20 @@ class Ros2Robot:
                 made[name, carrier.type] = self._make_part(carrier, label[name])
             self._carried[carrier.name, carrier.type] = made[name, carrier.type]
         self._parts = tuple(made.values())
+        self._turn = cycle(self._parts)
 
     def _make_part(self, carrier: Carrier, label: str) -> Part:
         if carrier.kind == "topic":
-            return TopicPart(label, self._transport, carrier.name, carrier.type, self.clock)
-        client = ActionClient(self._transport, carrier.name, carrier.type, now=self.clock.now)
-        part = ActionPart(label, client, self.clock)
+            return TopicPart(label, self._transport, carrier, self.clock)
+        client = ActionClient(
+            self._transport,
+            carrier.name,
+            carrier.type,
+            now=self.clock.now,
+            feedback=carrier.feedback_qos,
+            status=carrier.status_qos,
+        )
+        part = ActionPart(label, client, self._transport, carrier, self.clock)
         client.on_feedback = self._feedback
         client.on_status = partial(self._status, part)
         return part
@@ -160,7 +172,7 @@ class Ros2Robot:
                 reset = carrier.reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     part.say(reset)
-        self._stop = stop = StopAll(self.clock, self._parts, self._running_at, self._stopped)
+        self._stop = stop = StopAll(self.clock, self._parts, self, self._stopped)
         stop.begin()
 
     def seen(self) -> float | None:
@@ -223,6 +235,12 @@ class Ros2Robot:
         if self._stop is not None:
             self._stop.look()
 
+    # --- what stopping everything needs ---------------------------------------------------------------------------
+
+    def ours(self, part: ActionPart) -> Mapping[bytes, ActionGoal]:
+        """Our goals at a server that are remembered."""
+        return {id: goal for id, goal in self._by_id.items() if goal.part is part}
+
     # --- looking ------------------------------------------------------------------------------------------------
 
     def _arm(self) -> None:
@@ -259,14 +277,19 @@ class Ros2Robot:
         self._arm()
 
     def _look_at_parts(self, parts: Iterable[Part] | None = None) -> None:
-        """See which servers are there (of all parts, unless some are named), and tell their goals."""
+        """See which servers are there (of all parts, unless some are named), and tell their goals. What appears or
+        changes is compared with what the profile says; one part is each time, because a program can be replaced by
+        another one between two looks."""
         lost = bool(self._transport.lost())
         news: list[tuple[Part, bool]] = []
+        turn = next(self._turn, None) if parts is None else None
         for part in self._parts if parts is None else parts:
             before = part.presence.count
             gone = part.look(0 if lost else None)
             if part.presence.count != before:
                 news.append((part, gone))
+            if not lost and (part is turn or part.presence.count != before or not part.found.whole):
+                self._examine(part)
         if not news:
             return
         if self._told is not None and self._standing()[0] == "lost":
@@ -281,25 +304,41 @@ class Ros2Robot:
         if self._stop is not None:
             self._stop.look()
 
+    def _examine(self, part: Part) -> None:
+        part.examine()
+        unknown = part.found.unannounced or not part.found.whole
+        if unknown and part.presence.settled and part.compared and part.name not in self._uncompared:
+            self._uncompared.add(part.name)
+            self.note(part, ends.uncompared(part.name))
+
     # --- how the robot stands -----------------------------------------------------------------------------------
 
     def _standing(self) -> Standing:
         if self._transport.lost():
             return "lost", frozenset()
-        wrong = frozenset((part.label, part.fault) for part in self._parts if part.fault)
-        if wrong and all(part.fault == "missing" for part in self._parts):
+        wrong = frozenset((part.label, part.word or part.fault) for part in self._parts if part.fault)
+        if wrong and all(map(self._useless, self._parts)):
             return "lost", wrong
         return ("degraded" if wrong else "connected"), wrong
+
+    def _useless(self, part: Part) -> bool:
+        """Nothing can be sent to it, and it does nothing of ours. (Beside what is doing something another program may
+        have appeared that does not fit.)"""
+        if part.fault == "unfit":
+            return not any(goal.part is part and goal.phase == "running" for goal in self._live.values())
+        return part.fault == "missing"
 
     def _tell(self) -> None:
         """Report how the robot stands, when that has changed."""
         standing = self._standing()
         status = standing[0]
         if self._told is None:
-            early = self.clock.now() + EARLY < self._grace_until
+            early = self.clock.now() + EARLY < self._grace_until and any(
+                part.fault == "missing" for part in self._parts
+            )
             if early and status != "connected" and not self._transport.lost():
                 return  # not everything has been discovered yet
-        elif standing == self._told or status == self._told[0] == "lost":
+        elif standing == self._told or (status == self._told[0] == "lost" and _unfit(standing) == _unfit(self._told)):
             return
         detail = self._detail(status)
         if status == "lost":
@@ -314,10 +353,19 @@ class Ros2Robot:
             return f"the connection to ROS is gone: {why}"
         if status == "connected":
             return f"{self._profile.title} on ROS 2 ({self._transport.about})"
-        trouble = "; ".join(part.trouble for part in self._parts if part.fault)
+        misfits = [misfit for part in self._parts for misfit in part.found.all]
+        trouble = "; ".join(
+            [
+                *([ends.together(misfits)] if misfits else []),
+                *(part.trouble for part in self._parts if part.fault not in ("", "unfit", "unheard")),
+            ]
+        )
         if status == "degraded":
             return trouble
         # What to do comes first: on a small screen the rest is cut.
+        if misfits:
+            word = misfits[0].word
+            return f"{word}: {self._profile.title} {ends.IN_SHORT[word]} ({trouble})"
         if any(part.presence.ever for part in self._parts):
             return f"server-gone: the program of {self._profile.title} has gone; start it again ({trouble})"
         return f"server-missing: {self._profile.title} is not there; is its wrapper running? ({trouble})"
@@ -351,11 +399,6 @@ class Ros2Robot:
 
     # --- small things -------------------------------------------------------------------------------------------
 
-    def _running_at(self, part: ActionPart, known: set[bytes]) -> set[bytes]:
-        """Of the goals `known` to a server and of ours there, those that may be running."""
-        ours = {id for id, goal in self._by_id.items() if goal.part is part}
-        return {id for id in ours if self._by_id[id].open} | (known - ours)
-
     def _stopped(self, report: StopReport) -> None:
         self._stop = None
         self._report(report)
@@ -370,6 +413,10 @@ class Ros2Robot:
                 if isinstance(goal, ActionGoal):
                     del self._by_id[goal.id]
                 return
+
+
+def _unfit(standing: Standing) -> frozenset[tuple[str, str]]:
+    return frozenset(each for each in standing[1] if each[1] in ends.WORDS)
 
 
 def _close_all(parts: tuple[Part, ...]) -> None:

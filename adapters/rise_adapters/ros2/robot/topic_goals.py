@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rise_adapters.ros2.ends import WORDS
 from rise_adapters.ros2.port import Message, PortError
 from rise_adapters.ros2.robot.goals import EARLY, Ending, Home, Phase
 from rise_adapters.ros2.robot.parts import TopicPart
@@ -55,10 +56,13 @@ class TopicGoal:
     def look(self) -> None:
         now = self._home.clock.now() + EARLY
         if self.phase == "waiting":
-            if self.part.ready:
+            self.part.examine()
+            if self.part.misfit:
+                self._end("failed", self.part.misfit)
+            elif self.part.ready:
                 self._publish()
             elif now >= self._deadline:
-                why = f"{self.part.trouble}; is the robot's wrapper running?"
+                why = self.part.trouble + ("" if self.part.found.seen else "; is the robot's wrapper running?")
                 self._end("failed", f"server-missing: {why}")
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
@@ -72,7 +76,9 @@ class TopicGoal:
 
     def lose(self, reason: str) -> None:
         if self.phase == "waiting":
-            self._end("failed", reason if reason.startswith("server-missing") else f"server-missing: {reason}")
+            self._end(
+                "failed", reason if reason.startswith(("server-missing", *WORDS)) else f"server-missing: {reason}"
+            )
         elif self.phase != "ended":
             self._end("lost", reason)
 

@@ -66,6 +66,7 @@ class Types:
         """As `port.Transport.fields`. All nested types are known then, too."""
         definition = self.message(type)
         self._check_nested(definition, ())
+        self._check_carried(definition, definition, ())
         return {field.name: str(field.type) for field in definition.fields}
 
     def constants(self, type: str) -> dict[str, Constant]:
@@ -126,6 +127,18 @@ class Types:
                 except PortError as missing:
                     raise PortError(f"{definition.origin}: the field {field.name!r}: {missing}") from None
                 self._check_nested(nested, (*path, definition.name))
+
+    def _check_carried(self, whole: Definition, part: Definition, path: tuple[str, ...]) -> None:
+        """Raises PortError naming a field that `cdr` cannot make. That nothing contains itself was checked."""
+        for field in part.fields:
+            here = (*path, field.name)
+            if field.type.base == "wstring":
+                raise PortError(
+                    f"{part.origin}: the field {'.'.join(here)} of {whole.name} is a wstring (a text of wide letters), "
+                    "which the transport `dds` cannot carry; make it a string, or use --ros rclpy"
+                )
+            if field.type.nested:
+                self._check_carried(whole, self.definition(field.type.base), here)
 
     def _missing(self, type: str) -> str:
         package, kind, name = full_name(type)

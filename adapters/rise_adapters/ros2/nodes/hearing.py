@@ -1,0 +1,101 @@
+"""Hearing a topic that somebody else publishes, whatever they promise about delivery; and saying so when nothing can
+come. ROS itself says nothing then: a subscription that asks for more than a publisher promises just hears nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+
+from rise_adapters.ros2.port import RELIABLE, SENSOR, Message, Subscription, Transport
+
+LOOK = 0.5
+"""Seconds between two looks at who publishes."""
+PATIENCE = 5.0
+"""Seconds until it is said that nothing can come."""
+
+
+def hear(
+    transport: Transport,
+    topic: str,
+    type: str,
+    taken: Callable[[Message], None],
+    *,
+    say: Callable[[str], object] = print,
+    look: float = LOOK,
+    patience: float = PATIENCE,
+) -> Heard:
+    """Have `taken` called with every message on `topic`.
+
+    Reliably, so that nothing is lost of what a publisher promises to deliver; as soon as there is a publisher that does
+    not promise it (a sensor's), without asking for that. `say` gets a sentence about what is in the way: nobody
+    publishes, or somebody publishes another type. Raises PortError.
+    """
+    return Heard(transport, topic, type, taken, say, look, patience)
+
+
+class Heard:
+    """A topic that is heard."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        topic: str,
+        type: str,
+        taken: Callable[[Message], None],
+        say: Callable[[str], object],
+        look: float,
+        patience: float,
+    ) -> None:
+        self._transport, self._name, self._type, self._say = transport, topic, type, say
+        self._topic = transport.resolve(topic)
+        self._seconds, self._patience = look, patience
+        self._taken = taken
+        self._came = False
+        self._said = ""
+        self._unmatched = False
+        """At the last look there was a publisher that it does not take from. (It may only just be coming.)"""
+        self._loop = asyncio.get_running_loop()
+        self._begun = self._loop.time()
+        self._best_effort = False
+        self._subscription: Subscription = transport.subscribe(topic, type, self._take, RELIABLE)
+        self._timer = self._loop.call_later(look, self._look)
+
+    def close(self) -> None:
+        self._timer.cancel()
+        self._subscription.close()
+
+    def _take(self, message: Message) -> None:
+        self._came = True
+        self._taken(message)
+
+    def _look(self) -> None:
+        self._timer = self._loop.call_later(self._seconds, self._look)
+        if self._transport.lost():
+            return
+        published = [end.type for end in self._transport.publisher_ends(self._topic)]
+        mine = published.count(self._type)
+        unmatched = mine > self._subscription.publishers()
+        if unmatched and self._unmatched and not self._best_effort:
+            self._best_effort = True
+            self._subscription.close()
+            self._subscription = self._transport.subscribe(self._name, self._type, self._take, SENSOR)
+        self._unmatched = unmatched
+        if not self._came and self._loop.time() - self._begun >= self._patience:
+            self._tell(trouble_with(self._topic, self._type, published))
+
+    def _tell(self, trouble: str) -> None:
+        if trouble != self._said:
+            self._said = trouble
+            if trouble:
+                self._say(trouble)
+
+
+def trouble_with(topic: str, type: str, published: Sequence[str]) -> str:
+    """Why nothing can come on a topic; empty when something can. `published`: the types of its publishers."""
+    if not published:
+        return f"nobody publishes on {topic} (yet); is its node running, and is the topic called so?"
+    others = sorted(set(published))
+    if type in others:
+        return ""
+    return f"{', '.join(others)} is published on {topic}, and this node hears {type}: nothing of it arrives"

@@ -1,0 +1,93 @@
+"""The studies that come with the program: complete scenarios, to be run by their name from anywhere, and to be copied.
+
+Where it is installed they lie in this package; in a checkout they are the folder `scenarios`. Nothing is written there.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from rise_engine.scenario.layout import NAME
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+class NotCopied(Exception):
+    """A study could not be copied; the message is a sentence for a person."""
+
+
+def shipped() -> dict[str, Path]:
+    """The shipped studies by name."""
+    for home in (_PACKAGE / "studies", _PACKAGE.parent / "scenarios"):
+        found = sorted(home.glob(f"*/{NAME}")) if home.is_dir() else []
+        if found:
+            return {file.parent.name: file.parent for file in found}
+    return {}
+
+
+def place_of(written: str) -> str:
+    """The folder (or file) that is meant: what is there, or else the shipped study of that name."""
+    name = written.strip().rstrip("/")
+    if not name or os.path.lexists(written) or "/" in name:
+        return written
+    folder = shipped().get(name)
+    return written if folder is None else str(folder)
+
+
+def is_shipped(folder: str | os.PathLike[str]) -> str:
+    """The name of the shipped study that lies there, or empty."""
+    real = os.path.realpath(folder)
+    return next((name for name, path in shipped().items() if os.path.realpath(path) == real), "")
+
+
+def title_of(folder: Path) -> str:
+    """What a study calls itself."""
+    import tomllib
+
+    try:
+        title = tomllib.loads((folder / NAME).read_text(encoding="utf-8")).get("title")
+    except (OSError, ValueError):
+        return folder.name
+    return title if isinstance(title, str) and title else folder.name
+
+
+def listed() -> list[str]:
+    """The shipped studies for a person, each in a line: its name and its title."""
+    studies = shipped()
+    width = max(map(len, studies), default=0)
+    return [f"{name:<{width}}  {title_of(path)}" for name, path in studies.items()]
+
+
+def hint() -> str:
+    """The end of a sentence about a folder that is not there."""
+    names = ", ".join(f"`{name}`" for name in shipped())
+    return f"; shipped with the program are {names}" if names else ""
+
+
+def copy(name: str, to: Path) -> int:
+    """Copy a shipped study into a new or empty folder; how many files it has. Raises NotCopied."""
+    from shutil import copyfile  # slow to import, for whoever only looks a study up
+
+    from rise_engine.scenario.findings import suggestion
+
+    studies = shipped()
+    if name not in studies:
+        raise NotCopied(f"no study `{name}` is shipped with the program{suggestion(name, studies)}")
+    source, number = studies[name], 0
+    try:
+        if to.exists() and not to.is_dir():
+            raise NotCopied(f"{to} is no folder")
+        if to.is_dir() and any(to.iterdir()):
+            raise NotCopied(f"{to} is not empty; name a new folder")
+        to.mkdir(parents=True, exist_ok=True)
+        for path in sorted(source.rglob("*")):
+            new = to / path.relative_to(source)
+            if path.is_dir():
+                new.mkdir(exist_ok=True)
+            elif path.is_file():
+                copyfile(path, new)  # not its permissions: the copy is to be changed
+                number += 1
+    except OSError as error:
+        raise NotCopied(f"{error.filename or to}: {error.strerror or error}") from error
+    return number

@@ -1,0 +1,7 @@
+"""What can be wrong with a session on the disk."""
+
+from __future__ import annotations
+
+
+class SessionError(Exception):
+    """A session's folder cannot be used; the text says why, for a person."""

@@ -1,0 +1,292 @@
+"""Which engine has a session: a lock on the journal itself, and a note beside it that says whose it is.
+
+The lock is the operating system's (flock). It belongs to the journal's file, not to a name or to somebody's
+environment, and it goes with the process that holds it, however that ends. A copy of the folder is another file and not
+locked. The note, `engine.json`, locks nothing: it says who holds the lock and where that session is reached, so that
+another program can say so, or attach. Where a file system may not tell this computer of the locks of another one, the
+note says which computer had the session last, and then a person has to decide.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import getpass
+import os
+import platform
+import re
+import shlex
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+from weakref import WeakSet
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.session.disk import sentence
+from rise_engine.session.errors import SessionError
+
+NOTE = "engine.json"
+TRIES, TRY_SECONDS = 20, 0.01
+"""Somebody who looks whether a session runs holds its lock for a moment."""
+START_TRIES = 500
+"""How often it is tried to be the only engine that is just beginning."""
+ONE_MACHINE = frozenset(
+    {
+        *("bcachefs", "btrfs", "ext2", "ext3", "ext4", "f2fs", "jfs", "reiserfs", "xfs", "zfs"),
+        *("aufs", "ecryptfs", "overlay", "ramfs", "rootfs", "tmpfs"),
+        *("exfat", "fuseblk", "hfs", "hfsplus", "msdos", "ntfs", "ntfs3", "udf", "vfat"),
+    }
+)
+"""File systems on which every program that can open a file sees its locks. Of any other, nobody knows."""
+MANDATORY = frozenset({"cifs", "smb3", "smbfs"})
+"""File systems on which a lock would keep this very process from writing by another descriptor: no lock there."""
+_HELD = (errno.EAGAIN, errno.EACCES)
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF)
+
+_taken: WeakSet[JournalLock] = WeakSet()
+
+
+class Holder(Struct, frozen=True):
+    """The engine that has a session, or had it last, as `engine.json` says it."""
+
+    pid: int
+    host: str
+    user: str
+    since: str
+    """ISO 8601 with offset."""
+    socket: str = ""
+    """Where the session is reached, absolute; empty while the engine is starting."""
+
+    @property
+    def is_here(self) -> bool:
+        """Whether it is on this computer."""
+        return self.host == platform.node()
+
+    def __str__(self) -> str:
+        since = self.since
+        with suppress(ValueError):
+            since = f"{datetime.fromisoformat(since):%Y-%m-%d %H:%M}"
+        where = "this computer" if self.is_here else f"the computer {self.host}"
+        return f"process {self.pid} of {self.user} on {where}, since {since}"
+
+
+class JournalLocked(SessionError):
+    """An engine runs the session; the text says which, and how it is reached and ended."""
+
+    def __init__(self, folder: Path, holder: Holder | None) -> None:
+        super().__init__(running_words(folder, holder))
+        self.holder = holder
+
+
+class HeldElsewhere(SessionError):
+    """Another computer had the session last, and nobody here can see whether it still has."""
+
+
+class JournalLock:
+    """The right to write a journal, held until `release` or the end of this process."""
+
+    def __init__(self, journal: Path, *, here: bool = False) -> None:
+        """Take it, without waiting. Read nothing of the journal before.
+
+        `here`: a person has decided that the computer which had the session last does not run it any more.
+
+        Raises JournalLocked when an engine runs the session; HeldElsewhere when one on another computer may;
+        SessionError when there is no journal, or it may not be written.
+        """
+        self._note = journal.with_name(NOTE)
+        self._descriptor, locked = _take(journal)
+        before = holder_of(journal.parent)
+        trusted = locked and (before is None or before.is_here or file_system(journal) in ONE_MACHINE)
+        if before is not None and not trusted and not here:
+            os.close(self._descriptor)
+            raise HeldElsewhere(_elsewhere_words(journal.parent, before))
+        _taken.add(self)
+        self.tell()
+
+    def tell(self, socket: str = "") -> None:
+        """Say beside the journal who has it, and where the session is reached."""
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        holder = Holder(os.getpid(), platform.node(), user(), now, socket)
+        beside = self._note.with_name(f"{NOTE}.new")
+        with suppress(OSError):  # a full disk, say: it can be locked all the same
+            beside.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
+            beside.replace(self._note)
+
+    def lock_next(self, path: Path) -> int:
+        """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for `moved`.
+
+        Raises OSError.
+        """
+        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        with suppress(OSError):  # where nothing can be locked
+            if file_system(path) in MANDATORY:
+                return descriptor
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return descriptor
+
+    def moved(self, descriptor: int) -> None:
+        """That file has taken the journal's place: let go of the one before."""
+        self._descriptor, before = descriptor, self._descriptor
+        os.close(before)
+
+    def release(self) -> None:
+        """Let go; nobody has the session now."""
+        if self._descriptor >= 0:
+            with suppress(OSError):
+                self._note.unlink()  # while the lock is held, nobody else writes one
+            self._close()
+
+    def _close(self) -> None:
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _let_go_in_child() -> None:
+    """A process that was forked off would hold the lock after this one has gone."""
+    for lock in tuple(_taken):
+        lock._close()
+
+
+os.register_at_fork(after_in_child=_let_go_in_child)
+
+
+def is_locked(journal: Path) -> bool:
+    """Whether an engine has this journal, as far as this computer can see. Does not wait."""
+    try:
+        descriptor = os.open(journal, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno in _HELD
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def holder_of(folder: Path) -> Holder | None:
+    """Who has a session, or had it when an engine or a computer went away; None: nobody is named."""
+    try:
+        return msgspec.json.decode((folder / NOTE).read_bytes(), type=Holder)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+        return None
+
+
+def running_words(folder: Path, holder: Holder | None) -> str:
+    """That a session runs, where, and how it is reached and ended."""
+    if holder is None:
+        return f"the session {folder.name} is running: another program has locked its journal"
+    said = f"the session {folder.name} is running: {holder}"
+    if not holder.is_here:
+        return f"{said}. Attach to it and end it there"
+    if not holder.socket:
+        return f"{said}. It is just starting"
+    where = shlex.quote(holder.socket)
+    return f"{said}. To attach: rise-tui --session {where}. To end it: rise-engine stop {where}"
+
+
+@contextmanager
+def beginning(sessions: Path) -> Iterator[None]:
+    """Of engines that begin a session at once, one waits for the other, so that each sees what the other one runs.
+
+    Short: only to look and to lock. Raises SessionError.
+    """
+    try:
+        descriptor = os.open(sessions, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError:  # whoever makes a folder in it says what is wrong
+        yield
+        return
+    try:
+        for left in reversed(range(START_TRIES)):
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                if error.errno in _NO_LOCKS:  # folders on NFS; the journals' locks are there all the same
+                    break
+                if not left:
+                    raise SessionError(f"another engine is just beginning a session in {sessions}; try again") from None
+                time.sleep(TRY_SECONDS)
+            else:
+                break
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def file_system(path: Path, mounts: str | None = None) -> str:
+    """Of which kind it is, as Linux calls it; empty when that is not known.
+
+    `mounts`: as in /proc/self/mountinfo (proc_pid_mountinfo(5)), which is read otherwise.
+    """
+    if mounts is None:
+        try:
+            mounts = Path("/proc/self/mountinfo").read_text("utf-8", "surrogateescape")
+        except OSError:
+            return ""
+    real, found, kind = os.path.realpath(path), "", ""
+    for line in mounts.splitlines():
+        fields, dash, rest = line.partition(" - ")
+        parts = fields.split()
+        if not dash or len(parts) < 5:
+            continue
+        place = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
+        inside = real == place or real.startswith(place.rstrip("/") + "/")
+        if inside and len(place) >= len(found):  # the latest of one place lies on top
+            found, kind = place, rest.split()[0]
+    return kind
+
+
+def user() -> str:
+    """Whose process this is."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return str(os.getuid())
+
+
+def _take(journal: Path) -> tuple[int, bool]:
+    """A descriptor of the journal that holds its lock; False with it where nothing can be locked."""
+    for _ in range(TRIES):
+        try:
+            descriptor = os.open(journal, os.O_RDWR | os.O_CLOEXEC)
+        except FileNotFoundError:
+            raise SessionError(
+                f"there is no journal {journal}: nothing was ever recorded, or somebody moved it"
+            ) from None
+        except OSError as error:
+            if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+                raise SessionError(
+                    f"{journal} cannot be read and written: {sentence(error)}. A session that may only be read can be "
+                    "replayed and exported"
+                ) from None
+            raise SessionError(f"{journal} cannot be read: {error.strerror or error}") from None
+        if file_system(journal) in MANDATORY:
+            return descriptor, False
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(descriptor), os.stat(journal)):  # noqa: PTH116
+                return descriptor, True
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            if error.errno in _NO_LOCKS:
+                return descriptor, False
+            if error.errno not in _HELD:
+                os.close(descriptor)
+                raise SessionError(f"{journal} cannot be locked: {sentence(error)}") from None
+        os.close(descriptor)
+        time.sleep(TRY_SECONDS)
+    raise JournalLocked(journal.parent, holder_of(journal.parent))
+
+
+def _elsewhere_words(folder: Path, before: Holder) -> str:
+    return (
+        f"{before} had the session {folder.name} and did not end it, and on this file system nobody here can see "
+        "whether it still runs there. Look there; if it does not, say --here too, and it goes on on this computer"
+    )

@@ -1,0 +1,111 @@
+"""Text that others wrote, made safe to show: one definition for the command line and for the console.
+
+What is read from files, sessions and robots can hold characters that move a terminal's cursor, set its title, turn the
+direction of writing, or are simply not seen. Whoever writes to a screen passes its text through `clean` first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+_UNSEEN = (
+    "\x00-\x1f\x7f-\x9f"  # controls
+    "\u00ad\u034f\u061c"  # soft hyphen, grapheme joiner, Arabic letter mark
+    "\u115f\u1160\u17b4\u17b5\u3164\uffa0"  # fillers: letters without a shape
+    "\u180b-\u180f"  # Mongolian selectors
+    "\u200b-\u200f\u2028-\u202e\u2060-\u206f"  # without width, line and paragraph ends, directions
+    "\ud800-\udfff"  # halves of characters: bytes of a file name that is no text
+    "\ufe00-\ufe0d"  # variation selectors (not the two that go with emoji)
+    "\ufeff\ufff0-\ufffb"  # byte order mark, annotations
+    "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a"  # of shorthand and of music
+    "\U000e0000-\U000e0fff"  # tags
+)
+UNSEEN = re.compile(f"[{_UNSEEN}]")
+"""One character that moves the cursor, changes what stands around it, or is not seen at all."""
+
+BLANKS = " \t\r\n"
+"""What XML and JSON take as a blank, and nothing else."""
+GAP = rf"[{_UNSEEN}\s]"
+"""A pattern for one character that leaves a gap: a blank of any kind, or one that is not seen."""
+_GAP = re.compile(GAP)
+_NAMES = {"\x85": "NEXT LINE", "\x1b": "ESCAPE", "\x00": "NULL"}
+
+
+def clean(text: str, *, keep: str = "") -> str:
+    """The text with a mark for each character of UNSEEN: `⏎` for a line end, a blank for a tab, `·` for the others.
+
+    Those in `keep` stay: `"\\n"` for a text of several lines.
+    """
+    if (text.isascii() and text.isprintable()) or UNSEEN.search(text) is None:  # the first is quicker
+        return text
+
+    def mark(found: re.Match[str]) -> str:
+        character = found[0]
+        return character if character in keep else {"\n": "⏎", "\t": " "}.get(character, "·")
+
+    return UNSEEN.sub(mark, text)
+
+
+def seen_json(text: str) -> str:
+    """JSON with the same values, in which every character of UNSEEN is an escape (line ends between values stay)."""
+
+    def escape(found: re.Match[str]) -> str:
+        if found[0] in "\r\n\t":  # between values: within a text they are escapes already
+            return found[0]
+        units = found[0].encode("utf-16-be", "surrogatepass")
+        return "".join(f"\\u{units[at : at + 2].hex()}" for at in range(0, len(units), 2))
+
+    return UNSEEN.sub(escape, text)
+
+
+def strange(text: str, start: int = 0, end: int | None = None) -> int:
+    """Where the first blank stands that XML and JSON do not know, or the first unseen character; -1: nowhere."""
+    for found in _GAP.finditer(text, start, len(text) if end is None else end):
+        if found[0] not in BLANKS:
+            return found.start()
+    return -1
+
+
+def called(character: str) -> str:
+    """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
+    from unicodedata import name  # only for messages
+
+    known = name(character, _NAMES.get(character, ""))
+    return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
+
+
+_HALF = re.compile(r"\\u(d[c-f][0-9a-f]{2})")
+
+
+def told(path: str) -> str:
+    """A path as a text that every file and message can hold: a byte that is no UTF-8 becomes `\\udce4`."""
+    return path.encode("utf-8", "backslashreplace").decode()
+
+
+def meant(text: str) -> str:
+    """The path of which `told` made a text. (A name that itself has these six characters is taken for it.)"""
+    return _HALF.sub(lambda found: chr(int(found[1], 16)), text) if "\\ud" in text else text
+
+
+def told_all(value: Any) -> Any:
+    """`told` for every text in a JSON-like value."""
+    return _each(told, value)
+
+
+def meant_all(value: Any) -> Any:
+    """`meant` for every text in a JSON-like value."""
+    return _each(meant, value)
+
+
+def _each(change: Callable[[str], str], value: Any) -> Any:
+    match value:
+        case str():
+            return change(value)
+        case dict():
+            return {_each(change, key): _each(change, inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_each(change, inner) for inner in value]
+        case _:
+            return value

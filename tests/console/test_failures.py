@@ -1,0 +1,230 @@
+"""An act that fails is unmistakable: which, why, what was not said, and two keys that stay until one is pressed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rise_engine.kernel.records import MemoryRecord
+from rise_engine.link.messages import state_of, view_of
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_tui.actions import BY_ID
+from rise_tui.model.failures import Unsaid, lines, unanswered, unsaid
+from rise_tui.model.store import Store
+from rise_tui.text import plain, width_of
+from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, demo
+
+ACT = "startCommunicationRobotAct"
+ACTS = """<Dialogs>
+  <Dialog name="Instruct">
+    <Speech><actionID>1</actionID><message>Hello {name}.</message></Speech>
+    <LookAt><actionID>2</actionID><waitForActions>1</waitForActions>
+      <pointx>1</pointx><pointy>0</pointy><pointz>1</pointz></LookAt>
+    <Speech><actionID>3</actionID><waitForActions>2</waitForActions>
+      <message>Put the fork to the {side}.</message></Speech>
+    <Variants><actionID>4</actionID><waitForActions>3</waitForActions>
+      <Speech><message>Was that clear?</message></Speech><Speech><message>Did you get it?</message></Speech>
+    </Variants>
+  </Dialog>
+</Dialogs>"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Scenario:
+    (tmp_path / "acts").mkdir()
+    (tmp_path / "acts" / "all.xml").write_text(ACTS, encoding="utf-8")
+    (tmp_path / "memory.json").write_text('{"name": "Ada"}', encoding="utf-8")
+    scenario = load(str(tmp_path)).scenario
+    assert scenario is not None
+    return scenario
+
+
+def action(client: FakeClient, task: int, id: str, kind: str, *statuses: str, **parameters: str) -> None:
+    for status in statuses:
+        client.action(task, "Instruct", id, kind, status, **parameters)
+        client.time += 1
+
+
+def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int], None]) -> list[Unsaid]:
+    client = FakeClient(scenario)
+    task = client.act("Instruct")
+    for happening in happenings:
+        happening(client, task)
+    client.end_task(task, "Instruct", "ABORTED", "it went wrong")
+    store = Store(client.hello(), "anna", client.now)
+    return unsaid(store.scenario, store.view.tasks[task], store.memory)
+
+
+def said_hello(client: FakeClient, task: int) -> None:
+    action(client, task, "1", "Speech", "started", "accepted", "succeeded", message="Hello Ada.")
+
+
+def looks_in_vain(client: FakeClient, task: int) -> None:
+    action(client, task, "2", "LookAt", "started", "failed")
+    for id in ("3", "4"):  # the engine records these as they are written
+        client.action(task, "Instruct", id, "Speech", "skipped", message="as written: {side}")
+
+
+def test_all_that_was_not_said_word_for_word_with_the_memory_s_values(study: Scenario) -> None:
+    def left(client: FakeClient, task: int) -> None:
+        client.emit(MemoryRecord(0, 0.0, "", "side", "left", None, "wizard:anna", created=True))
+
+    assert what_was_not_said(study, said_hello, looks_in_vain, left) == [
+        Unsaid("Put the fork to the left.", begun=False),
+        Unsaid("Was that clear?", begun=False, ways=2),
+    ]
+
+
+def test_a_value_that_is_missing_stays_as_it_is_written(study: Scenario) -> None:
+    def missing(client: FakeClient, task: int) -> None:
+        client.action(task, "Instruct", "3", "Speech", "failed", message="Put the fork to the {side}.")
+
+    assert what_was_not_said(study, said_hello, missing)[0] == Unsaid("Put the fork to the {side}.", begun=False)
+
+
+def test_what_the_robot_was_given_is_perhaps_begun(study: Scenario) -> None:
+    def lost(client: FakeClient, task: int) -> None:
+        action(client, task, "1", "Speech", "started", "lost", message="Hello Ada.")
+
+    first, *others = what_was_not_said(study, lost)
+    assert first == Unsaid("Hello Ada.", begun=True)
+    assert [each.begun for each in others] == [False, False]
+
+
+# --- which failures wait ----------------------------------------------------------------------------------------------
+
+
+def test_they_are_told_to_whoever_attaches_later() -> None:
+    client = FakeClient(demo())
+    client.act("Greet", "ABORTED", reason="no voice")
+    client.act("Praise", "ABORTED", reason="no voice")
+    view = client.hello().view
+    again = view_of(state_of(view), view.tasks.values())
+    assert again.failed == view.failed == [1, 2]
+
+
+def store_after(*acts: tuple[str, str], **options: object) -> Store:
+    client = FakeClient(demo(), **options)  # type: ignore[arg-type]
+    for name, status in acts:
+        client.act(name, status, reason="action 1 (Speech) failed: no voice")
+    return Store(client.hello(), "anna", client.now)
+
+
+def bar(store: Store, width: int = 80, most: int = 8) -> list[str]:
+    return [plain(line) for line in lines(store, width, most)]
+
+
+def test_of_several_the_first_is_shown_and_the_others_are_counted() -> None:
+    store = store_after(("Greet", "ABORTED"), ("Praise", "ABORTED"), ("Greet", "ABORTED"))
+    assert [task.behavior for task in unanswered(store)] == ["Greet", "Praise"]
+    head, reason, *_, keys = bar(store)
+    assert "✗ ACT FAILED   Greet" in head and head.endswith("1 more ")
+    assert "no voice" in reason and "ctrl+e repeat" in keys and "ctrl+k go on without it" in keys
+
+
+def test_an_act_that_was_done_after_all_is_forgotten() -> None:
+    assert bar(store_after(("Greet", "ABORTED"), ("Greet", "SUCCEEDED"))) == []
+    assert bar(store_after(("Greet", "SUCCEEDED"), ("Greet", "CANCELED"))) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"you": "observer:ben", "role": "observer"}, "anna has control and decides"),
+        ({"you": "wizard:ben"}, "anna has control and decides"),
+        ({"you": "wizard:ben", "holder": None}, "nobody has control"),
+        ({"you": "observer:replay", "role": "observer", "replay": True}, "this is a replay"),
+    ],
+)
+def test_who_cannot_act_sees_it_without_the_keys(options: dict[str, object], said: str) -> None:
+    *_, keys = bar(store_after(("Greet", "ABORTED"), **options))
+    assert said in keys and "ctrl+e" not in keys and "ctrl+k" not in keys
+
+
+def test_while_nothing_may_start_only_going_on_is_offered() -> None:
+    store = store_after(("Greet", "ABORTED"))
+    store.guard = "SAFE"
+    *_, keys = bar(store)
+    assert "not now: SAFE" in keys and "ctrl+e" not in keys and "ctrl+k go on" in keys
+    assert BY_ID["repeat"].unavailable(store) and not BY_ID["go-on"].unavailable(store)
+
+
+@pytest.mark.parametrize("width", [40, 80, 120, 200])
+@pytest.mark.parametrize("most", [5, 8, 13])
+def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width: int, most: int) -> None:
+    client = FakeClient(demo())
+    text = " ".join(f"word{number}" for number in range(300))
+    client.task("say", text, "ABORTED", reason="a reason of some length " * 20)
+    found = lines(Store(client.hello(), "anna", client.now), width, most)
+    assert len(found) <= most and all(width_of(line) <= width for line in found)
+    assert "word0" in plain(found[-2]) + plain(found[3])
+    assert plain(found[-2]).endswith("all of it: act pane" if width > 40 else "…")
+
+
+# --- on the screen ----------------------------------------------------------------------------------------------------
+
+
+async def shown(it: Console) -> None:
+    await it.until(lambda: it.screen.failure.display and it.screen.failure.region.height >= 4)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_it_stays_on_every_pane_until_it_is_answered(size: tuple[int, int]) -> None:
+    async with console(size=size) as it:
+        id = it.client.act("Greet", "ABORTED", reason="no voice")
+        await shown(it)
+        for _ in range(6):
+            await it.press("f3")
+            assert it.screen.failure.display and "Greet" in it.screen.failure.text
+        await it.press("f4", "escape", "g")  # zoomed, left, and another act started
+        assert "ctrl+e repeat" in it.screen.failure.text or "runs again" in it.screen.failure.text
+        await it.press("ctrl+k")
+        await it.sent("goOn", str(id))
+        await it.until(lambda: not it.screen.failure.display)
+
+
+async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_bar_away() -> None:
+    async with console() as it:
+        it.client.act("Greet", "ABORTED", reason="no voice")
+        await shown(it)
+        await it.press("ctrl+e")
+        await it.sent(ACT, "Greet")
+        assert it.client.sent[-1].calling_type == "Blocking"
+        await it.until(lambda: "it runs again" in it.screen.failure.text)
+        it.client.end_task(2, "Greet")
+        await it.until(lambda: not it.screen.failure.display)
+
+
+async def test_what_was_said_freely_is_said_again() -> None:
+    async with console() as it:
+        it.client.task("say", "One moment please", "ABORTED", reason="no voice")
+        await shown(it)
+        assert "“One moment please”" in it.screen.failure.text
+        await it.press("ctrl+e")
+        await it.sent("say", "One moment please")
+
+
+async def test_the_same_care_as_for_every_start() -> None:
+    async with console() as it:
+        it.client.act("Greet", "ABORTED", reason="no voice")
+        await shown(it)
+        await it.press("ctrl+x", "ctrl+e")  # SAFE
+        await it.until(lambda: "not now, SAFE" in it.notice)
+        await it.press("ctrl+x")
+        it.client.stop("latched", ("pepper/speech",))
+        await it.until(lambda: "STOPPED" in it.screen.alarm.text and "not now: STOPPED" in it.screen.failure.text)
+        await it.press("ctrl+e")
+        await it.until(lambda: "Repeat the failed act: not now, STOPPED" in it.notice)
+        assert it.client.asked() == []
+
+
+async def test_without_a_failure_the_keys_say_so() -> None:
+    async with console() as it:
+        for key, title in (("ctrl+e", "Repeat the failed act"), ("ctrl+k", "Go on without the failed act")):
+            await it.press(key)
+            await it.until(lambda title=title: f"{title}: not now, no act has failed" in it.notice)  # type: ignore[misc]
+        assert it.client.sent == []

@@ -1,0 +1,1 @@
+"""Scenarios with mistakes nobody thought of: the shipped ones, mutated, read and checked."""
