@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Scenario
-from rise_engine.scenario.template import MissingValue, Slot, Template, as_text
+from rise_engine.scenario.model import Act, Action, Scenario
+from rise_engine.scenario.template import MissingValue, Slot, Template
 from rise_engine.view import ActionView, TaskView
 from rise_tui.actions import key_in_words
 from rise_tui.model.act_text import speech
 from rise_tui.model.control import short
 from rise_tui.model.deeds import act_words
 from rise_tui.model.graph import levels
+from rise_tui.model.spoken import message_of, words_of
 from rise_tui.model.store import Store
 from rise_tui.text import Line, Span, crop, spread, width_of, wrap
 
-SPEECH_CHANNEL = "speech"
-MESSAGE = "message"
-"""The parameter of a speaking action that holds what is said; without one of this name, the first that is a text."""
 LABEL = 15
 """Cells before what was not said."""
 REASON_LINES = 2
@@ -52,7 +50,9 @@ def unsaid(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> lis
 def speaks(scenario: Scenario, task: TaskView) -> bool:
     """Whether the act was to say anything at all."""
     act = speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
-    return act is not None and any(_message(scenario, call) for action in act.actions for call in action.calls)
+    return act is not None and any(
+        message_of(scenario, call) is not None for action in act.actions for call in action.calls
+    )
 
 
 def _in_order(act: Act) -> list[Action]:
@@ -64,33 +64,15 @@ def _unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[
     if done is not None and done.status == "succeeded":
         return None
     if done is not None and _was_sent(done):
-        spec = scenario.robot.actions.get(done.type)
-        name = _message_name(spec) if spec is not None else ""
-        return Unsaid(as_text(done.parameters[name]), begun=True) if name in done.parameters else None
-    call = next((call for call in action.calls if _message(scenario, call)), None)
-    if call is None:
-        return None
-    template = call.parameters[_message(scenario, call)]
-    return Unsaid(_filled(template, memory), begun=False, ways=len(action.calls))
+        words = words_of(scenario, done)
+        return Unsaid(words, begun=True) if words is not None else None
+    said = next((said for call in action.calls if (said := message_of(scenario, call)) is not None), None)
+    return Unsaid(_filled(said, memory), begun=False, ways=len(action.calls)) if said is not None else None
 
 
 def _was_sent(done: ActionView) -> bool:
     """What fails in the moment in which it begins was never sent: the robot was not there, or a value was missing."""
     return done.status != "skipped" and done.ended != done.since
-
-
-def _message(scenario: Scenario, call: Call) -> str:
-    """The parameter that holds what is said; empty for what says nothing."""
-    spec = scenario.robot.actions.get(call.type)
-    name = _message_name(spec) if spec is not None else ""
-    return name if name in call.parameters else ""
-
-
-def _message_name(spec: ActionSpec) -> str:
-    if SPEECH_CHANNEL not in spec.channels:
-        return ""
-    texts = [name for name, parameter in spec.parameters.items() if parameter.type == "text"]
-    return MESSAGE if MESSAGE in texts else next(iter(texts), "")
 
 
 def _filled(template: Template, memory: Mapping[str, Any]) -> str:

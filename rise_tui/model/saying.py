@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
 from rise_engine.kernel.records import ENDINGS, ActionRecord
-from rise_engine.kernel.speech import SPEECH
 from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Action, Scenario
-from rise_engine.scenario.template import MissingValue
+from rise_engine.scenario.template import MissingValue, Template
 from rise_engine.view import ActionView, TaskView, View
+from rise_tui.model.spoken import message_of, words_of
 
 LOOK_BACK = 2_000
 """Tasks that are looked at for the latest sentence when a console attaches."""
@@ -43,7 +43,7 @@ class Saying(NamedTuple):
 
 
 class Speeches:
-    """Follows the robot's sentences. A sentence is a Speech action of a task."""
+    """Follows the robot's sentences. A sentence is an action of a task that says something."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -62,7 +62,7 @@ class Speeches:
         latest = float("-inf")
         ids = list(view.tasks)[-LOOK_BACK:]
         for task in (view.tasks[id] for id in ids):
-            for action in sentences(task):
+            for action in self._sentences(task):
                 if action.ended is None:
                     continue
                 if action.status == "succeeded":
@@ -74,7 +74,7 @@ class Speeches:
         """A record of an action, after the view has taken it in."""
         task = view.tasks.get(record.task)
         action = task.actions.get(record.action) if task is not None else None
-        if record.type != SPEECH or record.status not in ENDINGS or action is None:
+        if record.status not in ENDINGS or action is None or words_of(self._scenario, action) is None:
             return
         self._over = record.task, record.action
         if record.status == "succeeded":
@@ -86,7 +86,7 @@ class Speeches:
             action
             for id in view.running
             if (task := view.tasks.get(id)) is not None
-            for action in sentences(task)
+            for action in self._sentences(task)
             if action.ended is None
         ]
         if running:
@@ -95,24 +95,24 @@ class Speeches:
             left = None if usual is None else usual - elapsed
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
-            return Saying(kind, text_of(action), left, share, "", action.sent_as or "", len(running) - 1)
+            return Saying(kind, self._words(action), left, share, "", action.sent_as or "", len(running) - 1)
         task = view.tasks.get(self._over[0]) if self._over is not None else None
         if task is None or self._over is None:
             return Saying("nothing")
         over = task.actions[self._over[1]]
         if over.status == "succeeded":
-            return Saying("said", text_of(over), at - (over.ended if over.ended is not None else at))
-        unsaid = [action for action in sentences(task) if action.status != "succeeded"]
+            return Saying("said", self._words(over), at - (over.ended if over.ended is not None else at))
+        unsaid = [action for action in self._sentences(task) if action.status != "succeeded"]
         first = unsaid[0]
         began = first.status != "skipped" and first.ended is not None
         after = first.ended - first.since if began and first.ended is not None else None
         reason = first.reason or task.reason
         ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
-        return Saying(ending, text_of(first), after, 0.0, reason, "", len(unsaid) - 1)
+        return Saying(ending, self._words(first), after, 0.0, reason, "", len(unsaid) - 1)
 
     def usual(self, action: ActionView) -> float | None:
         """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
-        if (known := self._took.get(text_of(action))) is not None:
+        if (known := self._took.get(self._words(action))) is not None:
             return known[0]
         spec = self._scenario.robot.actions.get(action.type)
         if spec is None:
@@ -120,68 +120,52 @@ class Speeches:
         pace = self._measured / self._expected if self._expected > 0 else 1.0
         return expected_seconds(spec, action.parameters) * pace
 
+    def _sentences(self, task: TaskView) -> Iterator[ActionView]:
+        """Those of a task that have begun, ended, or been left out, in that order."""
+        return (action for action in task.actions.values() if words_of(self._scenario, action) is not None)
+
+    def _words(self, action: ActionView) -> str:
+        return words_of(self._scenario, action) or ""
+
     def _measure(self, action: ActionView) -> None:
         if action.ended is None:
             return
         took = action.ended - action.since
-        mean, times = self._took.get(text_of(action), (0.0, 0))
-        self._took[text_of(action)] = mean + (took - mean) / (times + 1), times + 1
+        mean, times = self._took.get(self._words(action), (0.0, 0))
+        self._took[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
         if (spec := self._scenario.robot.actions.get(action.type)) is not None:
             self._expected += expected_seconds(spec, action.parameters)
             self._measured += took
 
 
-def sentences(task: TaskView) -> Iterator[ActionView]:
-    """The sentences of a task that have begun, ended, or been left out, in that order."""
-    return (action for action in task.actions.values() if action.type == SPEECH)
-
-
-def text_of(action: ActionView) -> str:
-    """What is said; before it was sent, as it is written."""
-    return str(action.parameters.get("message", "")).strip()
-
-
 def still_to_say(scenario: Scenario, view: View, memory: Mapping[str, Any]) -> list[str]:
     """The sentences that the running acts have not begun yet, as they would be now, in the order of the file."""
-    found = []
+    found: list[str] = []
     for id in view.running:
         task = view.tasks.get(id)
         act = scenario.acts.get(task.behavior) if task is not None and task.function != "say" else None
         if act is not None and task is not None:
-            found += [
-                text for action in act.actions if action.id not in task.actions for text in _texts(action, memory)
-            ]
+            open_ends = (action for action in act.actions if action.id not in task.actions)
+            found += [text for action in open_ends if (text := _text(scenario, action, memory))]
     return found
 
 
-def _texts(action: Action, memory: Mapping[str, Any]) -> Iterator[str]:
-    """One sentence; of variants, all that it may be."""
-    texts = []
-    for call in action.calls:
-        if call.type == SPEECH and (message := call.parameters.get("message")) is not None:
-            try:
-                texts.append(message.fill(memory).strip())
-            except MissingValue as missing:
-                texts.append(f"({missing.key} is not set)")
-    if texts:
-        yield " / ".join(texts)
+def _text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
+    """One sentence; of variants, all that it may be; empty for an action that says nothing."""
+    said = (message_of(scenario, call) for call in action.calls)
+    return " / ".join(_filled(words, memory) for words in said if words is not None)
 
 
 def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
     """The longest one of all acts, with these values."""
-    every = (
-        text
-        for act in scenario.acts.values()
-        for action in act.actions
-        for call in action.calls
-        if call.type == SPEECH and (message := call.parameters.get("message")) is not None
-        for text in [_filled(message, memory)]
-    )
-    return max(every, key=len, default="")
+    calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
+    said = (message_of(scenario, call) for call in calls)
+    return max((_filled(words, memory) for words in said if words is not None), key=len, default="")
 
 
-def _filled(message: Any, memory: Mapping[str, Any]) -> str:
+def _filled(said: Template, memory: Mapping[str, Any]) -> str:
+    """With the memory's values; as it is written when one is missing."""
     try:
-        return str(message.fill(memory)).strip()
-    except MissingValue:
-        return str(message.text).strip()
+        return said.fill(memory).strip()
+    except (MissingValue, OverflowError, RecursionError):
+        return said.text.strip()

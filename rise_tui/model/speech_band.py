@@ -24,6 +24,8 @@ NOTE = 15
 MOST, MOST_TALL = 3, 4
 """Lines for a sentence: in a terminal of less than TALL rows, and in others."""
 TALL = 30
+WIDEST = 130
+"""Cells beyond which a sentence and its time would be too far apart for the eye."""
 LEAST_SENTENCE = 20
 """Cells that are left of a sentence beside what else comes next."""
 LABEL = " next  "
@@ -42,7 +44,7 @@ TONES: dict[str, Tone] = {
 def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
     """Lines for a sentence. Where there is room for it at least two, so that a short one leaves one for the next."""
     most = MOST_TALL if height >= TALL else MOST
-    longest = longest_sentence(scenario, memory)
+    longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
     if not longest:
         return 1
     return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
@@ -51,8 +53,8 @@ def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, hei
 def band(store: Store, width: int, rows: int) -> tuple[Line, ...]:
     """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
     saying = store.saying()
-    rest = still_to_say(store.scenario, store.view, store.memory) if not store.gone else []
-    lines = _sentence(saying, store, width, rows)
+    rest = [] if _nothing(store) else still_to_say(store.scenario, store.view, store.memory)
+    lines = _sentence(saying, store, min(width, WIDEST), rows)
     told = len(lines) < rows and bool(rest)
     if told:
         lines.append(crop((("   then  ", "muted"), *_joined(rest)), width))
@@ -111,7 +113,8 @@ def _note(saying: Saying, store: Store) -> Span:
                 return f"{duration(-saying.seconds)} over{more}", "wait"
             return f"{duration(saying.seconds)} left{more}", "accent"
         case "said":
-            return f"said {age(saying.seconds or 0.0)} ago", "muted"
+            ago = saying.seconds or 0.0
+            return f"said {age(ago)} ago" if ago >= 1 else "said just now", "muted"
         case "unsaid" | "unknown":
             return f"after {duration(saying.seconds)}" if saying.seconds else "", "fault"
         case _:
@@ -212,9 +215,9 @@ def _by_rules(store: Store, room: int) -> list[_Piece]:
         return [_Piece(why)]
     found = _coming(store)
     pieces = [_Piece(_step(step, store)) for step in found.steps]
-    if found.keys:
+    if found.keys:  # behind what comes first: what comes later matters less
         word = "then" if found.then else "or" if found.steps else "waits for"
-        pieces.append(_Piece(_keys(found.keys, f"{word} {whose(store)}: ", room)))
+        pieces.insert(1, _Piece(_keys(found.keys, f"{word} {whose(store)}: ", room)))
     elif found.other:
         pieces.append(_Piece(((f"{'then ' if found.then else ''}waits for {clean(found.other)}", "plain"),)))
     if pieces:

@@ -53,7 +53,8 @@ def status_line(store: Store, width: int) -> Line:
     room = width - width_of(who) - 1
     counts = not (store.gone or store.cut is not None or store.hello.replay)
     best = sum(width_of(cell.variants[0]) for cell in _cells(store, padded=True))
-    cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if counts else 0
+    awaits = counts and store.state != "STOPPED"  # nobody answers then
+    cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if awaits else 0
     kept = max(TITLE if width >= USUAL else 0, cue_room)
     padded = best + max(kept, width_of(title)) <= room  # no blanks are kept while something is cut
     right = _fitted(_cells(store, padded=padded), max(0, room - kept))

@@ -311,7 +311,8 @@ class Store:
             if self.view.remarks and self.view.remarks[-1] is not remarks:
                 self.log.remark(self.view.remarks[-1])
                 changed.add("tasks")
-            self.notice = news(record) or self.notice
+            if not (isinstance(record, TaskRecord) and record.id in self.view.failed):  # the bar about it says it
+                self.notice = news(record) or self.notice
             if isinstance(record, StopRecord) and record.status == "released":
                 live = f": {self.guard}" if self.has_control or self.guard != "LIVE" else ""
                 self.notice = Notice(f"the stop is released{live}")

@@ -66,6 +66,8 @@ def ideas() -> Iterator[tuple[str, str]]:
     yield "SAFE", f"Look around and start nothing by mistake: {safe}, and again. Cue, marks, notes and stop work."
     yield "LOCKED", f"For a keyboard left alone: {lock}. Only stopping, leaving and unlocking work; it unlocks to SAFE."
     yield "STOPPED", f"Somebody stopped everything: nothing starts on any console until {release} releases it."
+    yield "next", "What comes if nobody does anything: a timer, the end of an act, what waits; or what is waited for."
+    yield "NOT SAID", "What the robot did not say, or not to its end. It stays until the next sentence begins."
     yield "sent", "You asked, and the engine has not answered yet. Nothing is shown as done because it was asked for."
     yield "hold", "Such an act needs its key twice, or Enter, within two seconds. Esc forgets the first one."
     counted = "The top line counts until the robot answers, marked at 1 s and at 2 s."

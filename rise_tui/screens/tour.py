@@ -25,9 +25,9 @@ STEPS = (
     (
         "status",
         "The top line",
-        "What is true now: the scenario, DEBUG or REAL, the robot and its link, the time, and whether your keys start "
-        "anything. LIVE: they do. {cue} marks the end of the participant's turn, and the time since then is counted "
-        "here.",
+        "Who takes part and in which condition, DEBUG or REAL, the robot and its link, the time, and whether your keys "
+        "start anything. LIVE: they do. {cue} marks the end of the participant's turn, and the time since then is "
+        "counted here. Below it: what the robot says, word for word, and what comes next if nobody does anything.",
     ),
     (
         "acts",
@@ -50,7 +50,8 @@ STEPS = (
     (
         "hints",
         "Finding the rest",
-        "This line names the keys of the part you are in. {help} explains all of them, {palette} does anything by its "
+        "Above this line are the keys of your study, those that it waits for first; this line names the console's. "
+        "{help} explains all of them, {palette} does anything by its "
         "name, {quit} leaves: the session goes on without you, or ends if you say so.",
     ),
 )

@@ -12,6 +12,8 @@ from rise_tui.widgets.line import Lines
 
 LEAST = 5
 """Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
+SHARE = 4
+"""Of the rows at most one in so many: the band above says the first sentence too, and the panes must be seen."""
 
 
 class AlarmBar(Lines):
@@ -78,7 +80,7 @@ class FailureBar(Lines):
 
     def draw(self, store: Store) -> None:
         width, height = self.app.size
-        shown = failures.lines(store, self.size.width or width, max(LEAST, height // 3))
+        shown = failures.lines(store, self.size.width or width, max(LEAST, height // SHARE))
         self.set_class(bool(shown), "-on")
         if len(shown) != len(self.lines):
             self.styles.height = max(1, len(shown))

@@ -13,15 +13,17 @@ from textual.strip import Strip
 from rise_engine.view import TaskView
 from rise_tui.model.control import short
 from rise_tui.model.deeds import FUNCTION_WORDS
-from rise_tui.model.log_rows import NOTE, task_of
+from rise_tui.model.log_rows import NOTE, ROBOT, task_of
 from rise_tui.model.states import NOT_TAKEN, State, task_state
 from rise_tui.text import Line, Row, Tone, cell, cells, clock, crop, fit, seconds, width_of
 from rise_tui.widgets.rows import RowView
 
 CALLING = {"Blocking": "block", "None": "none", "": ""}
 NARROW = 56
-TIME, FUNCTION, STATE = 7, 7, 11
+TIME, FUNCTION, STATE = 7, 8, 11
 """Columns of a narrow row; what was done has the rest."""
+BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop"}
+"""Functions in a word, for narrow rows."""
 REASON = 10
 """A reason that would have less room than this stays out of the row."""
 KEPT = 500
@@ -232,7 +234,7 @@ class TaskLog(RowView):
         )
         line: Line = (
             *head,
-            cell(task.behavior, max(6, behavior - (9 if mistake else 0))),
+            cell(_name(task), max(6, behavior - (9 if mistake else 0))),
             *mistake,
             *tail,
             cell(took, 6, right=True),
@@ -245,12 +247,13 @@ class TaskLog(RowView):
 
     def _narrow(self, task: TaskView, state: State, function: str, tone: Tone, width: int) -> Line:
         """Without who it was. Of what went wrong the reason follows, as far as there is room."""
-        what = cell(marking(task), FUNCTION, "wait") if task.mark else cell(function, FUNCTION, tone)
+        word = BRIEF.get(task.function, function)
+        what = cell(marking(task), FUNCTION, "wait") if task.mark else cell(word, FUNCTION, tone)
         head: Line = (cell(f" {since_start(task.submitted)}", TIME, "muted"), what)
         room = width - TIME - FUNCTION
         if _is_bad(task, state):
             return crop((*head, *_wrong(task, state, room)), width)
-        name = cell(task.behavior or short(task.source), room - STATE)
+        name = cell(_name(task) or short(task.source), room - STATE)
         return (*head, name, (f" {state.glyph} ", state.tone), cell(state.word, STATE - 3, state.tone))
 
     def _note(self, task: TaskView, width: int) -> Line:
@@ -271,13 +274,18 @@ class TaskLog(RowView):
         return crop((*head, (task.behavior, "strong")), width)
 
 
+def _name(task: TaskView) -> str:
+    """What was done; of the robot its link, whose state says the rest."""
+    return "link" if task.function == ROBOT else task.behavior
+
+
 def _is_bad(task: TaskView, state: State) -> bool:
     return bool(task.reason) and state.tone in ("fault", "wait")
 
 
 def _wrong(task: TaskView, state: State, room: int) -> Line:
     """What went wrong and why, where a reason has no column of its own."""
-    word, name = f"{state.glyph} {state.word}", task.behavior or short(task.source)
+    word, name = f"{state.glyph} {state.word}", _name(task) or short(task.source)
     shown = fit(name, min(cells(name), max(6, room - len(word) - 1))).rstrip()
     return ((f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone))
 

@@ -47,6 +47,7 @@ async def test_a_running_act_shows_progress_and_time_and_then_what_became_of_it(
         it.client.end_task(task, "Greet", "ABORTED", "the robot refused action 1")
         await it.until(lambda: "✗ failed" in it.row("acts", "Greet"))
         await it.until(lambda: "the robot refused action 1" in it.screen.failure.text)
+        assert it.notice == ""
 
 
 async def test_delete_stops_a_running_act_and_cancels_a_waiting_one() -> None:

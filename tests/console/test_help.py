@@ -50,6 +50,7 @@ def test_what_cannot_be_used_says_why() -> None:
 def test_the_ideas_are_explained_with_the_keys_that_they_have() -> None:
     said = dict(ideas())
     words = {"^X", "LIVE", "SAFE", "LOCKED", "STOPPED", "sent", "hold", "cue", "filler", "mistake", "control"}
+    words |= {"next", "NOT SAID"}
     assert set(said) == words
     for word, id in (("SAFE", "safe"), ("LOCKED", "lock"), ("cue", "cue"), ("mistake", "mistake")):
         assert key_in_words(id) in said[word]

@@ -200,6 +200,20 @@ def test_the_sentences_that_follow_in_the_act_are_told() -> None:
     assert it.lines(rows=1)[-1].startswith(" next  “Please put the fork to the left.”")
 
 
+def test_an_action_with_another_name_that_speaks_is_what_the_robot_says(tmp_path: Path) -> None:
+    """A study's own, or a robot's of another make: what counts is that it uses the voice."""
+    own = '[actions.Whisper]\nchannels = ["speech"]\nparameters.words = { type = "text", required = true }\n'
+    body = "<Whisper><actionID>1</actionID><words>Come closer.</words></Whisper>"
+    files: dict[str, str | bytes] = {"scenario.toml": own, "acts/a.xml": act(body)}
+    found = load(str(folder(tmp_path, files))).scenario
+    assert found is not None
+    it = Played(found)
+    task = it.client.act("A")
+    assert it.lines()[-1].startswith(" next  “Come closer.”") or "“Come closer.”" in it.lines()[1]
+    it.client.action(task, "A", "1", "Whisper", "accepted", words="Come closer.")
+    assert it.first.startswith(" ► “Come closer.”")
+
+
 def test_who_sees_only_the_last_known_state_is_not_told_that_it_is_said() -> None:
     it = Played()
     it.greet()
