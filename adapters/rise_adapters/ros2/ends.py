@@ -153,6 +153,17 @@ def strangers(wire: Transport) -> list[str]:
     ]
 
 
+def other_versions(wire: Transport, topic: str, type: str) -> list[str]:
+    """Who publishes a topic with another version of `type` than this side's: a sentence for each."""
+    own, full = wire.type_hash(type), wire.resolve(topic)
+    return [
+        f"{_node(end.node)} publishes {full} with another version of {type} than this node listens for: what arrives "
+        f"would be garbage. What to do: {_SAME_RELEASE}"
+        for end in wire.publisher_ends(topic)
+        if end.type == type and own and end.hash and end.hash != own
+    ]
+
+
 def topic_misfits(wire: Transport, topic: str) -> list[str]:
     """Of what other nodes have on one topic, who does not hear whom, and who would hear garbage: a sentence for each
     pair."""
