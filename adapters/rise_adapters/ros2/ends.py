@@ -283,17 +283,21 @@ def _other_type(wire: Transport, found: _Found, named: str, end: End, wanted: st
     own = wire.type_hash(wanted)
     if not own or not end.hash:
         found.unannounced = True
-    elif own != end.hash:
+    elif end.hash not in (own, wire.type_hash(_service(wanted))):  # some middleware announces that of the service
         what = named if wanted.startswith(named) else _whole(wanted)
         says = f"is {found.verb}{_by(end)} with another version of {what}"
         return Misfit(OTHER_VERSION, found.full, says, _SAME_RELEASE)
     return None
 
 
+def _service(type: str) -> str:
+    """The service that this is the request or the response of; other types as they are."""
+    return type.removesuffix("_Request").removesuffix("_Response")
+
+
 def _whole(type: str) -> str:
     """Of a part of an action or service, the type that people write."""
-    for ending in ("_Request", "_Response"):
-        type = type.removesuffix(ending)
+    type = _service(type)
     for ending in ("_SendGoal", "_GetResult", "_FeedbackMessage"):
         type = type.removesuffix(ending)
     return type
