@@ -32,6 +32,32 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
     return ours, tuple(theirs)
 
 
+def with_parameters(
+    ours: list[str], theirs: tuple[str, ...], command: click.Command
+) -> tuple[list[str], tuple[str, ...]]:
+    """Options of a command that are given as parameters of ROS (`-p robot:=pepper`, or in a file), where they stand on
+    the command line; ROS programs are started in that way. Exits when a parameter is none."""
+    if not {"-p", "--param", "--params-file"} & set(theirs):
+        return ours, theirs
+    from rise_engine.bridge import BridgeError
+    from rise_engine.robots import DriverError, parameters_as_options
+
+    options = [each for each in command.params if isinstance(each, click.Option)]
+    try:
+        more, theirs = parameters_as_options(
+            theirs,
+            switches=[each.opts[0] for each in options if each.is_flag],
+            single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
+            many=[each.opts[0] for each in options if each.multiple],
+            written=ours,
+        )
+    except BridgeError as error:
+        usage("\n".join(error.lines))
+    except DriverError as error:
+        usage(str(error))
+    return [ours[0], *more, *ours[1:]], theirs
+
+
 def places_of(places: tuple[str, ...]) -> dict[str, str]:
     """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
     named = dict(each.partition("=")[::2] for each in places)

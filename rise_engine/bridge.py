@@ -70,6 +70,20 @@ class BridgeOpener(Protocol):
         ...
 
 
+class ParameterReader(Protocol):
+    """The callable that an entry point of the group `rise.parameters` names."""
+
+    def __call__(
+        self, arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+    ) -> tuple[list[str], tuple[str, ...]]:
+        """The middleware's parameters as options of a command line, to stand before what is `written` there; and the
+        middleware's other arguments. Options by kind: without value, with one, and that can be given several times.
+
+        Raises BridgeError with a sentence for what is no parameter.
+        """
+        ...
+
+
 class Examiner(Protocol):
     """The callable that an entry point of the group `rise.doctors` names."""
 

@@ -23,7 +23,9 @@ from rise_engine.arguments import (
     script_of,
     split_ros_args,
     usage,
+    with_parameters,
 )
+from rise_engine.terminal import guarded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,26 +83,17 @@ class _Program(click.Group):
             raise
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        _write_everything()
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            if ours[:1] == ["serve"]:
+                ours, theirs = with_parameters(ours, theirs, serve)
+            return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
             sys.exit(130)
-
-
-def _write_everything() -> None:
-    """Whatever a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`); no command fails because of it."""
-    if sys.stdout is None:  # closed by whoever started this
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError):  # a test's own stream
-            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 class _ExpressionCommand(click.Command):
@@ -139,9 +132,10 @@ def main() -> None:
 @main.command()
 @_FOLDER
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+@click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
 @_ROBOT
 @_MODE
-def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> None:
+def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode: str | None) -> None:
     """Say everything that is wrong with the scenario in DIR.
 
     Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
@@ -149,22 +143,27 @@ def check(folder: str, as_json: bool, robot: str | None, mode: str | None) -> No
     from rise_engine.reports import check_report
 
     folder = require_folder(folder)
-    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json))
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
 
 
 @main.command("eval", cls=_ExpressionCommand)
-@click.argument("expression")
+@click.argument("expression", required=False)
+@click.option("--functions", is_flag=True, help="List the functions: what each takes and gives, with an example.")
 @click.option(
     "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
-def evaluate(expression: str, memory: str, as_json: bool) -> None:
+def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool) -> None:
     """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
 
     Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
     """
-    from rise_engine.reports import UnusableMemoryError, eval_report, read_memory
+    from rise_engine.reports import UnusableMemoryError, eval_report, functions_report, read_memory
 
+    if functions:
+        sys.exit(functions_report(as_json=as_json))
+    if expression is None:
+        usage("write an expression, in quotation marks: rise-engine eval '2 + 3' (or --functions)")
     try:
         values = read_memory(memory)
     except UnusableMemoryError as error:
@@ -469,14 +468,15 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
 
     With DIR, it knows the actions of that scenario and its robot too.
     """
-    from rise_engine.reports import print_document, schema_text
+    from rise_engine.reports import schema_text
+    from rise_engine.terminal import write_xml
 
     if folder is not None:
         folder = require_folder(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(1)
-    print_document(text.rstrip("\n"))
+    write_xml(text.rstrip("\n"))
 
 
 @main.command()

@@ -16,6 +16,8 @@ from queue import SimpleQueue
 from rise_engine.account import Account
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.session.lines import record_bytes
+from rise_engine.terminal import json_line
+from rise_engine.text import clean
 
 
 class Output:
@@ -46,8 +48,8 @@ class Output:
     def _line(self, record: AnyRecord) -> bytes | None:
         if self._account is not None:
             line = self._account.line(record)
-            return None if line is None else line.encode(self._encoding, "backslashreplace")
-        return record_bytes(record)
+            return None if line is None else clean(line).encode(self._encoding, "backslashreplace")
+        return json_line(record_bytes(record))
 
     def _put(self, line: bytes) -> None:
         self._write(line)

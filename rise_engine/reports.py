@@ -6,6 +6,8 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rise_engine.terminal import write_json
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -17,32 +19,41 @@ if TYPE_CHECKING:
 # --- check ----------------------------------------------------------------------------------------------------------
 
 
-def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool) -> int:
-    """Print every finding; the exit status is 1 when one of them is an error."""
-    scenario, findings = _load(folder, robot, mode)
+def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool = False) -> int:
+    """Print every finding, with `all_of_them` also what was silenced; the exit status is 1 when one is an error."""
+    from rise_engine.scenario import load
+
+    loaded = load(folder, robot=robot, mode=mode)
+    scenario, findings, silenced = loaded.scenario, loaded.findings, loaded.silenced
     if scenario is not None:
         findings += _of_driver(scenario)
     errors = sum(finding.severity == "error" for finding in findings)
     warnings = len(findings) - errors
     if as_json:
-        rows = [
-            {
-                "file": finding.place.file,
-                "line": finding.place.line,
-                "column": finding.place.column,
-                "severity": finding.severity,
-                "code": finding.code,
-                "message": finding.message,
-            }
-            for finding in findings
-        ]
-        print_document(_json({"errors": errors, "warnings": warnings, "findings": rows}))
+        rows = [_finding_row(finding) for finding in findings]
+        quiet = [{**_finding_row(each.finding), "reason": each.reason} for each in silenced]
+        write_json(_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": quiet}))
     else:
         for finding in findings:
             _print(str(finding))
+        for each in silenced if all_of_them else ():
+            told = each.finding
+            _print(f"{told.place}: silenced {told.code}: {told.message} (reason: {each.reason})")
         found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "no findings"
+        found += f", {len(silenced)} silenced" if silenced else ""
         _print(f"{found}{_content(scenario)}")
     return 1 if errors else 0
+
+
+def _finding_row(finding: Finding) -> dict[str, Any]:
+    return {
+        "file": finding.place.file,
+        "line": finding.place.line,
+        "column": finding.place.column,
+        "severity": finding.severity,
+        "code": finding.code,
+        "message": finding.message,
+    }
 
 
 def _of_driver(scenario: Scenario) -> list[Finding]:
@@ -154,7 +165,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     except ExpressionError as error:
         if as_json:
             told = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
-            print_document(_json(told))
+            write_json(_json(told))
         else:
             sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
         return 1
@@ -164,7 +175,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         value = expression.value(memory, chance, missing)
     except EvaluationError as error:
         if as_json:
-            print_document(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
+            write_json(_json({"expression": text, "error": str(error), "read_as": expression.explicit}))
         else:
             _print(f"read as    {expression.explicit}")
             sys.stderr.write(f"error: {error}\n")
@@ -175,7 +186,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         holds = f"error: {error}"
     otherwise = differences(expression)
     if as_json:
-        print_document(
+        write_json(
             _json(
                 {
                     "expression": text,
@@ -199,6 +210,23 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         _print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
     if otherwise is not None:
         _print(f"differs    {otherwise}")
+    return 0
+
+
+def functions_report(*, as_json: bool) -> int:
+    """Print what each function of the language takes and gives."""
+    from textwrap import wrap
+
+    from rise_engine.expression.signatures import SIGNATURES
+
+    if as_json:
+        rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]
+        write_json(_json({"functions": rows}))
+        return 0
+    for each in SIGNATURES:
+        _print(", ".join(each.written))
+        for line in (*wrap(each.says.replace("`", ""), 90), f"{each.example} = {each.result}"):
+            _print(f"    {line}")
     return 0
 
 
@@ -251,7 +279,7 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
             }
         )
     if as_json:
-        print_document(_json({"robots": rows}))
+        write_json(_json({"robots": rows}))
     else:
         _print("\n\n".join(_robot_text(row) for row in rows))
     return 0
@@ -369,13 +397,6 @@ def new_report(folder: str, study: str) -> int:
 
 def _print(text: str) -> None:
     sys.stdout.write(text + "\n")
-
-
-def print_document(text: str) -> None:
-    """Print JSON or XML: UTF-8 on every terminal, because an escaped character would spoil it."""
-    sys.stdout.flush()
-    sys.stdout.buffer.write(text.encode("utf-8", "backslashreplace") + b"\n")
-    sys.stdout.buffer.flush()
 
 
 def _json(value: Any) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from rise_engine.bridge import Bridge, BridgeError, BridgeOpener, Examiner, Wire
+from rise_engine.bridge import Bridge, BridgeError, BridgeOpener, Examiner, ParameterReader, Wire
 from rise_engine.entries import Entry, entries
 from rise_engine.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import Mode, RobotProfile
@@ -18,6 +18,7 @@ GROUP = "rise.drivers"
 BRIDGES = "rise.bridges"
 CHECKS = "rise.checks"
 DOCTORS = "rise.doctors"
+PARAMETERS = "rise.parameters"
 SIMULATED = "simulated"
 ROS = "ros2"
 """The bridge that `--ros` is about."""
@@ -124,6 +125,23 @@ def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
         return []
     problems: list[str] = entry.load()(profile)
     return problems
+
+
+def parameters_as_options(
+    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """ROS parameters as options of the command line, whose flags are given by kind, and ROS's other arguments.
+
+    Raises BridgeError for a parameter that is none, DriverError.
+    """
+    entry = _entries(PARAMETERS).get(ROS)
+    if entry is None:
+        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS!r} in the group {PARAMETERS!r}")
+    try:
+        reader = cast(ParameterReader, entry.load())
+    except Exception as error:
+        raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
+    return reader(arguments, switches=switches, single=single, many=many, written=written)
 
 
 def examiner() -> Examiner:

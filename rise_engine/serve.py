@@ -17,7 +17,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 from random import SystemRandom
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 from msgspec import Struct
@@ -29,7 +29,7 @@ from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.link.places import Claim, PlaceError, claim, session_name
 from rise_engine.link.room import Room
 from rise_engine.link.server import Server
-from rise_engine.link.spawn import Word
+from rise_engine.link.spawn import Word, Working
 from rise_engine.robot import Robot
 from rise_engine.robots import DriverError, RobotOptionsError, make_robot, open_bridge, warning_for
 from rise_engine.scenario import load
@@ -53,6 +53,7 @@ from rise_engine.session.lines import header_line
 from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.reports import find_session
+from rise_engine.text import clean, told_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -98,6 +99,10 @@ class Order(Struct, frozen=True):
     """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
 
 
+Say: TypeAlias = "Callable[[Word | Working], None]"
+"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
+
+
 class Refusal(Exception):
     """Nothing is served."""
 
@@ -119,10 +124,10 @@ def _described(folders: Sequence[Path]) -> list[tuple[str, str]]:
     return [(str(folder), describe(folder)) for folder in folders]
 
 
-def serve(order: Order, say: Callable[[Word], None]) -> int:
-    """Serve a session until it ends; gives the exit status. `say` is called once."""
+def serve(order: Order, say: Say) -> int:
+    """Serve a session until it ends; gives the exit status. `say` gets how far it has come, and then one `Word`."""
     try:
-        session = _Prepared(order)
+        session = _Prepared(order, say)
     except Refusal as refusal:
         say(refusal.word)
         return refusal.word.code
@@ -138,8 +143,9 @@ def serve(order: Order, say: Callable[[Word], None]) -> int:
 class _Prepared:
     """Everything that can be refused, before anything runs."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: Order, say: Say) -> None:
         self.order = order
+        self._say = say
         self.recovered: Recovered | None = None
         self.lock: JournalLock | None = None
         """Of the journal of a session that goes on, until that is open."""
@@ -271,7 +277,7 @@ class _Prepared:
             with beginning(which.parent):
                 self._refuse_second()
                 self.lock = JournalLock(which / JOURNAL, here=self.order.here)
-            self.recovered = recover(which, lock=self.lock)
+            self.recovered = recover(which, lock=self.lock, tell=self._recovering)
         except JournalLocked as error:
             holder = error.holder
             raise Refusal(RUNNING, str(error), socket=holder.socket if holder and holder.is_here else "") from None
@@ -281,6 +287,9 @@ class _Prepared:
         self.scenario, self.folder = self.recovered.scenario, which
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
         self.wire = Wire(info.ros, info.ros_args)
+
+    def _recovering(self, sentence: str) -> None:
+        self._say(Working(f"recovering: {sentence}"))
 
     async def connect(self) -> Bridge | None:
         """The connection to ROS, where the session has one."""
@@ -301,7 +310,7 @@ class _Prepared:
 class _Serving:
     """The running session."""
 
-    def __init__(self, prepared: _Prepared, say: Callable[[Word], None]) -> None:
+    def __init__(self, prepared: _Prepared, say: Say) -> None:
         self.prepared = prepared
         self.say = say
         self.ending = False
@@ -425,18 +434,22 @@ class _Serving:
             engine.look_at_journal()
 
 
-def to_person(order: Order) -> Callable[[Word], None]:
-    """How the process says its one word to a person."""
+def to_person(order: Order) -> Say:
+    """How the process says it to a person."""
 
-    def say(word: Word) -> None:
+    def say(word: Word | Working) -> None:
+        if isinstance(word, Working):
+            sys.stderr.write(clean(word.sentence) + "\n")
+            sys.stderr.flush()
+            return
         for line in word.lines:
-            sys.stderr.write(line + "\n")
+            sys.stderr.write(clean(line) + "\n")
         for folder, sentence in word.unfinished:
-            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
         if word.others:
             sys.stderr.write("of other participants or conditions, and not recovered for this one:\n")
         for folder, sentence in word.others:
-            sys.stderr.write(f"  {sentence}\n    {folder}\n")
+            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
         if word.code == UNFINISHED and not word.unfinished:
             sys.stderr.write("say --new to begin, or name theirs to go on with one (--participant, --condition)\n")
         elif word.code == UNFINISHED:
@@ -450,13 +463,14 @@ def to_person(order: Order) -> Callable[[Word], None]:
     return say
 
 
-def to_starter(descriptor: int) -> Callable[[Word], None]:
+def to_starter(descriptor: int) -> Say:
     """How it says it to whoever started it and waits at the other end of a pipe."""
 
-    def say(word: Word) -> None:
+    def say(word: Word | Working) -> None:
         with suppress(OSError):  # it has gone; the session goes on without it
-            os.write(descriptor, msgspec.json.encode(word) + b"\n")
-        os.close(descriptor)
+            os.write(descriptor, msgspec.json.encode(told_all(msgspec.to_builtins(word))) + b"\n")
+        if isinstance(word, Word):
+            os.close(descriptor)
 
     return say
 

@@ -11,9 +11,11 @@ def main() -> None:
     import msgspec
 
     from rise_engine.serve import Order, serve, to_starter
+    from rise_engine.text import meant_all
 
     _, order, descriptor = sys.argv
-    sys.exit(serve(msgspec.json.decode(order, type=Order), to_starter(int(descriptor))))
+    meant = msgspec.convert(meant_all(msgspec.json.decode(order)), Order)
+    sys.exit(serve(meant, to_starter(int(descriptor))))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,8 @@ direction of writing, or are simply not seen. Whoever writes to a screen passes 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from typing import Any
 
 _UNSEEN = (
     "\x00-\x1f\x7f-\x9f"  # controls
@@ -36,7 +38,7 @@ def clean(text: str, *, keep: str = "") -> str:
 
     Those in `keep` stay: `"\\n"` for a text of several lines.
     """
-    if UNSEEN.search(text) is None:
+    if (text.isascii() and text.isprintable()) or UNSEEN.search(text) is None:  # the first is quicker
         return text
 
     def mark(found: re.Match[str]) -> str:
@@ -44,6 +46,18 @@ def clean(text: str, *, keep: str = "") -> str:
         return character if character in keep else {"\n": "⏎", "\t": " "}.get(character, "·")
 
     return UNSEEN.sub(mark, text)
+
+
+def seen_json(text: str) -> str:
+    """JSON with the same values, in which every character of UNSEEN is an escape (line ends between values stay)."""
+
+    def escape(found: re.Match[str]) -> str:
+        if found[0] in "\r\n\t":  # between values: within a text they are escapes already
+            return found[0]
+        units = found[0].encode("utf-16-be", "surrogatepass")
+        return "".join(f"\\u{units[at : at + 2].hex()}" for at in range(0, len(units), 2))
+
+    return UNSEEN.sub(escape, text)
 
 
 def strange(text: str, start: int = 0, end: int | None = None) -> int:
@@ -60,3 +74,38 @@ def called(character: str) -> str:
 
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
+
+
+_HALF = re.compile(r"\\u(d[c-f][0-9a-f]{2})")
+
+
+def told(path: str) -> str:
+    """A path as a text that every file and message can hold: a byte that is no UTF-8 becomes `\\udce4`."""
+    return path.encode("utf-8", "backslashreplace").decode()
+
+
+def meant(text: str) -> str:
+    """The path of which `told` made a text. (A name that itself has these six characters is taken for it.)"""
+    return _HALF.sub(lambda found: chr(int(found[1], 16)), text) if "\\ud" in text else text
+
+
+def told_all(value: Any) -> Any:
+    """`told` for every text in a JSON-like value."""
+    return _each(told, value)
+
+
+def meant_all(value: Any) -> Any:
+    """`meant` for every text in a JSON-like value."""
+    return _each(meant, value)
+
+
+def _each(change: Callable[[str], str], value: Any) -> Any:
+    match value:
+        case str():
+            return change(value)
+        case dict():
+            return {_each(change, key): _each(change, inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_each(change, inner) for inner in value]
+        case _:
+            return value

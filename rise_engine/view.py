@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from itertools import islice
 from typing import Any
 
 from msgspec import Struct, field
@@ -36,6 +37,8 @@ TASK_LOG = 100_000
 """Finished tasks that a view keeps; older ones are in the journal."""
 REMARKS, LONGEST_REMARK = 500, 1_000
 """Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+FORGET = 10_000
+"""So many more may come before the oldest are forgotten, all at once."""
 
 
 class ActionView(Struct, gc=False):
@@ -185,7 +188,9 @@ class View(Struct):
     failed: list[int] = field(default_factory=list)
     """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
-    """Every task of the session (up to TASK_LOG), by id, in order of arrival."""
+    """Every task of the session (of those that have ended, the latest TASK_LOG), by id, in order of arrival."""
+    forgotten: int = 0
+    """Tasks that are no longer among `tasks`."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
     remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=REMARKS))
@@ -278,7 +283,7 @@ class View(Struct):
                 ref=record.ref,
             )
             self.tasks[record.id] = task
-            if len(self.tasks) > TASK_LOG:
+            if len(self.tasks) - len(self.waiting) - len(self.running) > TASK_LOG + FORGET:
                 self._forget_oldest()
         task.status, task.reason = record.status, record.reason
         if record.status == "ACTIVE":
@@ -356,9 +361,9 @@ class View(Struct):
             rule.priority, rule.entered = record.priority, record.seq
 
     def _forget_oldest(self) -> None:
-        for id, task in self.tasks.items():
-            if task.status in FINAL:
-                del self.tasks[id]
-                if id in self.failed:
-                    self.failed.remove(id)
-                return
+        ended = (id for id, task in self.tasks.items() if task.status in FINAL)
+        oldest = list(islice(ended, len(self.tasks) - TASK_LOG))
+        for id in oldest:
+            del self.tasks[id]
+        self.failed = [id for id in self.failed if id in self.tasks]
+        self.forgotten += len(oldest)

@@ -178,6 +178,11 @@ def _logged(store: Store) -> str:
     return "" if store.log.all else "there is no row yet"
 
 
+def _savable(store: Store) -> str:
+    """Whoever has the address of a page writes nothing on the machine that serves it."""
+    return "this console is in a browser, which writes no files" if store.in_browser else _logged(store)
+
+
 _memory = _some("the memory is empty", lambda store: store.view.memory)
 _queue = _some("nothing runs or waits", lambda store: store.view.running or store.view.waiting)
 _waiting = _some("fewer than two tasks wait", lambda store: len(store.view.waiting) > 1)
@@ -202,7 +207,8 @@ ACTIONS: tuple[Action, ...] = (
            "it.",
            "say", _sayable),
     Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
-           "Marks the last act as wrong, late, early or double. It changes nothing but the record.",
+           "Marks what you did last, whatever it was, as wrong, late, early or double. It changes nothing but the "
+           "record.",
            "mistake", _markable),
     Action("repeat", "Repeat the failed act", ("ctrl+e",), "console",
            "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
@@ -287,10 +293,10 @@ ACTIONS: tuple[Action, ...] = (
            "details", _logged),
     Action("log.follow", "Follow the newest task", ("end",), "log",
            "Goes to the end and stays there. Scrolling up pauses; the title counts what is new.", "follow"),
-    Action("log.unfold", "Show what rules did for themselves", ("right",), "log",
+    Action("log.unfold", "Show the rules' own rows", ("right",), "log",
            "By default the log shows what people and the robot did. This shows the rules' own events, values and rules "
            "too; it stays so for later sessions.", "rules' own"),
-    Action("log.fold", "Hide what rules did for themselves", ("left",), "log",
+    Action("log.fold", "Hide the rules' own rows", ("left",), "log",
            "Only what people and the robot did: tasks of wizards and programs, acts, failures, notes."),
     Action("log.time", "Go to a time", (), "log",
            "Goes to the row nearest to a time of the session: 14:32, -30s (before now), now.", "", _logged),
@@ -299,8 +305,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("log.copy-all", "Copy all rows shown", (), "log",
            "Puts the rows that the filter leaves, or all, on the clipboard of your terminal, as a table.", "", _logged),
     Action("log.save", "Save the rows shown", (), "log",
-           "Writes the rows that the filter leaves, or all, to a file: a table (.tsv) or JSON lines (.jsonl).", "",
-           _logged),
+           "Writes the rows that the filter leaves, or all, to a file in the session's folder, or where its name says: "
+           "a table (.tsv) or JSON lines (.jsonl).", "", _savable),
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}

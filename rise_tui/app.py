@@ -61,6 +61,7 @@ class ConsoleApp(KeyWatch):
         told: str = "",
         keys: KeyFile | None = None,
         keeper: Keeper | None = None,
+        in_browser: bool = False,
     ) -> None:
         """Either with a `client` of a session that runs, or with what the launcher is to start.
 
@@ -74,7 +75,7 @@ class ConsoleApp(KeyWatch):
         self._launcher = launcher
         self._scenario, self._settings, self._wizard = scenario, settings, wizard
         self._client, self._told = client, told
-        self._keys, self._keeper = keys or KeyFile(), keeper
+        self._keys, self._keeper, self._in_browser = keys or KeyFile(), keeper, in_browser
         use_keys(self._keys.own)
         self.set_keymap(for_textual(self._keys))
         self._session: Session | None = None
@@ -137,7 +138,7 @@ class ConsoleApp(KeyWatch):
 
     async def _enter(self, client: Client) -> None:
         try:
-            session = await Session.attach(client, self._wizard)
+            session = await Session.attach(client, self._wizard, in_browser=self._in_browser)
         except (EngineGone, ValueError) as error:
             self._not_begun(error)
             return
@@ -181,10 +182,9 @@ class ConsoleApp(KeyWatch):
     @on(ConsoleScreen.SettingsAsked)
     def _settings_asked(self) -> None:
         if self._session is not None and self._settings is not None:
-            hello = self._session.store.hello
             from rise_tui.screens.settings import SettingsScreen  # not needed to begin
 
-            screen = SettingsScreen(self._settings, hello.scenario, hello.mode, hello.robot, self._launcher)
+            screen = SettingsScreen(self._settings, self._session.store, self._launcher)
             self.push_screen(screen, self._settings_chosen)
 
     def _settings_chosen(self, chosen: tuple[Scenario, Settings] | None) -> None:
@@ -224,8 +224,14 @@ class ConsoleApp(KeyWatch):
         if recover is None:
             return
         session.tell(Notice("the session is being recovered", "wait"))
+        loop = asyncio.get_running_loop()
+
+        def tell(sentence: str) -> None:
+            with suppress(RuntimeError):  # the console has left meanwhile
+                loop.call_soon_threadsafe(session.tell, Notice(sentence, "wait"))
+
         try:
-            recovered = await asyncio.to_thread(recover, session.store.hello)
+            recovered = await asyncio.to_thread(recover, session.store.hello, tell)
         except (EngineGone, PlaceError) as error:
             session.tell(Notice(f"it is not recovered: {error}", "fault"))
             return

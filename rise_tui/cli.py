@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 from rise_engine import __version__
+from rise_engine.terminal import guarded
 from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
 from rise_tui.start.starting import Asked, start
 
@@ -27,7 +28,8 @@ class _Program(click.Group):
         from rise_engine.arguments import split_ros_args
 
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        return super().main(ours, *rest, obj=theirs, **more)
+        with guarded():
+            return super().main(ours, *rest, obj=theirs, **more)
 
 
 _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")
@@ -102,6 +104,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     metavar="[PORT]",
     help=f"Show a running session in browsers on this machine; without a port, {WEB_PORT}.",
 )
+@click.option("--in-browser", is_flag=True, hidden=True)
 @click.version_option(__version__)
 @click.pass_context
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:

@@ -1,4 +1,4 @@
-"""What the palette offers: every action of the registry, themes, acts, rules, and events that are waited for. Pure.
+"""What the palette offers: every action of the registry, themes, acts, rules, events, and values that keys set. Pure.
 
 What cannot be used now is there too, with the reason.
 """
@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from rise_engine.scenario.model import KeyBinding, normal_topic
 from rise_tui import themes
 from rise_tui.actions import ACTIONS, PLACES, Place
 from rise_tui.model.explain import ENDINGS
 from rise_tui.model.filtering import BrokenFilter, Filter
 from rise_tui.model.gate import Trigger
 from rise_tui.model.store import Store
+from rise_tui.model.study_keys import EVENT, SET, title_of
 
 THEME = "theme"
 
@@ -59,7 +61,7 @@ def _awaited(store: Store, start: Callable[[Trigger], None]) -> Iterator[Command
     for topic in sorted(topics - own):
         trigger = Trigger("raiseEventTopic", topic)
         key = store.key_of(trigger.function, topic)
-        help = "raise this event: a running rule waits for it"
+        help = f"raise this event{_called(key)}: a running rule waits for it"
         yield Command(topic, "event", key.label if key else "", help, why, partial(start, trigger))
 
 
@@ -70,13 +72,26 @@ def _startable(store: Store, start: Callable[[Trigger], None]) -> Iterator[Comma
         settings = scenario.settings_of(name)
         trigger = Trigger("startCommunicationRobotAct", name, settings.debounce, settings.hold)
         key = store.key_of(trigger.function, name)
-        help = "start this act" + ("; a running rule waits for it" if name in due.acts else "")
+        help = f"start this act{_called(key)}" + ("; a running rule waits for it" if name in due.acts else "")
         yield Command(name, "act", key.label if key else "", help, why, partial(start, trigger))
     for name in scenario.rules:
         trigger = Trigger("startInteractionRule", name)
         key = store.key_of(trigger.function, name)
-        help = "start this rule" + ("; a running rule waits for it" if name in due.rules else "")
+        help = f"start this rule{_called(key)}" + ("; a running rule waits for it" if name in due.rules else "")
         yield Command(name, "rule", key.label if key else "", help, why, partial(start, trigger))
+    for key in scenario.keys.values():
+        trigger = Trigger(key.function, key.behavior)
+        if key.function == EVENT and normal_topic(key.behavior) not in due.events:
+            help, why = "raise this event; no running rule waits for it now", store.cannot(key.function)
+            yield Command(title_of(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, trigger))
+        elif key.function == SET:
+            why = store.cannot(key.function)
+            yield Command(title_of(key), "set", key.label, key.behavior, why, partial(start, trigger))
+
+
+def _called(key: KeyBinding | None) -> str:
+    """What the author calls it, as words to be found by."""
+    return f": {key.title}" if key is not None and key.title else ""
 
 
 def theme_commands(choose: Callable[[str], None]) -> Iterator[Command]:

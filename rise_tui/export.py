@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -88,16 +89,26 @@ def on_the_way(environment: Mapping[str, str]) -> str:
     return ""
 
 
-def save(name: str, tasks: Iterable[TaskView]) -> Path:
-    """Write the tasks to a new file; returns its full path. Blocks: not for a loop. Raises NotSaved."""
-    path = Path(name.strip()).expanduser() if name.strip() else Path()
+def folder_for(session: str) -> Path:
+    """Where a name without a folder is saved: with the session's record, or else in the current folder."""
+    folder = Path(session)
+    return folder if session and folder.is_dir() and os.access(folder, os.W_OK) else Path()
+
+
+def save(name: str, tasks: Iterable[TaskView], folder: Path) -> Path:
+    """Write the tasks to a new file that only its owner can read; returns its full path.
+
+    `folder`: for names without one. Blocks: not for a loop. Raises NotSaved.
+    """
+    path = folder / Path(name.strip()).expanduser() if name.strip() else Path()
     ending = path.suffix.casefold()
     if ending not in (*TABLES, *LINES):
         raise NotSaved("end the name in .tsv (a table) or .jsonl (JSON lines)")
     path = path.absolute()
     lines = table(tasks) if ending in TABLES else json_lines(tasks)
     try:
-        file = path.open("x", encoding="utf-8", errors="backslashreplace", newline="\n")
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        file = os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace", newline="\n")
     except FileExistsError:
         raise NotSaved(f"{path} exists already; nothing is overwritten: take another name") from None
     except OSError as error:

@@ -41,10 +41,10 @@ class Session:
         self._reclaiming: set[asyncio.Task[None]] = set()
 
     @classmethod
-    async def attach(cls, client: Client, wizard: str) -> Session:
+    async def attach(cls, client: Client, wizard: str, *, in_browser: bool = False) -> Session:
         """Raises EngineGone."""
         hello = await client.attach()
-        return cls(client, Store(hello, wizard, client.now))
+        return cls(client, Store(hello, wizard, client.now, in_browser))
 
     async def pump(self) -> None:
         """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
@@ -14,6 +15,7 @@ from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped import is_shipped
+from rise_tui.memory_file import NotEditable, edited, same
 from rise_tui.text import value_text
 
 
@@ -33,8 +35,9 @@ def file_of(scenario: Scenario) -> Path:
     path = folder / (scenario.paths.get("memory") or DEFAULT_PLACES["memory"])
     if path.exists() and not path.is_file():
         raise NotWritable(f"{path} is not a file")
-    if not os.access(path.parent, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise NotWritable(f"{path} cannot be written: no permission")
+    real = Path(os.path.realpath(path))
+    if not os.access(real.parent, os.W_OK) or (real.exists() and not os.access(real, os.W_OK)):
+        raise NotWritable(f"{real} cannot be written by you; work on a copy of the study's folder")
     return path
 
 
@@ -52,24 +55,51 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
             said.append(f"{key}: {value_text(before[key])} → (no such key)")
         elif key not in before:
             said.append(f"{key}: (new) → {value_text(now[key])}")
-        elif json.dumps(before[key]) != json.dumps(now[key]):
+        elif not same(before[key], now[key]):
             said.append(f"{key}: {value_text(before[key])} → {value_text(now[key])}")
     return said
 
 
-def write(path: Path, memory: Mapping[str, Any]) -> None:
-    """Replace the file as a whole, or leave it as it was. Raises NotWritable."""
+def write(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Write what has changed from `before` to `now` into the file, and leave the rest of it as it is.
+
+    As a whole or not at all. A link stays a link: the file that it leads to is written. Raises NotWritable.
+    """
     fresh = ""
     try:
+        path = Path(os.path.realpath(path))
+        text = _text(path, before, now)
         handle, fresh = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text_of(memory))
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+            file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        with suppress(OSError):
-            Path(fresh).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o644)
+        _as_before(path, fresh)
         Path(fresh).replace(path)
+    except NotEditable as error:
+        raise NotWritable(f"{path}: {error}") from error
     except (OSError, UnicodeError) as error:
         if fresh:
             Path(fresh).unlink(missing_ok=True)
         raise NotWritable(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What the file is to hold. Raises OSError, UnicodeError and NotEditable."""
+    if not path.exists():
+        return text_of(now)
+    text = path.read_bytes().decode("utf-8")
+    mark = text[:1] if text.startswith("\ufeff") else ""
+    return mark + edited(text.removeprefix(mark), before, now)
+
+
+def _as_before(path: Path, fresh: str) -> None:
+    """The same owner and permissions."""
+    if not path.exists():
+        Path(fresh).chmod(0o644)
+        return
+    found = path.stat()
+    with suppress(OSError):  # only root may give a file away
+        os.chown(fresh, found.st_uid, found.st_gid)
+    with suppress(OSError):
+        Path(fresh).chmod(stat.S_IMODE(found.st_mode))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len, set_cell_size
+
+from rise_engine.text import UNSEEN, seen_json
+from rise_engine.text import clean as clean
 
 Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
 """What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.
@@ -17,8 +19,6 @@ Tone: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault",
 
 Span: TypeAlias = tuple[str, Tone]
 Line: TypeAlias = tuple[Span, ...]
-
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u2069\ud800-\udfff\ufeff]")
 
 
 class Row(NamedTuple):
@@ -29,13 +29,6 @@ class Row(NamedTuple):
     selectable: bool = True
     full: str = ""
     """What a filter looks at, where the line has no room for all of it."""
-
-
-def clean(text: str) -> str:
-    """The text without anything that could move the cursor or hide itself: line ends show as `⏎`, others as `·`."""
-    if text.isprintable():  # of everything: this runs for each piece of each row
-        return text
-    return _CONTROL.sub(lambda found: "⏎" if found[0] == "\n" else " " if found[0] == "\t" else "·", text)
 
 
 def cells(text: str) -> int:
@@ -191,10 +184,10 @@ def value_text(value: Any) -> str:
 
     Whatever could move the cursor or hide itself is escaped, which makes a string JSON.
     """
-    bare = isinstance(value, str) and value == value.strip() and value and not _CONTROL.search(value)
+    bare = isinstance(value, str) and value == value.strip() and value and not UNSEEN.search(value)
     if bare and type_of_text(value)[1] == "string":
         return str(value)
-    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", json.dumps(value, ensure_ascii=False))
+    return seen_json(json.dumps(value, ensure_ascii=False))
 
 
 def type_word(value: Any) -> str:

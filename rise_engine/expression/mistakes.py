@@ -142,6 +142,8 @@ def unknown_function(text: str, token: Token) -> ExpressionError:
 
 def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
     """A function with too few or too many arguments."""
+    from rise_engine.expression.signatures import signature  # only for messages
+
     least, most = ARITY[token.value]
     wanted = f"{least} or more" if most == MANY else str(least) if least == most else f"{least} or {most}"
     plural = "" if wanted == "1" else "s"
@@ -151,6 +153,8 @@ def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token])
         if given > most and adjacent and (left.kind, comma.kind, right.kind) == ("number", ",", "number"):
             number = f"{text[left.start : left.end]}.{text[right.start : right.end]}"
             hint = f"numbers have a point, not a comma: write `{number}`"
+    if not hint and (known := signature(token.value)) is not None:
+        hint = f"write {known.call}: {known.says.partition(';')[0].partition('. ')[0]}"
     return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)
 
 

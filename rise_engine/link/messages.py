@@ -92,6 +92,7 @@ class State(Struct, frozen=True):
     failed: list[int] = field(default_factory=list)
     wizard: str = ""
     remarks: list[RemarkView] = []
+    forgotten: int = 0
 
 
 class Welcome(Struct, tag_field="type", tag="hello", frozen=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,7 +28,7 @@ class ReplayClient:
         """`speed`: how many session seconds pass in one second."""
         self._folder = folder
         self._speed = speed
-        self._records: list[AnyRecord] = []
+        self._records: Iterator[AnyRecord] = iter(())
         self._began = 0.0
         self._closed = asyncio.Event()
 
@@ -45,7 +45,7 @@ class ReplayClient:
         contents = read_journal(self._folder / JOURNAL)
         notes: list[str] = []
         scenario = session_scenario(self._folder, info, notes)
-        self._records = [record for _, record in contents.placed()]
+        self._records = (record for _, record in contents.placed())
         return Hello(
             scenario,
             info.mode,
@@ -59,18 +59,17 @@ class ReplayClient:
         )
 
     async def records(self) -> AsyncIterator[Sequence[Update]]:
-        at = 0
-        while at < len(self._records) and not self._closed.is_set():
-            wait = (self._records[at].t - self.now()) / self._speed
+        record = next(self._records, None)
+        while record is not None and not self._closed.is_set():
+            wait = (record.t - self.now()) / self._speed
             if wait > 0:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(self._closed.wait(), wait)
                 continue
-            end, now = at + 1, self.now()
-            while end < len(self._records) and end - at < BATCH and self._records[end].t <= now:
-                end += 1
-            yield self._records[at:end]
-            at = end
+            batch, now = [record], self.now()
+            while (record := next(self._records, None)) is not None and len(batch) < BATCH and record.t <= now:
+                batch.append(record)
+            yield batch
             await asyncio.sleep(0)
 
     async def send(self, message: ClientInput) -> Reply:

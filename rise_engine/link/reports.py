@@ -15,6 +15,8 @@ from rise_engine.link.leftover import as_lines, left_over
 from rise_engine.link.messages import About
 from rise_engine.link.places import PlaceError, find, held, lock_path, running, session_name, socket_path
 from rise_engine.session.folder import running_folders
+from rise_engine.terminal import write_json
+from rise_engine.text import clean
 
 OK, NO_SUCH, STILL_THERE = 0, 1, 70
 
@@ -30,18 +32,18 @@ def sessions_report(*, as_json: bool) -> int:
         return _fail(str(error))
     if as_json:
         told = [{"name": name, "about": None if each is None else each} for name, each in found.items()]
-        sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+        write_json(msgspec.json.encode(told).decode())
         return OK
     others = on_other_computers()
     if not found and not others:
         sys.stderr.write("no session is running; begin one with:  rise-tui --config DIR\n")
     for name, about in found.items():
         for line in _lines(name, about):
-            sys.stdout.write(line + "\n")
+            sys.stdout.write(clean(line) + "\n")
     for line in others:
-        sys.stderr.write(line + "\n")
+        sys.stderr.write(clean(line) + "\n")
     for line in as_lines(left_over(found)):
-        sys.stderr.write(line + "\n")
+        sys.stderr.write(clean(line) + "\n")
     return OK
 
 

@@ -14,6 +14,7 @@ import logging
 import os
 from collections import deque
 from collections.abc import Callable, Iterable
+from unicodedata import normalize
 
 from msgspec.structs import replace
 
@@ -22,13 +23,13 @@ from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, SessionRecord, TaskRecord
 from rise_engine.link.client import ClientInput, Hello, Reply, Role, Update, Verb
 from rise_engine.link.messages import VERSION, About
+from rise_engine.link.names import looks_like, name_problem
 from rise_engine.view import ActView, TaskView, View
 
 _LOG = logging.getLogger(__name__)
 
 END_SECONDS = 6.0
 """Real seconds that the robot gets to confirm the last stop before the session ends without it."""
-NAME_LENGTH = 64
 
 FOR_ALL = frozenset({"stopAll", "markMistake"})
 """What everybody who is attached may ask for: it starts nothing. So may notes be added."""
@@ -72,6 +73,8 @@ class Room:
         self.folder = folder
         self.replay = replay
         self.members: dict[str, Member] = {}
+        self._names: dict[str, None] = {}
+        """Of all who have attached so far."""
         self.end_reason = ""
         """Why the session ended, once it has."""
         self._end = end or self._end_engine
@@ -112,7 +115,10 @@ class Room:
 
         `source`: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
         """
-        problem = _name_problem(name)
+        name = normalize("NFC", name)
+        problem = name_problem(name)
+        if not problem and (other := looks_like(name, [*self._names, *self._names_in_record()])):
+            problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
         if self.engine.ended:
             problem = "the session has ended"
         if problem:
@@ -125,9 +131,14 @@ class Room:
             number += 1
             unique = f"{source}#{number}"
         member = self.members[unique] = Member(unique, source, role)
+        self._names[name] = None
         if role == "wizard" and self._holder is None and self._begun and not self.replay:
             self._change("taken", member, member)
         return member
+
+    def _names_in_record(self) -> list[str]:
+        """Of the wizard before an engine that had gone: the record goes on with what they did."""
+        return [self._view.wizard] if self._view.wizard else []
 
     def leave(self, member: Member) -> None:
         """Somebody has gone. Control that they held goes to who asked for it, or to nobody."""
@@ -368,13 +379,3 @@ def _copy_of_task(task: TaskView) -> TaskView:
 def _copy_of_act(act: ActView, tasks: dict[int, TaskView]) -> ActView:
     last = act.last if act.last is None else tasks.get(act.last.id, act.last)
     return replace(act, running=list(act.running), waiting=list(act.waiting), last=last)
-
-
-def _name_problem(name: str) -> str:
-    if not name.strip():
-        return "say who you are: the name is empty"
-    if len(name) > NAME_LENGTH:
-        return f"the name is longer than {NAME_LENGTH} characters"
-    if name != name.strip() or not name.isprintable() or "#" in name:
-        return f"{name!r} cannot be a name: it has blanks at an end, a `#`, or characters that cannot be shown"
-    return ""

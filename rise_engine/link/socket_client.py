@@ -215,6 +215,8 @@ class _Connection:
         try:
             reader, writer = await asyncio.open_unix_connection(path, limit=READ * 4)
         except (FileNotFoundError, ConnectionRefusedError):
+            if places.held(places.lock_path(path)):
+                raise EngineGone(f"the session at {path} is just starting or being recovered: try again soon") from None
             raise EngineGone(f"no session runs at {path}: its engine has gone") from None
         except OSError as error:
             raise EngineGone(f"the session at {path} cannot be reached: {error.strerror or error}") from None

@@ -1,10 +1,11 @@
-"""Starting an engine in the background: a process that belongs to no terminal, and one word from it."""
+"""Starting an engine in the background: a process that belongs to no terminal, and its word whether it serves."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from select import select
 from typing import TypeAlias
 
@@ -13,9 +14,10 @@ from msgspec import Struct
 
 from rise_engine.bridge import Wire
 from rise_engine.link.places import PlaceError, runtime_folder
+from rise_engine.text import meant_all, told_all
 
 PATIENCE = 30.0
-"""Seconds that an engine has to say whether it serves."""
+"""Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
 
 
 class Options(Struct, frozen=True):
@@ -69,8 +71,14 @@ class Refused(Struct, frozen=True):
     """Where the session is reached that runs already, if it is not reached by its name."""
 
 
-class Word(Struct):
-    """What an engine's process says to whoever started it, once: that it serves, or why not."""
+class Working(Struct, tag=True):
+    """What an engine's process says to whoever started it while that takes long."""
+
+    sentence: str
+
+
+class Word(Struct, tag=True):
+    """What it says at last: that it serves, or why not."""
 
     code: int
     """0, or the exit status (`rise_engine.serve`)."""
@@ -102,9 +110,10 @@ class Starting:
             self._problem = str(error)
             os.close(ready)
             return
+        order = msgspec.json.encode(told_all(msgspec.to_builtins(options))).decode()
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rise_engine.serve_process", msgspec.json.encode(options).decode(), str(ready)],
+                [sys.executable, "-m", "rise_engine.serve_process", order, str(ready)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -118,22 +127,12 @@ class Starting:
             os.close(ready)
             os.close(log)
 
-    def wait(self) -> Outcome:
-        """Wait (blocking) for the engine's word."""
-        text = b""
-        if not self._problem:
-            while not text.endswith(b"\n"):
-                if not select([self._ready], [], [], PATIENCE)[0]:
-                    self._problem = f"the engine said nothing within {PATIENCE:g} s"
-                    break
-                chunk = os.read(self._ready, 65_536)
-                if not chunk:
-                    break
-                text += chunk
+    def wait(self, tell: Callable[[str], object] = lambda sentence: None) -> Outcome:
+        """Wait (blocking) for the engine's word, as long as it works; `tell` gets what it says meanwhile."""
+        word = None if self._problem else self._listen(tell)
         os.close(self._ready)
-        if not text.endswith(b"\n"):
+        if word is None:
             return self._no_word()
-        word = msgspec.json.decode(text, type=Word)
         if word.code == 0:
             if self._process is not None:
                 self._process.returncode = 0  # it is nobody's child: no warning that it still runs
@@ -141,6 +140,23 @@ class Starting:
         if self._process is not None:
             self._process.wait()
         return Refused(word.code, word.lines, word.unfinished, word.others, word.socket)
+
+    def _listen(self, tell: Callable[[str], object]) -> Word | None:
+        """None when it has gone, or says nothing any more."""
+        text = b""
+        while True:
+            if not select([self._ready], [], [], PATIENCE)[0]:
+                self._problem = f"the engine said nothing within {PATIENCE:g} s"
+                return None
+            chunk = os.read(self._ready, 65_536)
+            if not chunk:
+                return None
+            *lines, text = (text + chunk).split(b"\n")
+            for line in lines:
+                said = msgspec.convert(meant_all(msgspec.json.decode(line)), Working | Word)
+                if isinstance(said, Word):
+                    return said
+                tell(said.sentence)
 
     def _no_word(self) -> Refused:
         """What it left in its log instead."""
@@ -156,6 +172,6 @@ class Starting:
         return Refused(code if code > 0 else 70, [self._problem or ended, *said[-20:]])
 
 
-def start_engine(options: Options) -> Outcome:
-    """Start an engine and wait (blocking) until it serves or refuses."""
-    return Starting(options).wait()
+def start_engine(options: Options, tell: Callable[[str], object] = lambda sentence: None) -> Outcome:
+    """Start an engine and wait (blocking) until it serves or refuses; `tell` gets what it says meanwhile."""
+    return Starting(options).wait(tell)

@@ -17,7 +17,7 @@ from rise_engine.text import BLANKS, called, strange
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _SEPARATORS = re.compile(r"[,;\s]+")
-_SLOT = re.compile(r'\{\{|\{\s*(?:"[^"]*"\s*)?([^\W\d][\w.]*)')
+_SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*)")
 _WAITED = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
@@ -314,10 +314,8 @@ class _ActReader:
             for slot in template.parts:
                 if isinstance(slot, str) or (slot.fallback is not None and not (slot.before or slot.after)):
                     continue
-                where = Spot(self.file, element, None, index.get(slot.key, 0))
-                (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(
-                    Mention(slot.key, where)
-                )
+                mention = Mention(slot.key, Spot(self.file, element, None, index.get(slot.key, 0)))
+                (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(mention)
             try:
                 check_template(parameter, template)
             except ValueError as error:

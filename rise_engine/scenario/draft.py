@@ -48,6 +48,8 @@ class Draft:
         self.acts: dict[str, Act] = {}
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
+        self.memory_places: dict[str, Place] = {}
+        """Where the memory's keys stand that there is a warning about."""
         self.unread: set[str] = set()
         """Of acts, rules and memory, what could not be read whole: then nothing can be said to be missing there."""
         self.act_mentions: list[Mention] = []

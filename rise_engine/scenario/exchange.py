@@ -6,25 +6,31 @@ from functools import cache
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Scenario
+from rise_engine.text import meant, told
 
 
 def to_json(scenario: Scenario) -> bytes:
     """The fields of `Scenario`; conditions and assignments as their texts.
 
-    Raises ValueError when there is something in it that JSON cannot carry, such as half a character in a path.
+    Raises ValueError when there is something in it that JSON cannot carry.
     """
+    if told(scenario.folder) != scenario.folder:  # a folder whose name is no text
+        scenario = replace(scenario, folder=told(scenario.folder))
     return _encoder().encode(scenario)
 
 
 def from_json(data: bytes | msgspec.Raw) -> Scenario:
     """What `to_json` was given. Raises ValueError."""
     try:
-        return _decoder().decode(data)
+        scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
         raise ValueError(f"this is no scenario of this version: {error}") from None
+    folder = meant(scenario.folder)
+    return scenario if folder == scenario.folder else replace(scenario, folder=folder)
 
 
 @cache

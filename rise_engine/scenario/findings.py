@@ -18,6 +18,28 @@ from rise_engine.text import UNSEEN, called, clean
 
 Severity: TypeAlias = Literal["error", "warning"]
 
+WARNINGS = frozenset(
+    {
+        "ambiguous-else",
+        "bare-word",
+        "empty-act",
+        "memory-form",
+        "no-effect",
+        "no-filler",
+        "reads-differently",
+        "same-name",
+        "short-loop",
+        "unheard-event",
+        "unraised-event",
+        "unreachable-state",
+        "unreachable-transition",
+        "unset-key",
+        "unwritable-key",
+        "variants",
+    }
+)
+"""The codes of warnings that can be silenced (`rise_engine.scenario.allow`)."""
+
 
 class Finding(Struct, frozen=True):
     """One thing to know about a scenario. Errors refuse it, warnings do not."""

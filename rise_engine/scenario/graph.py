@@ -73,3 +73,11 @@ def reachable(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
                 found.add(following)
                 pending.append(following)
     return found
+
+
+def knots(edges: Mapping[str, Iterable[str]]) -> dict[str, int]:
+    """For each node the number of its knot: two nodes have the same one when each can be reached from the other.
+
+    Nodes that are only pointed at have to be keys too.
+    """
+    return {node: number for number, knot in enumerate(_knots(edges)) for node in knot}

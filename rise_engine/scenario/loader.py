@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
+from rise_engine.scenario.allow import Silenced, allows_of_memory, read_allows, silence
 from rise_engine.scenario.draft import Draft
 from rise_engine.scenario.findings import Finding, Findings, few_comparisons
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
@@ -35,6 +36,8 @@ class Loaded(Struct, frozen=True):
     files: dict[str, bytes] = {}
     """What was read, by the place that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
     wherever it lay: written there, it is the same scenario (`DEFAULT_PLACES`)."""
+    silenced: list[Silenced] = []
+    """Warnings that are meant, in reading order; they are not among the findings."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
@@ -108,9 +111,13 @@ class _Loader:
         self.read_memory(paths["memory"])
         check_links(draft, findings)
 
+        allows = [*read_allows(self.files.read, findings), *allows_of_memory(settings.allows, draft.memory_places)]
         found = findings.sorted()
+        silenced: list[Silenced] = []
+        if allows:
+            found, silenced = silence(found, allows, findings, complete=not findings.errors)
         if findings.errors:
-            return Loaded(None, found)
+            return Loaded(None, found, silenced=silenced)
         files = self.canonical(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
@@ -130,7 +137,7 @@ class _Loader:
             topics=frozenset(mention.name for mention in draft.waits),
             hash=_hash(files, profile.name),
         )
-        return Loaded(scenario, found, files)
+        return Loaded(scenario, found, files, silenced)
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)

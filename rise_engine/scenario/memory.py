@@ -67,6 +67,7 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
             findings.error("bad-name", source.place(member.key_at), "a memory key cannot be empty")
             continue
         if not _WRITABLE.match(member.key) or member.key in _WORDS:
+            draft.memory_places[member.key] = source.place(member.key_at)
             remedy = "use letters, digits, `_` and dots"
             if _WRITABLE.match(whole := normalize("NFC", member.key)):
                 remedy = f'its letters with accents are two characters each; write "{whole}" with one for each'

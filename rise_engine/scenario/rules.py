@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 
 from rise_engine.scenario.acts import roots
 from rise_engine.scenario.blocks import NONE, BlockReader
@@ -11,8 +12,8 @@ from rise_engine.scenario.conditions import parse_ahead
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.findings import Findings, suggestion
-from rise_engine.scenario.graph import reachable
-from rise_engine.scenario.model import Block, Rule, State, Transition, normal_topic
+from rise_engine.scenario.graph import knots, reachable
+from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, State, Transition, normal_topic
 from rise_engine.scenario.xml import Element, Spot, XmlFile
 
 WRAPPERS = ("InteractionRules",)
@@ -21,6 +22,8 @@ _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", r
 _UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
 MIN_AFTER = 0.001
 """Seconds. A transition that takes no time is no transition after a time."""
+SHORT_AFTER = 0.05
+"""Seconds. A rule that goes round in less than this floods the record and every console."""
 _RULE = frozenset({"name", "initial", "priority"})
 _STATE = frozenset({"id"})
 _TRANSITION = frozenset({"eventTopic", "target", "cond", "after"})
@@ -49,6 +52,8 @@ class _RuleReader(BlockReader):
     def __init__(self, file: XmlFile, draft: Draft, findings: Findings) -> None:
         super().__init__(file, draft, findings)
         self.targets: list[tuple[str, Element]] = []
+        self.short: list[tuple[str, str, Element]] = []
+        """Transitions after less than SHORT_AFTER: state, target, element."""
 
     def rule(self, element: Element) -> Rule | None:
         self.attributes(element, _RULE)
@@ -83,6 +88,7 @@ class _RuleReader(BlockReader):
         priority = self.priority(element)
         if initial is not None:
             self.check_reachable(initial, states)
+        self.check_short_loops(states)
         # A rule whose beginning is wrong is there all the same: others may name it.
         return Rule(name, initial or "", states, priority, self.file.place(element)) if name else None
 
@@ -128,6 +134,30 @@ class _RuleReader(BlockReader):
                     "unreachable-state", state.place, f"no transition leads to the state `{name}` from `{initial}`"
                 )
 
+    def check_short_loops(self, states: dict[str, State]) -> None:
+        """Warn of a short `after` on a way that leads back to its beginning and waits for nothing else."""
+        if not self.short:
+            return
+        ways: dict[str, list[str]] = {}
+        for name, state in states.items():
+            own = set(_raised(state.on_entry))
+            ways[name] = [
+                way.target
+                for way in state.transitions
+                if way.target in states
+                and (way.event in own if way.event is not None else way.after is None or way.after < SHORT_AFTER)
+            ]
+        knot = knots(ways)
+        for name, target, element in self.short:
+            if name in states and target in states and knot[name] == knot[target]:
+                after = element.attributes["after"].strip()
+                self.findings.warning(
+                    "short-loop",
+                    self.file.value_place(element, "after"),
+                    f"after {after} this way leads back to `{name}` and waits for nothing else: each round is recorded "
+                    f"and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event",
+                )
+
     def state(self, element: Element) -> State | None:
         attributes = self.attributes(element, _STATE)
         self.no_text(element)
@@ -143,6 +173,8 @@ class _RuleReader(BlockReader):
                 transition = self.transition(child)
                 if transition is not None:
                     transitions.append(transition)
+                    if transition.target and transition.after is not None and transition.after < SHORT_AFTER:
+                        self.short.append((name, transition.target, child))
                     self.check_order(transition, always)
             elif tag in ("onEntry", "onExit"):
                 if tag in blocks:
@@ -226,3 +258,18 @@ class _RuleReader(BlockReader):
             )
         elif transition.condition is None:
             always[trigger] = transition
+
+
+def _raised(block: Block) -> Iterator[str]:
+    """The topics that a block may raise."""
+    pending = [*block]
+    while pending:
+        statement = pending.pop()
+        if isinstance(statement, Function):
+            if statement.name == "raiseEventTopic":
+                yield normal_topic(statement.argument)
+        elif isinstance(statement, If):
+            for branch in statement.branches:
+                pending += branch.block
+        elif isinstance(statement, OneOf):
+            pending += statement.choices

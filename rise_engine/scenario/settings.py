@@ -6,6 +6,7 @@ from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.actions import unknown_keys
+from rise_engine.scenario.allow import known_code
 from rise_engine.scenario.conditions import expression_message, note_assignment
 from rise_engine.scenario.draft import At, Draft, Mention
 from rise_engine.scenario.findings import Findings, listed, suggestion
@@ -26,6 +27,7 @@ TOP_KEYS = (
     "control",
     "study",
     "actions",
+    "check",
 )
 BINDINGS: dict[str, FunctionName] = {
     "act": "startCommunicationRobotAct",
@@ -49,6 +51,8 @@ LONGEST_TITLE = 24
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
 _CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
+_CHECK_KEYS = ("allow",)
+_ALLOW_KEYS = ("code", "key", "reason")
 _STUDY_KEYS = ("participants", "conditions")
 MOST_PARTICIPANTS = 1_000_000
 _CONTROL_KEYS = ("may_release",)
@@ -79,6 +83,8 @@ class Settings:
         self.act_settings = self.read_acts()
         self.fillers = self.read_fillers()
         self.may_release = self.read_control()
+        self.allows = self.read_allows()
+        """Warnings about keys of the memory file that are meant: place, code, key, reason."""
 
     def error(self, code: str, place: Place, message: str) -> None:
         self.findings.error(code, place, message)
@@ -102,6 +108,28 @@ class Settings:
             return Table(self.file, (key,), values)
         self.error("wrong-type", self.file.place(key), f"`{key}` is a table: [{key}]")
         return None
+
+    def read_allows(self) -> list[tuple[Place, str, str, str]]:
+        table = self.subtable("check")
+        if table is None:
+            return []
+        unknown_keys(table, _CHECK_KEYS, self.findings)
+        listed_ = table.values.get("allow", [])
+        form = 'allow = [{ code = "unwritable-key", key = "...", reason = "..." }]'
+        if not isinstance(listed_, list) or not all(isinstance(each, dict) for each in listed_):
+            self.error("wrong-type", table.value_place("allow"), f"`allow` is a list of tables: {form}")
+            return []
+        allows: list[tuple[Place, str, str, str]] = []
+        for at, each in enumerate(listed_):
+            inner = Table(self.file, ("check", "allow", str(at)), each)
+            unknown_keys(inner, _ALLOW_KEYS, self.findings)
+            code, key, reason = (each.get(name) for name in _ALLOW_KEYS)
+            texts = [value.strip() for value in (code, key, reason) if isinstance(value, str)]
+            if len(texts) < len(_ALLOW_KEYS) or not all(texts):
+                self.findings.warning("bad-allow", inner.place(), f"say what is meant, and why: {form}")
+            elif known_code(str(code), inner.place(), self.findings):
+                allows.append((inner.place(), str(code), str(key), str(reason)))
+        return allows
 
     def read_study(self) -> dict[str, Any]:
         """Who takes part and in which conditions. What only people read stands in a comment, or in a README."""

@@ -15,7 +15,7 @@ from rise_engine.expression import lookup
 from rise_engine.expression.values import MAX_LEVELS
 
 _SLOT = re.compile(
-    r"""\{ \s* (?:"([^"]*)" \s*)? ([^\W\d][\w.]*) \s* (?:"([^"]*)" \s*)? (?:\|([^}]*))? \}""", re.VERBOSE
+    r"""\{ \s*+ (?:"([^"]*+)" \s*+)? ([^\W\d][\w.]*+) \s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE
 )
 """A separator, the key, a separator, a fallback."""
 _TYPOGRAPHIC = re.compile("[“”„‟«»″]")
@@ -99,7 +99,7 @@ def parse_template(text: str) -> Template:
             raise TemplateError("a `}` without its `{`; write `}}` for the character itself", at + 1)
         else:
             found = _SLOT.match(text, at)
-            if found is None or found.group(2).count(".") >= MAX_LEVELS:
+            if found is None or found[2].count(".") >= MAX_LEVELS:
                 raise _malformed(text, at)
             if literal:
                 parts.append("".join(literal))

@@ -32,6 +32,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.errors import SessionError as SessionError
 from rise_engine.session.lines import FORMAT
 from rise_engine.session.lock import Holder, holder_of, is_locked, user
+from rise_engine.text import meant_all, told_all
 
 _NO_WISH = Wire()
 INFO, JOURNAL, COPY = "session.toml", "journal.jsonl", "scenario"
@@ -131,7 +132,7 @@ def read_info(folder: Path) -> SessionInfo:
                 f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
                 "install that version"
             )
-        return msgspec.convert(values, SessionInfo)
+        return msgspec.convert(meant_all(values), SessionInfo)
     except FileNotFoundError:
         raise SessionError(f"{folder} is no session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
@@ -295,4 +296,4 @@ def _toml(info: SessionInfo) -> str:
 
 def _text(value: Any) -> str:
     """A TOML value: strings, numbers and lists are written as in JSON, where DEL needs an escape too."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f").encode("utf-8", "replace").decode()
+    return json.dumps(told_all(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -11,7 +11,7 @@ the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexad
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 from zlib import crc32
 
 import msgspec
@@ -19,6 +19,7 @@ from msgspec import Struct
 
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
+from rise_engine.text import told_all
 
 FORMAT = 1
 """Goes up when older programs could not read what is written."""
@@ -45,7 +46,15 @@ class _Number(Struct):
     n: int
 
 
-Line = Header | InputLine | AnyRecord
+class RecordOutline(Struct):
+    """Of a record, what finds it."""
+
+    seq: int
+    wall: str
+
+
+Line: TypeAlias = Header | InputLine | AnyRecord
+Outline: TypeAlias = Header | InputLine | RecordOutline
 
 
 class LineError(ValueError):
@@ -93,6 +102,20 @@ def record_bytes(record: AnyRecord) -> bytes:
 
 def read_line(data: bytes) -> Line:
     """What a line (without its line end) holds. Raises LineError."""
+    return _read(data, AnyRecord)  # type: ignore[no-any-return]
+
+
+def read_outline(data: bytes) -> Outline:
+    """The same, but of a record only what finds it. Raises LineError."""
+    return _read(data, RecordOutline)  # type: ignore[no-any-return]
+
+
+def line_body(data: bytes) -> bytes:
+    """A line (without its line end) as it was before its check sum came into it."""
+    return data.rpartition(b',"crc":"')[0] + b"}"
+
+
+def _read(data: bytes, record: Any) -> Any:
     body, mark, rest = data.rpartition(b',"crc":"')
     if not mark or len(rest) != 10 or rest[8:] != b'"}':
         raise LineError("it has no check sum at its end")
@@ -101,10 +124,9 @@ def read_line(data: bytes) -> Line:
     text = body + b"}"
     try:
         if text.startswith(b'{"kind"'):
-            record: AnyRecord = _decoder(AnyRecord).decode(text)
-            return record
+            return _decoder(record).decode(text)
         if text.startswith(b'{"n"'):
-            return InputLine(msgspec.json.decode(text, type=_Number).n, _decoder(AnyInput).decode(text))
+            return InputLine(_decoder(_Number).decode(text).n, _decoder(AnyInput).decode(text))
         header = msgspec.json.decode(text, type=Header)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise FutureFormat(f"it holds something that this version does not know ({error})") from None
@@ -116,18 +138,8 @@ def read_line(data: bytes) -> Line:
     return header
 
 
-def writable(value: Any) -> Any:
-    """JSON-like `value` with every text such that UTF-8 can hold it: half characters, as they stand for the bytes of a
-    file name that is no text, become `\\udcff`."""
-    match value:
-        case str():
-            return value.encode("utf-8", "backslashreplace").decode()
-        case dict():
-            return {writable(key): writable(each) for key, each in value.items()}
-        case list() | tuple():
-            return [writable(each) for each in value]
-        case _:
-            return value
+writable = told_all
+"""JSON-like values with every text such that UTF-8 can hold it: half characters become `\\udcff`."""
 
 
 @cache

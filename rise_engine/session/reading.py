@@ -2,21 +2,58 @@
 
 Every whole line has a check sum and a number of its own kind (`n` of inputs, `seq` of records), so a line that was
 changed, lost, doubled or moved is noticed. Nothing is repaired here (`recovery` does that).
+
+A session of three hours has a million lines, so they are never all in memory: `read_journal` goes through the file once
+and says what is there and whether it can be believed, and whoever wants the lines goes through it again.
 """
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import takewhile
+from os import SEEK_END
 from pathlib import Path
-from typing import Literal
+from time import monotonic
+from typing import IO, Any, Generic, Literal, TypeVar
 
 from msgspec import Struct, field
 
 from rise_engine.kernel.inputs import AnyInput, SessionEnded
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.folder import SessionError
-from rise_engine.session.lines import FutureFormat, Header, InputLine, LineError, read_line
+from rise_engine.session.lines import (
+    FutureFormat,
+    Header,
+    InputLine,
+    LineError,
+    Outline,
+    read_line,
+    read_outline,
+)
+
+Tell = Callable[[str], object]
+"""Gets a sentence about how far something has come, about twice a second."""
+
+_LOOK = 1_000
+"""Lines between two looks at the clock."""
+TELL_SECONDS = 0.5
+"""Between two sentences."""
+
+_Found = TypeVar("_Found")
+
+
+class Progress:
+    """How far a long reading has come, for somebody who waits."""
+
+    def __init__(self, tell: Tell | None = None) -> None:
+        self._tell = tell
+        self._next = monotonic() + TELL_SECONDS
+
+    def at(self, sentence: Callable[[], str]) -> None:
+        """Call it now and then; `sentence` is only made when it is time for one."""
+        if self._tell is not None and monotonic() > self._next:
+            self._tell(sentence())
+            self._next = monotonic() + TELL_SECONDS
 
 
 class Step(Struct):
@@ -57,138 +94,182 @@ class Gap(Struct, frozen=True):
 
 
 class Contents(Struct):
-    """A journal as far as it can be read."""
+    """What is in a journal and how far it can be read; the lines themselves are in the file."""
 
-    header: Header | None
+    path: Path
+    header: Header | None = None
     """None: the first line is damaged, but later ones are not."""
-    steps: list[Step]
-    """When an input is missing, records that it caused stand in the step before."""
-    size: int
+    inputs: int = 0
+    """Readable ones."""
+    records: int = 0
+    """Readable ones."""
+    last_input: int = 0
+    """The highest number of an input; `inputs` when none is missing."""
+    last_seq: int = 0
+    """The highest number of a record."""
+    size: int = 0
     """Bytes up to the end of the last valid line."""
-    torn: bytes
+    torn: bytes = b""
     """What comes after that: an incomplete line, or damaged ones without anything valid after them."""
-    damaged: dict[int, str]
+    damaged: dict[int, str] = field(default_factory=dict)
     """Unreadable lines that have valid ones after them: what is wrong with each, by line number."""
-    gaps: list[Gap]
+    gaps: list[Gap] = field(default_factory=list)
     """Missing inputs and records, in the order of the file. None for those that were torn off the end."""
-    orphans: list[AnyRecord] = field(default_factory=list)
-    """Records before the first input: its line is damaged or missing."""
-    orphan_lines: list[int] = field(default_factory=list)
-
-    @property
-    def ended(self) -> bool:
-        """Whether the session came to its end in order."""
-        last = self.last_record
-        if isinstance(last, SessionRecord) and last.status == "ended":
-            return True
-        return bool(self.steps) and isinstance(self.steps[-1].input, SessionEnded)
-
-    @property
-    def last_record(self) -> AnyRecord | None:
-        for step in reversed(self.steps):
-            if step.records:
-                return step.records[-1]
-        return self.orphans[-1] if self.orphans else None
+    last_record: AnyRecord | None = None
+    input_t: float = 0.0
+    """Session time of the last input."""
+    ended: bool = False
+    """Whether the session came to its end in order."""
 
     @property
     def seconds(self) -> float:
         """Session time of the last thing that is known."""
-        last = self.last_record
-        return max(self.steps[-1].input.t if self.steps else 0.0, last.t if last is not None else 0.0)
+        return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)
 
     @property
     def lost_inputs(self) -> list[Gap]:
         return [gap for gap in self.gaps if gap.what == "input"]
 
     def placed(self) -> Iterator[tuple[int, AnyRecord]]:
-        """Every record that can be read, with its line number."""
-        yield from zip(self.orphan_lines, self.orphans, strict=True)
-        for step in self.steps:
-            yield from zip(step.lines, step.records, strict=True)
+        """Every record that can be read, with its line number. Raises SessionError when the file cannot be read now."""
+        for number, _, found in self._lines(read_line):
+            if not isinstance(found, Header | InputLine):
+                yield number, found
+
+    def steps(self) -> Iterator[Step]:
+        """Every input with the records that follow it; records before the first are left out. Raises as `placed`."""
+        step: Step | None = None
+        for number, _, found in self._lines(read_line):
+            if isinstance(found, InputLine):
+                if step is not None:
+                    yield step
+                step = Step(found.n, number, found.input)
+            elif step is not None and not isinstance(found, Header):
+                step.records.append(found)
+                step.lines.append(number)
+        if step is not None:
+            yield step
+
+    def outlines(self) -> Iterator[tuple[int, bytes, Outline]]:
+        """Every readable line: its number, the line itself, inputs whole and of records what finds them. Raises as
+        `placed`."""
+        return self._lines(read_outline)
+
+    def _lines(self, parse: Callable[[bytes], _Found]) -> Iterator[tuple[int, bytes, _Found]]:
+        reading = _Reading(self.path, parse)
+        try:
+            with _opened(self.path) as file:
+                yield from reading.lines(file, self.size)
+        except OSError as error:
+            raise SessionError(f"{self.path} cannot be read: {error.strerror or error}") from None
 
 
-def read_journal(path: Path) -> Contents:
-    """Raises SessionError when there is no journal in it at all, or a newer one."""
-    data = read_bytes(path)
-    if not data:
-        raise SessionError(f"{path} is empty: nothing was ever recorded")
-    collecting = gc.isenabled()
-    gc.disable()  # all that reading makes is kept; looking for garbage meanwhile takes as long again
+def read_journal(path: Path, tell: Tell | None = None) -> Contents:
+    """Go through a journal. Raises SessionError when there is no journal in it at all, or a newer one.
+
+    `tell` is told how far it has come when that takes long.
+    """
+    progress = Progress(tell)
+    contents = Contents(path)
+    reading = _Reading(path, read_line)
+    offset = 0
     try:
-        return _read(path, data)
-    finally:
-        if collecting:
-            gc.enable()
-
-
-def read_bytes(path: Path) -> bytes:
-    """Raises SessionError."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise SessionError(f"there is no journal {path}: nothing was ever recorded, or somebody moved it") from None
+        with _opened(path) as file:
+            whole = file.seek(0, SEEK_END)
+            if not whole:
+                raise SessionError(f"{path} is empty: nothing was ever recorded")
+            file.seek(0)
+            for number, _, found in reading.lines(file, whole):
+                if isinstance(found, Header):
+                    contents.header = found
+                elif isinstance(found, InputLine):
+                    contents.inputs += 1
+                    contents.input_t = found.input.t
+                    contents.ended = isinstance(found.input, SessionEnded)
+                else:
+                    contents.records += 1
+                    contents.last_record = found
+                if number % _LOOK == 0:
+                    offset = reading.offset
+                    progress.at(lambda: f"reading the record: {offset / 1e6:,.0f} of {whole / 1e6:,.0f} MB")  # noqa: B023
+            file.seek(reading.size)
+            contents.torn = file.read(whole - reading.size)
     except OSError as error:
         raise SessionError(f"{path} cannot be read: {error.strerror or error}") from None
-
-
-def _read(path: Path, data: bytes) -> Contents:
-    lines = data.split(b"\n")
-    lines.pop()  # what stands after the last line end: nothing, or the beginning of a line
-    header: Header | None = None
-    steps: list[Step] = []
-    step = Step(0, 0, SessionEnded())  # for records before any input
-    orphans, orphan_lines = records, places = step.records, step.lines
-    damaged: dict[int, str] = {}
-    suspect: dict[int, str] = {}
-    """Unreadable lines with nothing valid after them so far."""
-    gaps: list[Gap] = []
-    n = seq = n_line = seq_line = offset = size = 0
-
-    def gap(what: Literal["input", "record"], first: int, last: int, since: int) -> None:
-        gaps.append(Gap(what, first, last, number, tuple(line for line in damaged if line > since)))
-
-    for number, line in enumerate(lines, 1):
-        offset += len(line) + 1
-        try:
-            found = read_line(line)
-        except FutureFormat as error:
-            raise SessionError(f"{path}:{number}: {error}: install that version") from None
-        except LineError as error:
-            suspect[number] = str(error)
-            continue
-        kind = type(found)
-        place = n if kind is InputLine else seq
-        if kind is Header:
-            if number > 1:
-                suspect[number] = "it is a second header"
-                continue
-            header = found  # type: ignore[assignment]
-        elif (found.n if kind is InputLine else found.seq) <= place:  # type: ignore[union-attr]
-            suspect[number] = "its number was there before: it stands here a second time, or in the wrong place"
-            continue
-        if suspect:
-            damaged.update(suspect)
-            suspect.clear()
-        size = offset
-        if kind is InputLine:
-            assert isinstance(found, InputLine)
-            if found.n != n + 1:
-                gap("input", n + 1, found.n - 1, n_line)
-            n, n_line = found.n, number
-            step = Step(n, number, found.input)
-            records, places = step.records, step.lines
-            steps.append(step)
-        elif kind is not Header:
-            if found.seq != seq + 1:  # type: ignore[union-attr]
-                gap("record", seq + 1, found.seq - 1, seq_line)  # type: ignore[union-attr]
-            seq, seq_line = found.seq, number  # type: ignore[union-attr]
-            records.append(found)  # type: ignore[arg-type]
-            places.append(number)
-    torn = data[size:]
-    if size == 0:
-        whole = b"\n" in torn
-        reason = "its first line is no header of a journal" if whole else "not even its first line is whole"
+    if reading.size == 0:
+        reason = (
+            "its first line is no header of a journal" if b"\n" in contents.torn else "not even its first line is whole"
+        )
         raise SessionError(f"{path} holds nothing that can be read: {reason}")
-    if header is None and 1 not in damaged:
-        damaged = {1: "it is no header of a journal", **damaged}
-    return Contents(header, steps, size, torn, damaged, gaps, orphans, orphan_lines)
+    last = contents.last_record
+    contents.ended = contents.ended or (isinstance(last, SessionRecord) and last.status == "ended")
+    contents.last_input, contents.last_seq, contents.size = reading.n, reading.seq, reading.size
+    contents.damaged, contents.gaps = reading.damaged, reading.gaps
+    if contents.header is None and 1 not in contents.damaged:
+        contents.damaged = {1: "it is no header of a journal", **contents.damaged}
+    return contents
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """Raises SessionError when there is none, OSError."""
+    try:
+        return path.open("rb")
+    except FileNotFoundError:
+        raise SessionError(f"there is no journal {path}: nothing was ever recorded, or somebody moved it") from None
+
+
+class _Reading(Generic[_Found]):
+    """One way through a journal, from its beginning, line by line."""
+
+    def __init__(self, path: Path, parse: Callable[[bytes], _Found]) -> None:
+        self._path = path
+        self._parse = parse
+        self.n = self.seq = 0
+        """The numbers of the last input and the last record."""
+        self.offset = self.size = 0
+        """Bytes up to the end of the last line, and of the last valid one."""
+        self.damaged: dict[int, str] = {}
+        self.gaps: list[Gap] = []
+
+    def lines(self, file: IO[bytes], until: int) -> Iterator[tuple[int, bytes, _Found]]:
+        """The valid lines: their numbers, the lines without their ends, and what they hold."""
+        suspect: dict[int, str] = {}
+        """Unreadable lines with nothing valid after them so far."""
+        n_line = seq_line = 0
+        parse = self._parse
+        for number, line in enumerate(file, 1):
+            if not line.endswith(b"\n") or self.offset + len(line) > until:
+                break  # the beginning of a line
+            self.offset += len(line)
+            line = line[:-1]
+            try:
+                found: Any = parse(line)
+            except FutureFormat as error:
+                raise SessionError(f"{self._path}:{number}: {error}: install that version") from None
+            except LineError as error:
+                suspect[number] = str(error)
+                continue
+            if isinstance(found, Header):
+                if number > 1:
+                    suspect[number] = "it is a second header"
+                    continue
+            elif (found.n <= self.n) if isinstance(found, InputLine) else (found.seq <= self.seq):
+                suspect[number] = "its number was there before: it stands here a second time, or in the wrong place"
+                continue
+            if suspect:
+                self.damaged.update(suspect)
+                suspect.clear()
+            self.size = self.offset
+            if isinstance(found, InputLine):
+                if found.n != self.n + 1:
+                    self._gap("input", self.n + 1, found.n - 1, n_line, number)
+                self.n, n_line = found.n, number
+            elif not isinstance(found, Header):
+                if found.seq != self.seq + 1:
+                    self._gap("record", self.seq + 1, found.seq - 1, seq_line, number)
+                self.seq, seq_line = found.seq, number
+            yield number, line, found
+
+    def _gap(self, what: Literal["input", "record"], first: int, last: int, since: int, number: int) -> None:
+        damaged = takewhile(lambda line: line > since, reversed(self.damaged))
+        self.gaps.append(Gap(what, first, last, number, tuple(damaged)[::-1]))

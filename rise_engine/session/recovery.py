@@ -8,6 +8,7 @@ anything of it is read, so that no engine runs the session meanwhile.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msgspec import Struct
@@ -18,11 +19,13 @@ from rise_engine.session.disk import Disk, sentence
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, read_info
 from rise_engine.session.lines import header_line, record_line
 from rise_engine.session.lock import JournalLock
-from rise_engine.session.reading import Contents, read_bytes, read_journal
-from rise_engine.session.replay import Replayed, replay, require_inputs, session_scenario
+from rise_engine.session.reading import Contents, Tell, read_journal
+from rise_engine.session.replay import Replay, require_inputs, session_scenario
 from rise_engine.view import View
 
 CLOCK = "clock"
+BLOCK = 1_000_000
+"""Bytes that are copied at once."""
 _LATEST = 1e9
 """Seconds (some 30 years): a clock file that says more is damaged."""
 
@@ -48,49 +51,52 @@ class Recovered(Struct):
     """What was found and done, in sentences for a person."""
 
 
-def recover(folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None) -> Recovered:
-    """`lock`: of the journal, for who goes on with it; without it, the journal is locked for this time only.
+def recover(
+    folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None, tell: Tell | None = None
+) -> Recovered:
+    """`lock`: of the journal, for who goes on with it; without it, the journal is locked for this time only. `tell` is
+    told how far it has come when it takes long.
 
     Raises SessionError when the session runs, has ended or cannot be recovered; its journal is as it was, then.
     """
     if lock is not None:
-        return _recover(folder, disk or Disk(), lock)
+        return _recover(folder, disk or Disk(), lock, tell)
     read_info(folder)  # whether it is a session at all
     lock = JournalLock(folder / JOURNAL)
     try:
-        return _recover(folder, disk or Disk(), lock)
+        return _recover(folder, disk or Disk(), lock, tell)
     finally:
         lock.release()
 
 
-def _recover(folder: Path, disk: Disk, lock: JournalLock) -> Recovered:
+def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: Tell | None) -> Recovered:
     path = folder / JOURNAL
     info = read_info(folder)
-    contents = read_journal(path)
+    contents = read_journal(path, tell)
     if contents.ended:
         last = contents.last_record
         when = f"at {last.wall}" if last is not None and last.wall else f"after {contents.seconds:.1f} s"
         raise SessionError(f"the session {folder.name} ended in order {when}: there is nothing to recover")
     require_inputs(path, contents)
-    if not contents.steps:
+    if not contents.inputs:
         raise SessionError(f"{path} has no input: nothing happened in this session, so start a new one")
     report: list[str] = []
     scenario = session_scenario(folder, info, report)
     kernel = Kernel(scenario, info.seed)
-    done = replay(kernel, path, contents)
+    done = Replay(kernel, contents, tell)
+    view = View()
+    for made in done.steps():
+        for record in made.records:
+            view.apply(record)
     if done.difference is not None:
         raise SessionError(
             f"the session {folder.name} does not repeat: {done.difference}. Either the journal or session.toml was "
             f"changed, or another version of this program wrote it ({_versions(info)}): recover it with that version. "
             "It can be exported with this one (rise-engine export)"
         )
-    view = View()
-    for made in done.steps:
-        for record in made.records:
-            view.apply(record)
-
+    again = Replay(Kernel(scenario, info.seed), contents, tell)
     try:
-        size = _Repair(path, contents, done, info, disk, report, lock).carry_out()
+        size = _Repair(contents, done, again, info, disk, lock, report).carry_out()
     except OSError as error:
         raise SessionError(f"{path} cannot be repaired: {sentence(error)}") from None
     if done.unwritten:
@@ -102,9 +108,9 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock) -> Recovered:
         info=info,
         kernel=kernel,
         view=view,
-        t=max(contents.steps[-1].input.t, _noted_time(folder)),
+        t=max(contents.input_t, _noted_time(folder)),
         timers=done.timers,
-        inputs=len(contents.steps),
+        inputs=contents.inputs,
         size=size,
         lines=b"".join(map(record_line, done.unwritten)),
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
@@ -116,27 +122,29 @@ class _Repair:
 
     def __init__(
         self,
-        path: Path,
         contents: Contents,
-        done: Replayed,
+        done: Replay,
+        again: Replay,
         info: SessionInfo,
         disk: Disk,
-        report: list[str],
         lock: JournalLock,
+        report: list[str],
     ) -> None:
-        self._path = path
+        """`done`: the replay that has shown what is missing; `again`: one that has not begun, to make that."""
+        self._path = contents.path
         self._contents = contents
         self._done = done
+        self._again = again
         self._info = info
         self._disk = disk
-        self._report = report
         self._lock = lock
+        self._report = report
 
     def carry_out(self) -> int:
         """The journal's size afterwards. Raises OSError."""
         contents = self._contents
         if contents.torn:
-            kept = self._keep("torn-{}", contents.torn)
+            kept = self._keep("torn-{}", [contents.torn])
             self._report.append(
                 f"The end of {self._path.name} was torn: its last {len(contents.torn)} bytes cannot be read, because "
                 f"the engine or the computer went away while they were written. They are kept in {kept}."
@@ -149,12 +157,11 @@ class _Repair:
 
     def _write_anew(self) -> int:
         path, disk = self._path, self._disk
-        before = read_bytes(path)
-        whole = self._whole(before)
-        kept = self._keep("damaged-{}.jsonl", before)
+        with path.open("rb") as before:
+            kept = self._keep("damaged-{}.jsonl", iter(lambda: before.read(BLOCK), b""))
         fresh = path.with_name(f"{path.name}.new")
         fresh.unlink(missing_ok=True)  # of a repair that was interrupted
-        self._write(fresh, whole)
+        size = self._write(fresh, self._whole())
         locked = self._lock.lock_next(fresh)
         try:
             os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
@@ -168,51 +175,58 @@ class _Repair:
             lines = f"line {places} was" if len(self._contents.damaged) == 1 else f"lines {places} were"
             found = f"{lines} damaged"
         else:
-            found = f"{len(self._done.missing)} of its records were missing"
+            found = f"{self._done.missing} of its records were missing"
         self._report.append(
             f"In {path.name}, {found}. What is recorded there follows from the inputs, which are whole: it was made "
             f"again. The journal as it was is kept in {kept}."
         )
-        return len(whole)
+        return size
 
-    def _whole(self, before: bytes) -> bytes:
+    def _whole(self) -> Iterator[bytes]:
         """The journal without damage: valid lines as they are, the others made again."""
-        lines = before.split(b"\n")
-        program = " ".join(("rise-tui", self._info.versions.get("rise-tui", ""))).strip()
-        parts = [header_line(program) if self._contents.header is None else lines[0] + b"\n"]
+        if self._contents.header is None:
+            program = " ".join(("rise-tui", self._info.versions.get("rise-tui", ""))).strip()
+            yield header_line(program)
+        else:
+            with self._path.open("rb") as file:
+                yield file.readline()
         unwritten = {record.seq for record in self._done.unwritten}
-        for made in self._done.steps:
-            parts.append(lines[made.step.line - 1] + b"\n")
-            for record, line in zip(made.records, made.lines, strict=True):
-                if line:
-                    parts.append(lines[line - 1] + b"\n")
+        for made in self._again.steps():
+            yield made.text + b"\n"
+            for record, written in zip(made.records, made.written, strict=True):
+                if written is not None:
+                    yield written.text + b"\n"
                 elif record.seq not in unwritten:
-                    parts.append(record_line(record))
-        return b"".join(parts)
+                    yield record_line(record)
 
-    def _keep(self, name: str, data: bytes) -> str:
+    def _keep(self, name: str, data: Iterable[bytes]) -> str:
         """Write `data` to a new file beside the journal, durably; its name."""
         number = 1
-        while True:
-            kept = self._path.with_name(f"{self._path.stem}.{name.format(number)}")
-            try:
-                self._write(kept, data)
-            except FileExistsError:
-                number += 1
-            else:
-                self._disk.sync_folder(self._path.parent)
-                return kept.name
+        while (kept := self._path.with_name(f"{self._path.stem}.{name.format(number)}")).exists():
+            number += 1
+        self._write(kept, data)
+        self._disk.sync_folder(self._path.parent)
+        return kept.name
 
-    def _write(self, path: Path, data: bytes) -> None:
+    def _write(self, path: Path, data: Iterable[bytes]) -> int:
+        """Write a new file, durably; its size."""
         descriptor = self._disk.open(path, create=True)
+        size, block = 0, bytearray()
         try:
-            self._disk.write(descriptor, data, 0)
+            for piece in data:
+                block += piece
+                if len(block) >= BLOCK:
+                    self._disk.write(descriptor, bytes(block), size)
+                    size += len(block)
+                    block.clear()
+            self._disk.write(descriptor, bytes(block), size)
             self._disk.sync(descriptor)
         except OSError:
             path.unlink(missing_ok=True)  # half of what was to be kept would only confuse
             raise
         finally:
             self._disk.close(descriptor)
+        return size + len(block)
 
     def _truncate(self, size: int) -> None:
         descriptor = self._disk.open(self._path, create=False)

@@ -1,10 +1,12 @@
 """Replay: the recorded inputs once more, through a fresh kernel. What comes out must be what was recorded.
 
-`compare` is what `rise-engine replay` shows; `replay` serves recovery too.
+`compare` is what `rise-engine replay` shows; `Replay` serves recovery too.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,8 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_copy, read_info
-from rise_engine.session.lines import record_bytes
-from rise_engine.session.reading import Contents, Step, read_journal
+from rise_engine.session.lines import Header, InputLine, RecordOutline, line_body, read_line, record_bytes
+from rise_engine.session.reading import Contents, Progress, Tell, read_journal
 
 NO_RECORD = "(no record)"
 """Stands for a field when a whole record is there on one side only."""
@@ -80,11 +82,14 @@ class Comparison(Struct, frozen=True):
         return self.difference is None and not self.damaged and not self.missing
 
 
-def compare(folder: Path, scenario: Path | None = None) -> Comparison:
-    """Replay a session, with another scenario if one is named. Raises SessionError when it cannot be replayed."""
+def compare(folder: Path, scenario: Path | None = None, tell: Tell | None = None) -> Comparison:
+    """Replay a session, with another scenario if one is named; `tell` is told how far it has come when it takes long.
+
+    Raises SessionError when it cannot be replayed.
+    """
     info = read_info(folder)
     path = folder / JOURNAL
-    contents = read_journal(path)
+    contents = read_journal(path, tell)
     require_inputs(path, contents)
     notes: list[str] = []
     model = session_scenario(folder, info, notes) if scenario is None else _other(scenario, info, notes)
@@ -93,18 +98,18 @@ def compare(folder: Path, scenario: Path | None = None) -> Comparison:
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = replay(Kernel(model, info.seed), path, contents)
+    done = Replay(Kernel(model, info.seed), contents, tell).run()
     if done.unwritten and done.difference is None:
         first, last = done.unwritten[0].seq, done.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
         notes.append(f"the journal ends before {which}, which the last input caused")
     return Comparison(
-        inputs=len(done.steps),
+        inputs=done.inputs,
         records=done.compared,
         seconds=contents.seconds,
         difference=done.difference,
         damaged=contents.damaged,
-        missing=len(done.missing),
+        missing=done.missing,
         notes=notes,
     )
 
@@ -137,108 +142,182 @@ def session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scena
         return replace(found, title=info.title, folder=info.scenario_folder)
 
 
+class Written(Struct, frozen=True):
+    """A record as it stands in the journal."""
+
+    line: int
+    """The line number."""
+    text: bytes
+    """The line, without its end."""
+    seq: int
+    wall: str
+
+
 class MadeStep(Struct, frozen=True):
     """A step as the replay gives it."""
 
-    step: Step
+    n: int
+    text: bytes
+    """The input's line, without its end."""
     records: list[AnyRecord]
     """With the `wall` that was recorded, where it was."""
-    lines: list[int]
-    """Where each stands in the journal; 0: nowhere."""
+    written: list[Written | None]
+    """Each as it stands in the journal; None: it does not."""
 
 
-class Replayed(Struct):
-    """What a replay gave, up to the first difference."""
+class Replay:
+    """The inputs of a journal through a fresh kernel, step by step, up to the first difference.
 
-    steps: list[MadeStep] = []
-    compared: int = 0
-    difference: Difference | None = None
-    missing: list[AnyRecord] = []
-    """Records that the journal does not have although later lines are there."""
-    unwritten: list[AnyRecord] = []
-    """Records of the last input that were never written, or torn off."""
-    timers: dict[int, float] = {}
-    """Timers that are set, and when they are due (session time)."""
+    Iterate over it to its end; one step at a time is in memory.
+    """
+
+    def __init__(self, kernel: Kernel, contents: Contents, tell: Tell | None = None) -> None:
+        self._kernel = kernel
+        self._contents = contents
+        self._progress = Progress(tell)
+        self.inputs = 0
+        """How many were replayed."""
+        self.compared = 0
+        """How many records were the same, before the difference if there is one."""
+        self.difference: Difference | None = None
+        self.missing = 0
+        """Records that the journal does not have although later lines are there."""
+        self.unwritten: list[AnyRecord] = []
+        """Records of the last input that were never written, or torn off."""
+        self.timers: dict[int, float] = {}
+        """Timers that are set, and when they are due (session time)."""
+
+    def run(self) -> Replay:
+        """To the end."""
+        for _ in self.steps():
+            pass
+        return self
+
+    def steps(self) -> Iterator[MadeStep]:
+        """Each step, compared by the numbers of its records. Raises SessionError."""
+        contents, kernel = self._contents, self._kernel
+        tape = _Tape(contents)
+        wall, line = "", 0
+        while (found := tape.next_input()) is not None:
+            line, text, input = found
+            records = self._handle(line, input)
+            self.inputs += 1
+            written = [tape.record(record.seq) for record in records]
+            # What has to be made again is of the same moment as its siblings, or else of the moment before.
+            wall = next((there.wall for there in written if there is not None), wall)
+            for record, there in zip(records, written, strict=True):
+                record.wall = wall if there is None else there.wall
+                if there is not None:
+                    self.difference = _differ(contents.path, input.n, there, record)
+                    if self.difference is not None:
+                        return
+                    self.compared += 1
+                elif record.seq < contents.last_seq or input.n != contents.last_input:
+                    self.missing += 1
+                else:
+                    self.unwritten.append(record)
+            yield MadeStep(input.n, text, records, written)
+            if self.inputs % 1_000 == 0:
+                self._progress.at(lambda: f"{self.compared:,} of {contents.records:,} records")
+        if contents.last_seq > kernel.core.seq:
+            self.difference = _first_beyond(contents, tape, line)
+
+    def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:
+        """The records of a step; what it does about timers goes into `timers`."""
+        timers = self.timers
+        if isinstance(input.input, TimerElapsed):
+            timers.pop(input.input.timer, None)
+        try:
+            records, commands = self._kernel.handle(input.input)
+        except Exception as error:
+            raise SessionError(
+                f"{self._contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
+                f"program ({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
+            ) from error
+        for command in commands:
+            if isinstance(command, SetTimer):
+                timers[command.timer] = command.at
+            elif isinstance(command, CancelTimer):
+                timers.pop(command.timer, None)
+        return records
 
 
-def replay(kernel: Kernel, path: Path, contents: Contents) -> Replayed:
-    """Feed the inputs to a fresh kernel and compare what it gives, by number. Raises SessionError."""
-    there = {record.seq: (line, record) for line, record in contents.placed()}
-    written = max(there, default=0)
-    done = Replayed()
-    wall = ""
-    for step in contents.steps:
-        records = _handle(kernel, path, step, done.timers)
-        made = MadeStep(step, records, [])
-        done.steps.append(made)
-        # What has to be made again is of the same moment as its siblings, or else of the moment before.
-        wall = next((there[record.seq][1].wall for record in records if record.seq in there), wall)
-        for record in records:
-            line, recorded = there.get(record.seq, (0, None))
-            made.lines.append(line)
-            record.wall = wall if recorded is None else recorded.wall
-            if recorded is not None:
-                done.difference = _differ(path, step, line, recorded, record)
-                if done.difference is not None:
-                    return done
-                done.compared += 1
-            elif record.seq < written or step is not contents.steps[-1]:
-                done.missing.append(record)
-            else:
-                done.unwritten.append(record)
-    if written > kernel.core.seq:
-        done.difference = _first_beyond(path, contents, kernel.core.seq)
-    return done
+class _Tape:
+    """The inputs in their order, and the records by their ascending numbers, from one way through the journal.
+
+    Usually a record stands after its input. Where it does not (somebody moved lines), it is read on to it, and what
+    lies between is kept.
+    """
+
+    def __init__(self, contents: Contents) -> None:
+        self._lines = contents.outlines()
+        self._inputs: deque[tuple[int, bytes, InputLine]] = deque()
+        self._records: deque[Written] = deque()
+
+    def next_input(self) -> tuple[int, bytes, InputLine] | None:
+        """With its line number and its line."""
+        while not self._inputs:
+            if not self._read():
+                return None
+        return self._inputs.popleft()
+
+    def record(self, seq: int) -> Written | None:
+        """Ask for them in ascending order."""
+        found = self.first_from(seq)
+        return self._records.popleft() if found is not None and found.seq == seq else None
+
+    def first_from(self, seq: int) -> Written | None:
+        """The first record with this number or a higher one; it stays."""
+        records = self._records
+        while True:
+            while records and records[0].seq < seq:
+                records.popleft()
+            if records:
+                return records[0]
+            if not self._read():
+                return None
+
+    def _read(self) -> bool:
+        for number, text, found in self._lines:
+            if isinstance(found, InputLine):
+                self._inputs.append((number, text, found))
+                return True
+            if isinstance(found, RecordOutline):
+                self._records.append(Written(number, text, found.seq, found.wall))
+                return True
+        return False
 
 
-def _handle(kernel: Kernel, path: Path, step: Step, timers: dict[int, float]) -> list[AnyRecord]:
-    """The records of a step; what it does about timers goes into `timers`."""
-    if isinstance(step.input, TimerElapsed):
-        timers.pop(step.input.timer, None)
-    try:
-        records, commands = kernel.handle(step.input)
-    except Exception as error:
-        raise SessionError(
-            f"{path}:{step.line}: input {step.n} makes the engine fail, which is a mistake in this program "
-            f"({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
-        ) from error
-    for command in commands:
-        if isinstance(command, SetTimer):
-            timers[command.timer] = command.at
-        elif isinstance(command, CancelTimer):
-            timers.pop(command.timer, None)
-    return records
-
-
-def _differ(path: Path, step: Step, line: int, recorded: AnyRecord, replayed: AnyRecord) -> Difference | None:
-    before, after = record_bytes(recorded), record_bytes(replayed)
+def _differ(path: Path, n: int, written: Written, replayed: AnyRecord) -> Difference | None:
+    after = record_bytes(replayed)
+    if line_body(written.text) == after:
+        return None
+    recorded = read_line(written.text)  # another release may have written the same in other words
+    assert not isinstance(recorded, Header | InputLine)
+    before = record_bytes(recorded)
     if before == after:
         return None
     old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both
     for name in dict.fromkeys([*old, *new]):
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
-            return Difference(path.name, line, recorded.seq, step.n, old["kind"], name, old.get(name), new.get(name))
+            return Difference(path.name, written.line, written.seq, n, old["kind"], name, old.get(name), new.get(name))
     return None
 
 
-def _first_beyond(path: Path, contents: Contents, last: int) -> Difference:
-    """The first recorded record after `last`, where the replay ends.
+def _first_beyond(contents: Contents, tape: _Tape, since: int) -> Difference:
+    """The first recorded record after those that the replay gives. `since`: the line of the last input.
 
     Raises SessionError when a damaged line may be the input that caused it: no number after it tells.
     """
-    line, record = next((line, record) for line, record in contents.placed() if record.seq > last)
-    since, n = (contents.steps[-1].line, contents.steps[-1].n) if contents.steps else (0, 0)
-    suspects = [number for number in contents.damaged if since < number < line]
+    written = tape.first_from(1)
+    assert written is not None
+    suspects = [number for number in contents.damaged if since < number < written.line]
     if suspects:
-        raise SessionError(f"{path}: line {suspects[-1]} is damaged, and it was an input. {LOST}")
-    value = to_json(record)
-    return Difference(path.name, line, record.seq, n, value["kind"], NO_RECORD, value, None)
-
-
-def to_json(record: AnyRecord) -> dict[str, Any]:
-    """A record as JSON has it."""
-    value: dict[str, Any] = msgspec.json.decode(record_bytes(record))
-    return value
+        raise SessionError(f"{contents.path}: line {suspects[-1]} is damaged, and it was an input. {LOST}")
+    value = msgspec.json.decode(line_body(written.text))
+    return Difference(
+        contents.path.name, written.line, written.seq, contents.last_input, value["kind"], NO_RECORD, value, None
+    )
 
 
 # --- small things --------------------------------------------------------------------------------------------------

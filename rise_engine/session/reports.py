@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rise_engine.session.folder import INFO, JOURNAL, SessionError, sessions_folder
+from rise_engine.terminal import write_json
+from rise_engine.text import clean
 
 if TYPE_CHECKING:
     from rise_engine.session.export import Format
@@ -70,7 +72,7 @@ def play_report(session: str, speed: float) -> int:
             line = account.line(record)
             if line is not None:
                 time.sleep(max(0.0, record.t / speed - (time.monotonic() - began)))
-                sys.stdout.write(line + "\n")
+                sys.stdout.write(clean(line) + "\n")
                 sys.stdout.flush()
     except BrokenPipeError:
         return _nobody_reads()
@@ -148,7 +150,6 @@ def _account(found: Comparison) -> list[str]:
 def _print_json(folder: Path, found: Comparison) -> None:
     import msgspec
 
-    from rise_engine.reports import print_document
     from rise_engine.session.lines import writable
 
     document = {
@@ -163,7 +164,7 @@ def _print_json(folder: Path, found: Comparison) -> None:
         "notes": found.notes,
     }
     encoded = msgspec.json.encode(writable(msgspec.to_builtins(document)))
-    print_document(msgspec.json.format(encoded, indent=2).decode())
+    write_json(msgspec.json.format(encoded, indent=2).decode())
 
 
 def _is_session(path: Path) -> bool:
@@ -178,7 +179,7 @@ def _nobody_reads() -> int:
 
 
 def _complain(text: str) -> None:
-    sys.stderr.write(text + "\n")
+    sys.stderr.write(clean(text) + "\n")
 
 
 def _count(number: int, what: str) -> str:

@@ -17,9 +17,6 @@ from rise_tui.model.deeds import act_words
 from rise_tui.model.explain import functions_in, waits_for
 from rise_tui.model.study_keys import ACT, StudyKeys, transitions_of
 
-KEYS = 4
-"""Keys that are named in one line."""
-
 
 class Step(NamedTuple):
     """One thing that will happen by itself."""
@@ -77,6 +74,7 @@ def coming(known: Knows, left: float | None) -> Coming:
     if waiting:
         names = tuple(act_words(task.function, task.behavior) for task in waiting)
         steps.append(Step("turn", left, starts=names))
+    steps = [step for step in steps if not _stays(known, step)]
     # Of what comes at one time the task that waits is first: it was there before anything that a rule starts then.
     steps.sort(key=lambda step: (float("inf") if step.seconds is None else step.seconds, step.when != "turn"))
     first = steps[0] if steps else None
@@ -88,6 +86,11 @@ def coming(known: Knows, left: float | None) -> Coming:
     every = [transition for name in stack for transition in transitions_of(scenario, name, view.rules[name].state)]
     keys = _keys(known, every, (*busy, *stack))
     return Coming(tuple(steps), keys, False, "" if keys or steps else _other(known, every), bool(stack))
+
+
+def _stays(known: Knows, step: Step) -> bool:
+    """Whether a rule only enters anew the state in which it is, as one does that follows somebody with its gaze."""
+    return step.when == "end" and step.target == known.view.rules[step.rule].state
 
 
 def _timers(known: Knows, stack: list[str]) -> Iterator[Step]:

@@ -1,11 +1,13 @@
-"""What a wizard can say about an act that should not have been, or not then. Pure; knows no screen."""
+"""What a wizard can say about something that should not have been done, or not then. Pure; knows no screen."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from rise_engine.kernel.wizard import UNMARKED
+from rise_engine.scenario.model import KeyBinding
 from rise_engine.view import TaskView
-from rise_tui.model.deeds import act_words
+from rise_tui.model.deeds import act_words, describe, done
 
 ACTS = frozenset({"startCommunicationRobotAct", "say"})
 
@@ -26,18 +28,26 @@ CHOICES = (
 )
 
 
-def newest_act(tasks: dict[int, TaskView], me: str) -> TaskView | None:
-    """The act or speech that was asked for last, by this wizard or by a rule; not what others or programs asked for.
+def newest(tasks: dict[int, TaskView], me: str) -> TaskView | None:
+    """What this wizard did last, whatever it was. Of one who has done nothing yet, the act that a rule started last.
 
-    Most acts of a study are started by its rules, at a key of the wizard: those are the wizard's too.
+    Not what others or programs did, what was refused, and not the marks themselves.
     """
+    by_rule: TaskView | None = None
     for id in reversed(tasks):
         task = tasks[id]
-        own = task.source == me or task.source.startswith("rule:")
-        if own and task.function in ACTS and task.status != "REJECTED":
+        if task.status == "REJECTED" or task.function in UNMARKED:
+            continue
+        if task.source == me:
             return task
-    return None
+        if by_rule is None and task.source.startswith("rule:") and task.function in ACTS:
+            by_rule = task
+    return by_rule
 
 
-def name_of(task: TaskView) -> str:
-    return act_words(task.function, task.behavior)
+def name_of(task: TaskView, key: KeyBinding | None) -> str:
+    """An act by its name, what was said by its words, all else by its key and what the author calls it."""
+    if task.function in ACTS:
+        return act_words(task.function, task.behavior)
+    words = done(task.function, task.behavior) or describe(task.function, task.behavior)
+    return f"{key.label}: {key.title or words}" if key is not None else words

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.actions import key_in_words
-from rise_tui.model.coming import KEYS, Coming, Knows, Step, coming
+from rise_tui.model.coming import Coming, Knows, Step, coming
 from rise_tui.model.reasons import whose
 from rise_tui.model.saying import Saying, longest_sentence, still_to_say
 from rise_tui.model.store import Store
@@ -40,12 +40,12 @@ TONES: dict[str, Tone] = {
 
 
 def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
-    """Lines for a sentence. Where there is room for it, one more for the sentence after it."""
+    """Lines for a sentence. Where there is room for it at least two, so that a short one leaves one for the next."""
     most = MOST_TALL if height >= TALL else MOST
     longest = longest_sentence(scenario, memory)
     if not longest:
         return 1
-    return min(most, len(_wrapped(_quoted(longest), width)) + int(height >= TALL))
+    return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
 
 
 def band(store: Store, width: int, rows: int) -> tuple[Line, ...]:
@@ -77,10 +77,11 @@ def _sentence(saying: Saying, store: Store, width: int, rows: int) -> list[Line]
     if store.gone and saying.kind in ("says", "sent"):
         tone, note = "fault", ("not known", "fault")
     lead = _lead(saying, store)
-    shown = _wrapped(f"{lead}{_quoted(saying.text)}", width)
-    first = 0
+    more = f" and {saying.more} more" if saying.more and saying.kind in ("unsaid", "unknown") else ""
+    text = f"{lead}{_quoted(saying.text)}{more}"
+    shown, first = _wrapped(text, width), 0
     if len(shown) > rows:
-        shown, first = _window(f"{lead}{_quoted(saying.text)}", width, rows, saying.share)
+        shown, first = _window(text, width, rows, saying.share)
     lines: list[Line] = []
     for at, text in enumerate(shown):
         glyph = f" {GLYPHS[saying.kind]} " if at == 0 and first == 0 else " … " if at == 0 else "   "
@@ -112,8 +113,7 @@ def _note(saying: Saying, store: Store) -> Span:
         case "said":
             return f"said {age(saying.seconds or 0.0)} ago", "muted"
         case "unsaid" | "unknown":
-            after = f"after {duration(saying.seconds)}" if saying.seconds else "✗"
-            return f"{after}{more}" if after != "✗" else more.strip(), "fault"
+            return f"after {duration(saying.seconds)}" if saying.seconds else "", "fault"
         case _:
             return "", "muted"
 
@@ -160,7 +160,8 @@ class _Piece(NamedTuple):
 def next_line(store: Store, rest: Sequence[str], width: int) -> Line:
     """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
     pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
-    return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store)], width - cells(LABEL))), width)
+    room = width - cells(LABEL)
+    return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store, room)], room)), width)
 
 
 def _laid(pieces: Sequence[_Piece], width: int) -> Line:
@@ -206,14 +207,14 @@ def _left(store: Store) -> float | None:
     return longest if store.view.running else None
 
 
-def _by_rules(store: Store) -> list[_Piece]:
+def _by_rules(store: Store, room: int) -> list[_Piece]:
     if why := _nothing(store):
         return [_Piece(why)]
     found = _coming(store)
     pieces = [_Piece(_step(step, store)) for step in found.steps]
     if found.keys:
         word = "then" if found.then else "or" if found.steps else "waits for"
-        pieces.append(_Piece(_keys(found.keys, f"{word} {whose(store)}: ")))
+        pieces.append(_Piece(_keys(found.keys, f"{word} {whose(store)}: ", room)))
     elif found.other:
         pieces.append(_Piece(((f"{'then ' if found.then else ''}waits for {clean(found.other)}", "plain"),)))
     if pieces:
@@ -224,7 +225,7 @@ def _by_rules(store: Store) -> list[_Piece]:
     first = next((key for key in store.scenario.keys.values() if key.function == RULE), None)
     if first is None or store.view.running:
         return [_Piece(nothing)]
-    return [_Piece(nothing), _Piece(_keys((first,), f"{whose(store)}: "))]
+    return [_Piece(nothing), _Piece(_keys((first,), f"{whose(store)}: ", room))]
 
 
 def _nothing(store: Store) -> Line:
@@ -260,10 +261,15 @@ def _step(step: Step, store: Store) -> Line:
     return tuple(spans)
 
 
-def _keys(keys: Sequence[KeyBinding], lead: str) -> Line:
+def _keys(keys: Sequence[KeyBinding], lead: str, room: int) -> Line:
+    """As many as there is room for, and how many more there are."""
     spans: list[Span] = [(lead, "muted")]
-    for at, key in enumerate(keys[:KEYS]):
-        spans += [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(title_of(key)), "plain")]
-    if len(keys) > KEYS:
-        spans.append((f"  +{len(keys) - KEYS}", "muted"))
+    for at, key in enumerate(keys):
+        more: list[Span] = [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(title_of(key)), "plain")]
+        rest = f"  +{len(keys) - at}"
+        last = at == len(keys) - 1
+        if at and width_of((*spans, *more)) + (0 if last else cells(rest)) > room:
+            spans.append((rest, "muted"))
+            break
+        spans += more
     return tuple(spans)

@@ -20,6 +20,10 @@ OLD = 3.0
 TITLE = 12
 """Cells that the title keeps before anything else gives way, where there is some room."""
 NAME = 12
+CUE, CUE_SHORT = 19, 12
+"""Cells that the cue takes from the title: where all else has room beside it, and elsewhere."""
+NARROW = 80
+"""Below this width nothing is kept for a cue."""
 LEAST_TITLE = 8
 """Cells below which a title says nothing."""
 USUAL = 100
@@ -42,18 +46,22 @@ def status_line(store: Store, width: int) -> Line:
     """The whole line in exactly `width` cells.
 
     Who takes part and in which condition comes first, whatever else is there. Then the title, which has the room that
-    is left, and gives way to the cue while one is counted, so that nothing else moves.
+    is left. A part of that is the cue's while one is counted, so that nothing else moves when it comes and goes.
     """
     who = _who(store, width)
     title: Line = ((f"  {store.scenario.title}" if who else f" {store.scenario.title}", "muted" if who else "strong"),)
     room = width - width_of(who) - 1
+    counts = not (store.gone or store.cut is not None or store.hello.replay)
     best = sum(width_of(cell.variants[0]) for cell in _cells(store, padded=True))
-    padded = best + width_of(title) <= room  # no blanks are kept while something is cut
-    kept = min(width_of(title), TITLE) if width >= USUAL else 0
+    cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if counts else 0
+    kept = max(TITLE if width >= USUAL else 0, cue_room)
+    padded = best + max(kept, width_of(title)) <= room  # no blanks are kept while something is cut
     right = _fitted(_cells(store, padded=padded), max(0, room - kept))
-    who = crop(who, max(0, width - width_of(right) - 1))
-    room = width - width_of(who) - width_of(right) - 1
-    return spread((*who, *(crop(title, room) if room >= min(LEAST_TITLE, width_of(title)) else ())), right, width)
+    cue = _cue(store, room - width_of(right)) if counts else ()
+    who = crop(who, max(0, width - width_of(cue) - width_of(right) - 1))
+    room = width - width_of(who) - width_of(cue) - width_of(right) - 1
+    shown = crop(title, room) if room >= min(LEAST_TITLE, width_of(title)) else ()
+    return spread((*who, *shown), (*cue, *right), width)
 
 
 def _who(store: Store, width: int) -> Line:
@@ -76,10 +84,10 @@ def _fitted(made: list[Cell], width: int) -> Line:
 
 
 def _cells(store: Store, *, padded: bool) -> list[Cell]:
-    """Those at the right. The cue is the first, beside the title: what comes and goes moves nothing else."""
+    """Those at the right."""
     if store.gone or store.cut is not None:
         return [_mode(store), *_robot(store), _time(store), *_end(store, padded)]
-    return [_cue(store), _mode(store), *_robot(store), _recording(store), _time(store), *_end(store, padded)]
+    return [_mode(store), *_robot(store), _recording(store), _time(store), *_end(store, padded)]
 
 
 def _participant(store: Store) -> tuple[str, str]:
@@ -143,11 +151,12 @@ def _time(store: Store) -> Cell:
     return Cell((((" ", "plain"), (clock(store.now()), "plain")), ()), (13,))
 
 
-def _cue(store: Store) -> Cell:
-    """The time since the cue, while it is counted."""
-    now = store.now()
-    full, brief = cue_line(store.view.cue, now), cue_line(store.view.cue, now, short=True)
-    return Cell(((GAP, *full), ((" ", "plain"), *brief)) if full else ((),), (5,))
+def _cue(store: Store, room: int) -> Line:
+    """The time since the cue, while it is counted: the whole where there is room for it."""
+    full, brief = (cue_line(store.view.cue, store.now(), short=short) for short in (False, True))
+    if not full:
+        return ()
+    return (GAP, *full) if width_of(full) + width_of((GAP,)) <= room else ((" ", "plain"), *brief)
 
 
 def _end(store: Store, padded: bool) -> list[Cell]:

@@ -98,13 +98,15 @@ class Store:
     wizard: str
     now: Callable[[], float]
     """Session time in seconds."""
+    in_browser: bool = False
+    """This console is shown by `rise-tui --web`."""
     view: View = field(init=False)
     refs: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
     """How this console's own references begin; a second console of the same wizard has others."""
     sent: dict[str, Sent] = field(default_factory=dict)
     """By the console's own reference."""
     log: LogRows = field(default_factory=LogRows)
-    """The rows of the log, in order of arrival."""
+    """The rows of the log, in order of arrival; other lists whenever the view has forgotten some."""
     notice: Notice | None = None
     gone: str = ""
     """Why the session is over or the engine has gone; empty while it lives."""
@@ -125,6 +127,8 @@ class Store:
     """It had control when the connection was cut, and nobody else has it now, but perhaps its own cut connection."""
     attached: int = 0
     """How often this console has attached again; lists that were built step by step start anew."""
+    trimmed: int = 0
+    """How often the oldest tasks were forgotten; lists that were built step by step start anew then, too."""
     armed: str = ""
     """The act whose first of two keys was pressed."""
     said: int = 0
@@ -203,6 +207,11 @@ class Store:
     def me(self) -> str:
         """How the session calls this console."""
         return self.hello.you or f"wizard:{self.wizard}"
+
+    @property
+    def person(self) -> str:
+        """Who sits here, as the record names what they do: a second console is no second person."""
+        return self.me.partition("#")[0]
 
     @property
     def has_control(self) -> bool:
@@ -295,7 +304,10 @@ class Store:
             if isinstance(record, TaskRecord):
                 changed |= self._task(record)
             holder, remarks = self.view.control, self.view.remarks[-1] if self.view.remarks else None
+            forgotten = self.view.forgotten
             self.view.apply(record)
+            if self.view.forgotten != forgotten:
+                self._trim()
             if self.view.remarks and self.view.remarks[-1] is not remarks:
                 self.log.remark(self.view.remarks[-1])
                 changed.add("tasks")
@@ -326,6 +338,22 @@ class Store:
         if self.notice is not noticed:
             changed.add("notice")
         return changed
+
+    @property
+    def older(self) -> str:
+        """That the oldest tasks are in the record only, for whoever looks for one; empty while all are here."""
+        count = self.view.forgotten
+        return f"{count:,} older {'task is' if count == 1 else 'tasks are'} in the record only" if count else ""
+
+    def _trim(self) -> None:
+        """The view has forgotten its oldest tasks."""
+        tasks = self.view.tasks
+        for ids in (self.missed, self.marked):
+            ids[:] = [id for id in ids if id in tasks]
+        self.log.take_in(self.view)
+        for id in self.missed:
+            self.log.surface(id)
+        self.trimmed += 1
 
     def _journaling(self, now: Journaling) -> frozenset[Topic]:
         """How the record stands; nothing is painted for what nobody would see."""

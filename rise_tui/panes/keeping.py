@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,22 +44,27 @@ class Keeping:
         said = ["Later sessions of this scenario begin with:"]
         said += [f"  {plain(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_SAID]]
         said += [f"  and {len(differing) - MOST_SAID} more"] if len(differing) > MOST_SAID else []
-        said += ["", f"This replaces {path}", "The session that runs now does not change."]
+        said += [
+            "",
+            f"Written into {path}; the rest of the file stays as it is.",
+            "The session that runs now does not change.",
+        ]
         dialog = Dialog("Save the memory as start values?", said, Answer("s", "Save"))
 
         def answered(key: str | None) -> None:
             if key == "s":
-                pane.run_worker(self._write(path, memory), group="keep")
+                pane.run_worker(self._write(path, scenario.memory, memory, len(differing)), group="keep")
 
         pane.app.push_screen(dialog, answered)
 
-    async def _write(self, path: Path, memory: dict[str, Any]) -> None:
+    async def _write(self, path: Path, before: Mapping[str, Any], memory: dict[str, Any], changed: int) -> None:
         try:
-            await asyncio.to_thread(write, path, memory)
+            await asyncio.to_thread(write, path, before, memory)
         except NotWritable as why:
             self._tell(f"not saved: {why}")
         else:
-            self._tell(f"saved {len(memory)} start values to {path}")
+            what = "1 start value" if changed == 1 else f"{changed} start values"
+            self._tell(f"saved {what} in {path.name}; the rest of it is as it was")
 
     def _tell(self, text: str) -> None:
         self._pane.post_message(Told(text))

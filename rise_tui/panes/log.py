@@ -55,7 +55,7 @@ class LogPane(Pane):
         self.unfolded = False
         """Whether the rules' own rows are shown as well."""
         self._searching = False
-        self._attached = store.attached
+        self._begun = store.attached, store.trimmed
         self._later = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
 
@@ -86,8 +86,8 @@ class LogPane(Pane):
     # --- what is shown -----------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
-        anew = self._attached != self.store.attached
-        self._attached = self.store.attached
+        begun = self.store.attached, self.store.trimmed
+        anew, self._begun = self._begun != begun, begun
         if self.filter is None:
             self._sieve = None
         elif self._sieve is None or anew or self._sieve.filter is not self.filter or self._sifted is not self._rows:
@@ -152,11 +152,12 @@ class LogPane(Pane):
     def _show_title(self) -> None:
         view = self.log_view
         tone: Tone = "muted" if view.following else "wait"
+        older = self.store.older and f"  {self.store.older}"
         state = "following" if view.following else f"paused, {view.unseen} new" if view.unseen else "paused"
         if self._sieve is not None or self.problem:
             more = "" if self._sieve is None or self._sieve.done else "…"
             note = self.filter_note(view.count, len(self._rows), more)
-            self.title.draw(note if self.problem else (*note, (f"  {state}", tone)))
+            self.title.draw(note if self.problem else (*note, (f"  {state}{older}", tone)))
             return
         brief = self.title.size.width < NARROW
         own: Line = ()
@@ -164,9 +165,9 @@ class LogPane(Pane):
             what = f"+{hidden} by rules" if brief else f"rules' own: {hidden} {'shown' if self.unfolded else 'hidden'}"
             own = ((f"{what} ", "muted"), ("←" if self.unfolded else "→", "key"))
         if view.following and view.count:
-            self.title.draw(own if own and brief else (*own, ("  " if own else "", "plain"), (state, tone)))
+            self.title.draw(own if own and brief else (*own, ("  " if own else "", "plain"), (f"{state}{older}", tone)))
         else:
-            rest: Line = ((state if view.count else "nothing yet", tone),)
+            rest: Line = ((f"{state}{older}" if view.count else "nothing yet", tone),)
             self.title.draw((*own, ("  ", "plain"), *rest) if own else rest)
 
     @on(RowView.Moved)
@@ -254,4 +255,5 @@ class LogPane(Pane):
         self.log_view.go_to(index)
         self._show_title()
         found = submitted(ids[index])
-        self.post_message(Told(f"the row nearest to {clock(when)} is at {clock(found, tenths=True)}"))
+        told = f"the row nearest to {clock(when)} is at {clock(found, tenths=True)}"
+        self.post_message(Told(f"{told}; {self.store.older}" if index == 0 and self.store.older else told))

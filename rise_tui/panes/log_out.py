@@ -6,13 +6,15 @@ import asyncio
 import os
 from collections.abc import Iterator
 from datetime import datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rise_engine.view import TaskView
-from rise_tui.export import NotSaved, TooLong, for_clipboard, on_the_way, save, table
+from rise_tui.export import NotSaved, TooLong, folder_for, for_clipboard, on_the_way, save, table
 from rise_tui.messages import Told
 from rise_tui.model.states import State
 from rise_tui.model.task_text import task_rows
+from rise_tui.start.choose import tilde
 from rise_tui.text import Row, clock
 
 if TYPE_CHECKING:
@@ -62,21 +64,21 @@ class LogOut:
             self._copy(table([task], head=False), "the row")
 
     def copy_all(self) -> None:
-        self._copy(table(self._shown()), _rows(self._pane.log_view.count))
+        self._copy(table(self._shown()), _rows(self._pane.log_view.count), self._without())
 
-    def _copy(self, lines: Iterator[str], what: str) -> None:
+    def _copy(self, lines: Iterator[str], what: str, without: str = "") -> None:
         try:
             text = for_clipboard(lines)
         except TooLong as why:
             self._tell(f"not copied, {what}: {why}")
             return
         self._pane.app.copy_to_clipboard(text)
-        self._tell(f"copied {what}{on_the_way(os.environ) or ' to the clipboard of your terminal'}")
+        self._tell(f"copied {what}{on_the_way(os.environ) or ' to the clipboard of your terminal'}{without}")
 
     # --- a file -------------------------------------------------------------------------------------------------------
 
     def free_name(self) -> str:
-        """A name that says when, for the current folder."""
+        """A name that says when; it goes into the session's folder."""
         return f"rise-log_{datetime.now():%Y-%m-%d}_{clock(self._pane.store.now()).replace(':', '-')}.tsv"
 
     def save(self, name: str) -> None:
@@ -89,11 +91,11 @@ class LogOut:
         pane = self._pane
         tasks = list(self._shown())
         try:
-            path = await asyncio.to_thread(save, name, tasks)
+            path = await asyncio.to_thread(save, name, tasks, folder_for(pane.store.hello.folder))
         except NotSaved as why:
             self._tell(f"not saved: {why}")
         else:
-            self._tell(f"saved {_rows(len(tasks))} to {path}")
+            self._tell(f"saved {_rows(len(tasks))} to {tilde(str(path))}{self._without()}")
             if pane.save_bar.is_open:
                 pane.save_bar.close()
                 pane.screen.set_focus(pane.rows)
@@ -104,6 +106,11 @@ class LogOut:
         log, view = self._pane.store.log, self._pane.store.view
         found = (log.find(row, view) for row in list(self._pane.log_view.ids))
         return (task for task in found if task is not None)
+
+    def _without(self) -> str:
+        """What is not among the rows, and how to get it."""
+        store = self._pane.store
+        return f"; {store.older}: rise-engine export {Path(store.hello.folder).name}" if store.older else ""
 
     def _tell(self, text: str) -> None:
         self._pane.post_message(Told(text))

@@ -12,7 +12,7 @@ from rise_tui.model import armed
 from rise_tui.model.deeds import describe
 from rise_tui.model.failures import unanswered
 from rise_tui.model.gate import Gate, Timer, Trigger
-from rise_tui.model.mistakes import newest_act
+from rise_tui.model.mistakes import newest
 from rise_tui.model.notice import Notice
 from rise_tui.screens.painting import Painting
 from rise_tui.session import Session
@@ -151,12 +151,12 @@ class Acting:
     # --- mistakes ---
 
     def mistake(self) -> None:
-        """Mark the newest act as wrong at once, and ask for the better word."""
+        """Mark what the wizard did last as wrong at once, and ask for the better word."""
         if self.gate.pasting:
             return
-        task = newest_act(self._store.view.tasks, self._store.me)
+        task = newest(self._store.view.tasks, self._store.person)
         if task is None:
-            self.tell("no act has been started yet: there is nothing to mark")
+            self.tell("you have done nothing yet: there is nothing to mark")
             return
         self.send("markMistake", f"{task.id} wrong")
         self._painting.open_mistake(task.id)

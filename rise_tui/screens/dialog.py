@@ -9,8 +9,10 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
+from textual.timer import Timer
 from textual.widgets import Button, Static
 
+from rise_tui.model.gate import REPEAT
 from rise_tui.quiet import QuietModal
 
 
@@ -41,9 +43,23 @@ class Dialog(QuietModal[str]):
         Binding("right,down", "app.focus_next", show=False),
     ]
 
-    def __init__(self, title: str, said: Sequence[str], *answers: Answer, no: str = "Cancel", first: str = "") -> None:
-        """`first` is the key of the answer that Enter takes; without it, Enter takes none."""
+    def __init__(
+        self,
+        title: str,
+        said: Sequence[str],
+        *answers: Answer,
+        no: str = "Cancel",
+        first: str = "",
+        again: Sequence[str] = (),
+    ) -> None:
+        """`first` is the key of the answer that Enter takes; without it, Enter takes none.
+
+        `again`: the keys that opened the question; pressed once more they give the first answer. A key that is held
+        down repeats, and that is no second press.
+        """
         super().__init__()
+        self._again, self._again_at = again, float("-inf")
+        self._second_press: Timer | None = None
         self._title, self._said, self._answers, self._no, self._first = title, said, answers, no, first
         self._answered = self._withdrawn = False
 
@@ -65,6 +81,19 @@ class Dialog(QuietModal[str]):
         if any(event.key == answer.key for answer in self._answers):
             event.stop()
             self.action_answer(event.key)
+        elif event.key in self._again:
+            event.stop()
+            self._pressed_again(event.time)
+
+    def _pressed_again(self, at: float) -> None:
+        """Wait as long as a held key would take to repeat, as the gate does for acts that need two presses."""
+        held, self._again_at = at - self._again_at < REPEAT, at
+        if self._second_press is not None:
+            self._second_press.stop()
+        self._second_press = None if held else self.set_timer(REPEAT, self._take_first)
+
+    def _take_first(self) -> None:
+        self.action_answer(self._answers[0].key)
 
     def action_answer(self, key: str) -> None:
         """The first answer counts; keys that were still on their way do nothing."""

@@ -19,6 +19,8 @@ WORD = "end"
 class EndQuestion(QuietModal[bool]):
     """Answers whether the session is to end; Esc leaves it and does nothing."""
 
+    AUTO_FOCUS = "#word"
+
     DEFAULT_CSS = """
     EndQuestion {
         align: center middle; background: transparent;
@@ -46,9 +48,6 @@ class EndQuestion(QuietModal[bool]):
                 yield Label(f"Type {WORD} and press enter:")
                 yield Field(id="word", select_on_focus=False)
             yield Static("", id="answer", markup=False)
-
-    def on_mount(self) -> None:
-        self.set_focus(self.query_one("#word", Field))
 
     @on(Input.Submitted)
     def _entered(self, event: Input.Submitted) -> None:

@@ -39,12 +39,12 @@ def entries(store: Store, place: Place | None = None) -> Iterator[Entry]:
     for common in COMMON:
         yield from (_of_action(action, titles[common], store) for action in at(common))
     yield from (Entry(IDEAS, word, "", text) for word, text in ideas())
-    why = store.cannot_start()
     for key in store.scenario.keys.values():
+        why, what = store.cannot(key.function), describe(key.function, key.behavior)
         act = "CommunicationRobotAct" in key.function
         hold = "hold: needs a second key. " if act and store.scenario.settings_of(key.behavior).hold else ""
-        text = f"{hold}{f'Not now: {why}.' if why else ''}"
-        yield Entry(SCENARIO, key.label, describe(key.function, key.behavior), text, bool(why))
+        text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"
+        yield Entry(SCENARIO, key.label, key.title or what, text, bool(why))
     for other, title in PLACES:
         if other != place and other not in COMMON:
             yield from (_of_action(action, title, store) for action in at(other))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rise_tui.actions import BY_ID, key_in_words, keys_of
 from rise_tui.model.control import question
 from rise_tui.screens.dialog import Answer, Dialog
 
@@ -29,7 +30,9 @@ class Questions:
         elif stop.status == "requested":
             said.append("The robot has not answered yet. Look at it first.")
         said.append("After this, keys start acts and rules again.")
-        dialog = Dialog("Release the stop?", said, Answer("r", "Release"), no="Stay stopped")
+        keys = keys_of(BY_ID["release"])
+        said += [f"{key_in_words('release')} once more releases it."] * bool(keys)
+        dialog = Dialog("Release the stop?", said, Answer("r", "Release"), no="Stay stopped", again=keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
 

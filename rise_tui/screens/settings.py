@@ -1,4 +1,4 @@
-"""Settings: where the scenario is, which robot, which mode. Applying starts a new session."""
+"""Settings: where the scenario is, which robot and mode, and for whom. Only applying does anything: a new session."""
 
 from __future__ import annotations
 
@@ -8,31 +8,40 @@ from msgspec.structs import replace
 from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.message import Message
 from textual.widgets import Button, Input, Label, Static
 from textual.worker import Worker
 
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study import condition_problem, conditions
+from rise_tui.model.running import whose
+from rise_tui.model.store import Store
 from rise_tui.quiet import QuietModal
-from rise_tui.screens.dialog import Answer, Dialog
 from rise_tui.start.launch import Launcher, Refused, Shown, robots, shown
+from rise_tui.start.leaving import question_of_end
 from rise_tui.start.settings import Settings, expanded
+from rise_tui.text import clean
 from rise_tui.widgets.editor import Field
 
 PLACES = ("acts", "rules", "memory")
+FOR_WHOM = ("participant", "condition")
 MODES = ("debug", "real")
 
 
-class Choice(Horizontal):
-    """One of a few words; left, right and space choose."""
+class Choice(Horizontal, can_focus=True):
+    """One of a few words, and one stop for the tab key: left and right choose, a click too; Enter chooses nothing."""
 
     DEFAULT_CSS = """
     Choice {
         height: 1; width: 1fr;
         Button { min-width: 5; margin: 0 1 0 0; background: $surface; color: $rise-muted; }
         Button.-chosen { background: $rise-cursor; color: $foreground; text-style: bold; }
-        Button:focus { text-style: bold reverse; }
+        &:focus Button.-chosen { text-style: bold reverse; }
     }
     """
+
+    class Changed(Message):
+        """Another word is chosen."""
 
     def __init__(self, words: tuple[str, ...], chosen: str, *, id: str) -> None:
         super().__init__(id=id)
@@ -41,7 +50,9 @@ class Choice(Horizontal):
 
     def compose(self) -> ComposeResult:
         for word in self._words:
-            yield Button(self._label(word), name=word, compact=True, classes="-chosen" if word == self.value else "")
+            button = Button(self._label(word), name=word, compact=True, classes="-chosen" if word == self.value else "")
+            button.can_focus = False
+            yield button
 
     def _label(self, word: str) -> str:
         return f"{'●' if word == self.value else '○'} {word}"
@@ -51,14 +62,29 @@ class Choice(Horizontal):
         if (tuple(words), chosen) != (self._words, self.value):
             self._words, self.value = tuple(words), chosen
             self.refresh(recompose=True)
+            self.post_message(self.Changed())
 
     @on(Button.Pressed)
-    def _chosen(self, event: Button.Pressed) -> None:
+    def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
-        self.value = event.button.name or ""
+        self.focus()
+        self._choose(event.button.name or "")
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key not in ("left", "right"):
+            return
+        event.stop()
+        at = self._words.index(self.value) if self.value in self._words else 0
+        at += 1 if event.key == "right" else -1
+        if 0 <= at < len(self._words):
+            self._choose(self._words[at])
+
+    def _choose(self, word: str) -> None:
+        self.value = word
         for button in self.query(Button):
             button.label = self._label(button.name or "")
             button.set_class(button.name == self.value, "-chosen")
+        self.post_message(self.Changed())
 
 
 class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
@@ -67,22 +93,23 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
     DEFAULT_CSS = """
     SettingsScreen {
         align: center middle; background: transparent;
-        #box { width: 78; max-width: 100%; height: auto; max-height: 100%; margin: 4 0 1 0; padding: 0 1;
+        #box { width: 78; max-width: 100%; height: auto; max-height: 100%; margin: 1 0 1 0; padding: 0 1;
                background: $panel; border: round $primary; border-title-style: bold; }
         .row { height: 1; }
-        Label { width: 10; color: $rise-muted; }
+        Label { width: 12; color: $rise-muted; }
         Field, Field:focus { background: $surface; width: 1fr; }
         Field:focus { background: $rise-cursor; }
-        #findings { height: auto; max-height: 8; margin: 1 0 0 0; }
-        #findings Static { width: auto; }
+        #told { height: auto; max-height: 9; margin: 1 0 0 0; }
+        #told Static { width: 100%; height: auto; }
         #buttons { height: 1; margin: 1 0 0 0; align-horizontal: right; }
         #buttons Button { margin: 0 0 0 2; min-width: 12; }
     }
     """
 
-    def __init__(self, settings: Settings, scenario: Scenario, mode: str, robot: str, launcher: Launcher) -> None:
+    def __init__(self, settings: Settings, store: Store, launcher: Launcher) -> None:
         super().__init__()
-        self._settings, self._scenario, self._launcher = settings, scenario, launcher
+        scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
+        self._settings, self._store, self._launcher = settings, store, launcher
         names = robots(settings.folder)
         places = {place: settings.places.get(place) or scenario.paths.get(place, "") for place in PLACES}
         self._first = Shown(names if robot in names else [*names, robot], robot, mode, places)
@@ -93,19 +120,25 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
         """The folder for which the fields were filled in."""
         self._apply_next = False
         self._asked = settings
-        self.findings = Static("", markup=False)
+        self.changes, self.findings = Static("", markup=False), Static("", markup=False)
 
     def compose(self) -> ComposeResult:
         box = Vertical(id="box")
         box.border_title = " Settings "
-        box.border_subtitle = " applying ends this session and starts a new one · esc leaves "
+        box.border_subtitle = " tab: next · ← →: choose · esc leaves, and nothing changes "
         with box:
             yield from self._row("folder", Field(self._settings.folder, id="folder", select_on_focus=False))
             for place in PLACES:
                 yield from self._row(place, Field(self._first.places[place], id=place, select_on_focus=False))
             yield from self._row("robot", Choice(tuple(self._first.robots), self._first.robot, id="robot"))
             yield from self._row("mode", Choice(MODES, self._first.mode, id="mode"))
-            with VerticalScroll(id="findings", can_focus=False):
+            yield from self._row(
+                "participant", self._for_whom("participant", "who takes part next; empty: nobody named")
+            )
+            known = conditions(self._store.scenario)
+            yield from self._row("condition", self._for_whom("condition", " or ".join(known) or "of the new session"))
+            with VerticalScroll(id="told", can_focus=False):
+                yield self.changes
                 yield self.findings
             with Horizontal(id="buttons"):
                 yield Button("Leave (esc)", id="leave", compact=True)
@@ -115,6 +148,37 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
         with Horizontal(classes="row"):
             yield Label(label)
             yield widget
+
+    @staticmethod
+    def _for_whom(name: str, placeholder: str) -> Field:
+        """Empty: the memory of a new session begins anew, so the label of the one before would be wrong."""
+        return Field(placeholder=placeholder, id=name, select_on_focus=False)
+
+    def on_mount(self) -> None:
+        self._tell_changes()
+
+    @on(Input.Changed)
+    @on(Choice.Changed)
+    def _tell_changes(self) -> None:
+        """What applying would do, as long as nothing is applied."""
+        chosen = self.chosen()
+        said = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
+        of = whose(self._store)
+        ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
+        who = " · ".join(filter(None, (chosen.participant, chosen.condition))) or "nobody named"
+        begins = f"for {who}; its memory begins with the start values."
+        head = "Nothing is changed yet." if not said else "Not applied yet:"
+        self.changes.update("\n".join([head, *said, f"{ends} {begins}"]))
+
+    def _differences(self, chosen: Settings) -> list[tuple[str, str, str]]:
+        """What is chosen that is not so now: name, now, then."""
+        pairs = [("folder", self._settings.folder, self._folder)]
+        if self._is_first(self._folder):
+            pairs = []
+        fields = {place: self.query_one(f"#{place}", Field).value.strip() for place in PLACES}
+        pairs += [(place, self._first.places[place], fields[place]) for place in PLACES]
+        pairs += [("robot", self._first.robot, chosen.robot or ""), ("mode", self._first.mode, chosen.mode or "")]
+        return [(what, clean(before), clean(after)) for what, before, after in pairs if before != after]
 
     @property
     def _folder(self) -> str:
@@ -137,6 +201,9 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
             robot=self.query_one("#robot", Choice).value,
             mode=self.query_one("#mode", Choice).value,
             places={place: value for place, value in places.items() if value},
+            participant=self.query_one("#participant", Field).value.strip(),
+            condition=self.query_one("#condition", Field).value.strip(),
+            seed=None,
         )
 
     @on(Input.Changed, "#folder")
@@ -193,22 +260,23 @@ class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
             self._show(*result)
         elif isinstance(result, Refused):
             self.findings.update("\n".join(["refused; nothing has changed:", *result.lines]))
+        elif isinstance(result, Scenario) and (problem := condition_problem(result, self._asked.condition)):
+            self.findings.update(f"refused; nothing has changed:\n{problem}")
         elif isinstance(result, Scenario):
             self.findings.update("")
             self._confirm(result, self._asked)
 
     def _confirm(self, scenario: Scenario, settings: Settings) -> None:
-        said = [
-            "The running session is stopped and ended, and a new one starts:",
-            f"{scenario.title} · {scenario.mode.upper()} · robot {scenario.robot.title or scenario.robot.name}",
-        ]
-        dialog = Dialog("Start a new session?", said, Answer("s", "Start anew"))
+        who = " · ".join(filter(None, (settings.participant, settings.condition))) or "nobody named"
+        robot = scenario.robot.title or scenario.robot.name
+        then = f"Then a new one starts for {who}: {scenario.title} · {scenario.mode.upper()} · robot {robot}"
+        question = question_of_end(self._store, clean(then))
 
-        def answered(yes: str | None) -> None:
+        def answered(yes: bool | None) -> None:
             if yes:
                 self.dismiss((scenario, settings))
 
-        self.app.push_screen(dialog, answered)
+        self.app.push_screen(question, answered)
 
     def on_key(self, event: events.Key) -> None:
         if event.key == "escape":

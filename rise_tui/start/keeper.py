@@ -90,4 +90,4 @@ def write(changed: Iterable[tuple[Path, Preferences | Places]]) -> None:
 
 def _places(screen: ConsoleScreen) -> Places:
     filters = {name: pane.filter_text for name, pane in screen.panes.panes.items() if pane.filter_text}
-    return Places(screen.session.store.hello.folder, screen.panes.layout_state(), filters)
+    return Places(screen.panes.layout_state(), filters, screen.session.store.hello.folder)

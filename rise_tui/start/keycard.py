@@ -109,7 +109,8 @@ def sections(scenario: Scenario | None) -> Iterator[Section]:
 
 def _of_scenario(scenario: Scenario, binding: KeyBinding) -> Entry:
     marks = _marks(scenario, binding.behavior) if binding.function == "startCommunicationRobotAct" else ()
-    return Entry((spoken(binding.key),), clean(binding.behavior), marks=marks)
+    behavior = clean(binding.behavior)
+    return Entry((spoken(binding.key),), f"{binding.title}  ({behavior})" if binding.title else behavior, marks=marks)
 
 
 def _marks(scenario: Scenario, act: str) -> tuple[str, ...]:

@@ -30,6 +30,8 @@ class Refused(Struct, frozen=True):
         return [self.sentence] * bool(self.sentence) + [str(finding) for finding in self.findings]
 
 
+Tell: TypeAlias = Callable[[str], object]
+"""Gets a sentence, on any thread."""
 Prepared: TypeAlias = "Scenario | Refused"
 
 
@@ -68,8 +70,8 @@ class Launcher:
     prepare: Callable[[Settings], Prepared] = prepare
     outlives: bool = False
     """Whether the engine goes on when this process ends."""
-    recover: Callable[[Hello], Recovered] | None = None
-    """Goes on with a session whose engine has gone. May block. Raises EngineGone with the reason."""
+    recover: Callable[[Hello, Tell], Recovered] | None = None
+    """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
 
 
 def settings_of(hello: Hello) -> Settings:

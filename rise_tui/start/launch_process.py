@@ -10,7 +10,7 @@ from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
 from rise_engine.link.spawn import Options, Refused, Started, start_engine
 from rise_engine.scenario.model import Scenario
-from rise_tui.start.launch import Launcher, Recovered, told_of
+from rise_tui.start.launch import Launcher, Recovered, Tell, told_of
 from rise_tui.start.settings import Settings, options, scenario_place
 
 RUNNING = 3
@@ -40,12 +40,13 @@ def process_launcher(who: str, role: Role) -> Launcher:
             )
         raise EngineGone("; ".join(found.lines))
 
-    def recover(hello: Hello) -> Recovered:
+    def recover(hello: Hello, tell: Tell) -> Recovered:
         from rise_engine.link.socket_client import SocketClient
 
         folder = hello.scenario.folder
         name = session_name(folder)
-        found = start_engine(Options(folder, unfinished=hello.folder)) if role == "wizard" else None
+        wanted = Options(folder, unfinished=hello.folder)
+        found = start_engine(wanted, tell) if role == "wizard" else None
         if isinstance(found, Started):
             return Recovered(SocketClient(found.name, who, role), told_of(found))
         if found is not None and found.code != RUNNING:

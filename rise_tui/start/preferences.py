@@ -34,12 +34,12 @@ class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
 class Places(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui scenario"):
     """How the console of one scenario was left."""
 
-    session: str = ""
-    """The folder of the session that it showed: only the same session finds it again, and a new one begins as usual."""
     layout: dict[str, str] = {}
     """What `Arrangement.layout_state` gave."""
     filters: dict[str, str] = {}
     """By pane; empty ones are left out."""
+    session: str = ""
+    """The folder of the session that it showed: only the same session finds it again, and a new one begins as usual."""
 
 
 Kept = TypeVar("Kept", Preferences, Places)

@@ -29,7 +29,8 @@ class Settings(Struct, frozen=True):
     folder: str
     robot: str | None = None
     mode: str | None = None
-    seed: int = 0
+    seed: int | None = None
+    """None: a new one."""
     places: Mapping[str, str] = field(default_factory=dict)
     """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
     wire: Wire = Wire()

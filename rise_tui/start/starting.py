@@ -54,6 +54,8 @@ class Asked(Struct, frozen=True, kw_only=True):
     keys: str | None = None
     fresh: bool = False
     web: int | None = None
+    in_browser: bool = False
+    """This is the console of one browser (`rise_tui.web.seat`)."""
 
     @property
     def role(self) -> Role:
@@ -130,6 +132,23 @@ def who(asked: Asked, session: str) -> tuple[str, str]:
     if found is None or found.wizard in ("", login):
         return login, ""
     return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"
+
+
+class ProgressLine:
+    """How far an engine is that is still coming up: one line of the terminal, which is written over."""
+
+    def __init__(self) -> None:
+        self._told = False
+
+    def tell(self, sentence: str) -> None:
+        from rise_engine.text import clean
+
+        self._told = True
+        click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)
+
+    def clear(self) -> None:
+        if self._told:
+            click.echo("\r\x1b[2K", nl=False)
 
 
 def start(asked: Asked) -> NoReturn:
@@ -276,14 +295,17 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_tui.start.launch import told_of
     from rise_tui.start.launch_process import RUNNING
 
-    found = starting.wait()
+    progress = ProgressLine()
+    found = starting.wait(progress.tell)
+    progress.clear()
     if isinstance(found, Refused) and (found.unfinished or found.others):
         from rise_engine.session.folder import whose
         from rise_tui.start import choose
 
         named = whose(settings.participant, settings.condition)
         chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
-        found = start_engine(replace(wanted, unfinished=chosen))
+        found = start_engine(replace(wanted, unfinished=chosen), progress.tell)
+        progress.clear()
     if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
         _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):
@@ -397,6 +419,7 @@ def _open(
         client=client,
         told=told,
         keys=keys,
+        in_browser=asked.in_browser,
         keeper=Keeper(kept, fresh=asked.fresh, said=said, keeps=not asked.observe and asked.replay is None),
     )
     app.run(mouse=asked.display.mouse)

@@ -19,6 +19,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from rise_engine.link.places import PlaceError, about
 from rise_tui.start.starting import Asked, login_name
 from rise_tui.text import clean
+from rise_tui.web.door import Door, Visitor
 from rise_tui.web.guard import Guard
 from rise_tui.web.page import STATIC, headers, page, welcome
 from rise_tui.web.terminal import WebTerminal
@@ -49,7 +50,16 @@ def serve(name: str, asked: Asked) -> None:
 def arguments(name: str, asked: Asked) -> list[str]:
     """How the console of a browser is started."""
     display = asked.display
-    given = ["--session", name, "--observe", "--wizard", asked.wizard or login_name(), "--colors", display.colors]
+    given = [
+        "--session",
+        name,
+        "--observe",
+        "--in-browser",
+        "--wizard",
+        asked.wizard or login_name(),
+        "--colors",
+        display.colors,
+    ]
     given += ["--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
     given += ["--theme", display.theme] if display.theme else []
     given += ["--keys", asked.keys] if asked.keys is not None else []
@@ -84,6 +94,7 @@ class Server:
         self.guard = Guard()
         self._name, self._title, self._arguments = name, title, tuple(arguments)
         self._open: set[web.WebSocketResponse] = set()
+        self._door = Door()
 
     async def run(self, listening: socket.socket) -> None:
         stop = asyncio.Event()
@@ -92,11 +103,15 @@ class Server:
             loop.add_signal_handler(number, stop.set)
         runner = web.AppRunner(self.application(), access_log=None, shutdown_timeout=10.0)
         await runner.setup()
+        server = runner.server
+        assert server is not None
+        port = listening.getsockname()[1]
+        open_port = await loop.create_server(lambda: Visitor(self._door, server()), sock=listening, backlog=128)
         try:
-            await web.SockSite(runner, listening).start()
-            self._say(listening.getsockname()[1])
+            self._say(port)
             await stop.wait()
         finally:
+            open_port.close()
             await runner.cleanup()
 
     def application(self) -> web.Application:
@@ -134,6 +149,7 @@ class Server:
         if "token" in request.query:
             if request.path != "/" or not self.guard.knows(request.query["token"]):
                 return _refused("this is not the token: take the whole address that rise-tui --web has printed")
+            self._door.admit(request.transport)
             answer = web.Response(text=welcome(_font_size(request)), content_type="text/html", headers=headers(host))
             answer.set_cookie(self.guard.cookie, self.guard.token, httponly=True, samesite="Strict", path="/")
             return answer
@@ -141,6 +157,7 @@ class Server:
             return _refused("open the whole address, with its token, that rise-tui --web has printed")
         if request.path == "/ws" and not self.guard.is_ours(request.headers.get("Origin"), host):
             return _refused("only a page of this server can open a console")
+        self._door.admit(request.transport)
         try:
             answer_to = await handler(request)
         except web.HTTPException as error:
@@ -195,7 +212,7 @@ async def _take(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
             continue
         try:
             word, *rest = json.loads(message.data)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, RecursionError):
             continue
         match word, rest:
             case "stdin", [str(typed)]:

@@ -14,10 +14,11 @@ from rise_tui.model.cue import offer_due, passed_text
 from rise_tui.model.speech import Effect
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Span, Tone, crop, fit, width_of
+from rise_tui.text import Line, Span, Tone, crop, fit, width_of, wrap
 from rise_tui.widgets.line import Lines
 
 NARROW = 100
+NOTICE_LINES = 3
 GONE_ACTIONS = ("quit", "filter", "next-pane", "help")
 """What there is to do besides when nothing runs any more."""
 FILLER = 18
@@ -38,15 +39,27 @@ class StatusLine(Lines):
 
 
 class NoticeLine(Lines):
-    """One sentence: a rejection, a fault, an answer to a key; else that it is time for a filler."""
+    """One sentence: a rejection, a fault, an answer to a key; else that it is time for a filler.
+
+    What has no room in one line takes two or three: nobody can ask for the end of a sentence that was cut off.
+    """
 
     def draw(self, store: Store) -> None:
-        notice = store.notice
+        notice, width = store.notice, self.size.width
         if notice is None:
-            self.show(crop(_offer(store), self.size.width))
+            self._lay(crop(_offer(store), width))
             return
         glyph, tone = NOTICES[notice.level]
-        self.show(crop(((f" {glyph} {notice.text}", tone),), self.size.width))
+        pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
+        if len(pieces) > NOTICE_LINES:
+            pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
+        leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
+        self._lay(*(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False)))
+
+    def _lay(self, *lines: Line) -> None:
+        if len(lines) != max(1, len(self.lines)):
+            self.styles.height = len(lines)
+        self.show(*lines)
 
 
 class KeyHints(Lines):

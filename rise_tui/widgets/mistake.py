@@ -1,4 +1,4 @@
-"""A line in which the wizard says what was wrong about the last act. It has the focus: letters are its own."""
+"""A line in which the wizard says what was wrong about what they did last. It has the focus: letters are its own."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from textual.widget import Widget
 
 from rise_tui.model.mistakes import CHOICES, name_of
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Span, crop, fit, width_of
+from rise_tui.text import Line, Span, clean, crop, fit, width_of
 from rise_tui.widgets.line import Lines
 
+WIDE = 100
+"""Cells from which on the choices stand apart; below it the name of what was done needs the room."""
 SECONDS = 4.0
 """How long the line waits for a letter."""
 
@@ -74,12 +76,13 @@ class MistakeLine(Lines, can_focus=True):
         sent = store.is_sent(("markMistake",), f"{task.id} wrong")
         what = f"↑ sent: {task.mark or 'wrong'}" if sent else f"! marked {task.mark}" if task.mark else "· not marked"
         choices: list[Span] = []
+        gap = "  " if width >= WIDE else " "
         for choice in CHOICES:
-            choices += [(f"  {choice.key}", "key"), (f" {choice.word}", "plain")]
-        choices += [("  esc", "key"), (" ", "plain")]
+            choices += [(f"{gap}{choice.key}", "key"), (f" {choice.word}", "plain")]
+        choices += [(f"{gap}esc", "key"), (" ", "plain")]
         head: Line = ((f" {what} ", "wait"),)
         room = width - width_of(head) - width_of(choices)
-        name = name_of(task)
+        name = clean(name_of(task, store.key_of(task.function, task.behavior)))
         self.show(crop((*head, (fit(name, min(len(name), max(6, room))), "strong"), *choices), width))
 
     def on_key(self, event: events.Key) -> None:

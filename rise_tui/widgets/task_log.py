@@ -223,31 +223,35 @@ class TaskLog(RowView):
         behavior = min(40, rest - source - (20 if wide else 0))
         mistake: Line = ((" ", "plain"), cell(marking(task), 8, "wait")) if task.mark else ()
         calling: Line = (cell(CALLING.get(task.calling_type, task.calling_type), 7, "muted"),) if wide else ()
-        line: Line = (
+        head: Line = (
             cell(f" {clock(task.submitted, tenths=wide)}", when + 1, "muted"),
             cell(task.source, source - 1, "muted"),
             (" ", "plain"),
             cell(function, 10, tone),
             *calling,
+        )
+        line: Line = (
+            *head,
             cell(task.behavior, max(6, behavior - (9 if mistake else 0))),
             *mistake,
             *tail,
             cell(took, 6, right=True),
         )
-        return crop((*line, *reason), width) if reason and width - width_of(line) >= REASON else line
+        if not reason:
+            return line
+        if width - width_of(line) >= REASON:
+            return crop((*line, *reason), width)
+        return crop((*head, *_wrong(task, state, width - width_of(head))), width) if _is_bad(task, state) else line
 
     def _narrow(self, task: TaskView, state: State, function: str, tone: Tone, width: int) -> Line:
         """Without who it was. Of what went wrong the reason follows, as far as there is room."""
         what = cell(marking(task), FUNCTION, "wait") if task.mark else cell(function, FUNCTION, tone)
         head: Line = (cell(f" {since_start(task.submitted)}", TIME, "muted"), what)
-        bad = bool(task.reason) and state.tone in ("fault", "wait")
-        word = f"{state.glyph} {state.word}"
-        room = width - TIME - FUNCTION - (len(word) + 1 if bad else STATE)
-        name = task.behavior or short(task.source)
-        if not bad:
-            return (*head, cell(name, room), (f" {state.glyph} ", state.tone), cell(state.word, STATE - 3, state.tone))
-        shown = fit(name, min(cells(name), room - 1)).rstrip()
-        return crop((*head, (f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone)), width)
+        room = width - TIME - FUNCTION
+        if _is_bad(task, state):
+            return crop((*head, *_wrong(task, state, room)), width)
+        name = cell(task.behavior or short(task.source), room - STATE)
+        return (*head, name, (f" {state.glyph} ", state.tone), cell(state.word, STATE - 3, state.tone))
 
     def _note(self, task: TaskView, width: int) -> Line:
         """Who wrote it, and the text over all the room that there is."""
@@ -265,6 +269,17 @@ class TaskLog(RowView):
             cell("note", 10),
         )
         return crop((*head, (task.behavior, "strong")), width)
+
+
+def _is_bad(task: TaskView, state: State) -> bool:
+    return bool(task.reason) and state.tone in ("fault", "wait")
+
+
+def _wrong(task: TaskView, state: State, room: int) -> Line:
+    """What went wrong and why, where a reason has no column of its own."""
+    word, name = f"{state.glyph} {state.word}", task.behavior or short(task.source)
+    shown = fit(name, min(cells(name), max(6, room - len(word) - 1))).rstrip()
+    return ((f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone))
 
 
 def since_start(value: float) -> str:

@@ -101,8 +101,7 @@ class Toned(Widget):
         segments: list[Segment] = []
         so_far, ink, rest = "", fill, width
         for text, tone in line:
-            if not text.isprintable():
-                text = clean(text)
+            text = clean(text)
             rest -= cells(text)
             new = inks[tone]
             # A change of style costs the terminal 40 bytes, and a blank looks the same in every color of text.

@@ -36,7 +36,7 @@ from rise_engine.link.client import (
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import View
-from rise_tui.start.launch import Launcher, Prepared, Recovered
+from rise_tui.start.launch import Launcher, Prepared, Recovered, Tell
 from rise_tui.start.settings import Settings
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
@@ -254,7 +254,7 @@ class FakeLauncher(Launcher):
         *clients: FakeClient,
         prepared: Prepared | None = None,
         outlives: bool = True,
-        recover: Callable[[Hello], Recovered] | None = None,
+        recover: Callable[[Hello, Tell], Recovered] | None = None,
     ) -> None:
         self.clients = list(clients)
         self.started: list[Settings] = []

@@ -47,11 +47,11 @@ async def test_safe_starts_nothing_and_says_why(key: str) -> None:
 
 async def test_in_safe_marks_notes_and_stopping_work() -> None:
     async with console() as it:
-        task = it.client.act("Greet")
+        it.client.act("Greet")
         await it.press("ctrl+x", "space")
         await it.sent("markCue", "")
         await it.press("exclamation_mark", "escape")
-        await it.sent("markMistake", f"{task} wrong")
+        await it.sent("markMistake", "2 wrong")  # the cue
         await it.press("delete")
         await it.sent("stopCommunicationRobotAct", "Greet")
         await it.press("f9")

@@ -102,7 +102,7 @@ def test_every_command_and_option_is_documented() -> None:
     for name, command in {"": main, **main.commands}.items():
         assert not name or f"rise-tui {name}" in text, name
         for option in command.params:
-            if isinstance(option, click.Option):
+            if isinstance(option, click.Option) and not option.hidden:
                 assert f"`{option.opts[0]}" in text, f"{name} {option.opts[0]}"
 
 

@@ -12,6 +12,7 @@ from rise_engine.scenario.findings import Finding
 from rise_engine.scenario.model import Place
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.ending import EndQuestion
 from rise_tui.screens.help import HelpScreen
 from rise_tui.screens.settings import SettingsScreen
 from rise_tui.start.launch import Refused
@@ -202,7 +203,7 @@ async def test_one_hundred_thousand_tasks() -> None:
 
         for number in range(1, 100_001):
             store.view.tasks[number] = TaskView(number, "raiseEventTopic", "/x", "", "file", "SUCCEEDED", "", 1.0)
-            store.log.append(number)
+        store.log.take_in(store.view)
         log = it.pane("log").rows
         it.client.task("raiseEventTopic", "/last", "SUCCEEDED")
         await it.until(lambda: log.count == 100_001)
@@ -374,7 +375,8 @@ async def test_a_lost_robot_is_told() -> None:
 @pytest.mark.parametrize(
     ("size", "shown"),
     [
-        ((80, 24), {"acts", "rules", "rule"}),
+        ((79, 24), {"acts", "rules", "rule"}),
+        ((80, 24), {"acts", "rules", "rule", "log"}),
         ((120, 40), {"acts", "rules", "rule", "log"}),
         ((200, 50), {"acts", "rules", "rule", "act", "memory", "log", "scheduler"}),
     ],
@@ -410,8 +412,10 @@ async def test_zoom_and_back_by_esc() -> None:
 async def test_resizing_the_terminal_changes_the_layout() -> None:
     async with console(size=(200, 50)) as it:
         await it.pilot.resize_terminal(80, 24)
-        await it.until(lambda: it.screen.panes.layout_kind == "one")
+        await it.until(lambda: it.screen.panes.layout_kind == "two")
         await it.until(lambda: it.pane("acts").rows.region.width < 40)
+        await it.pilot.resize_terminal(75, 24)
+        await it.until(lambda: it.screen.panes.layout_kind == "one")
 
 
 async def test_hints_and_tabs_can_be_clicked() -> None:
@@ -464,13 +468,14 @@ async def test_settings_apply_after_asking_and_end_the_running_session_first() -
         await it.pilot.pause()
         screen.query_one("#mode").query(Button).last().press()
         await it.pilot.pause()
+        screen.query_one("#participant", Field).value = "P08"
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
         assert first.closed == []
-        await it.press("s")
+        await it.press("e", "n", "d", "enter")
         await it.until(lambda: first.closed == [True])
         await it.until(lambda: "REAL" in it.screen.status.text)
-        assert launcher.started[1].mode == "real"
+        assert launcher.started[1].mode == "real" and launcher.started[1].participant == "P08"
 
 
 async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothing() -> None:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import monotonic
 
 import pytest
+from msgspec.structs import replace
 from textual import events
 from textual.widgets import Button
 
+from rise_engine.kernel.records import SessionRecord
+from rise_tui.model.gate import REPEAT
 from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.ending import EndQuestion
 from rise_tui.screens.settings import Choice, SettingsScreen
 from rise_tui.start.launch import Refused, prepare, shown
 from rise_tui.start.settings import Settings, expanded
@@ -58,6 +63,28 @@ async def test_the_question_is_closed_also_below_another_one() -> None:
         await it.press("escape")
         await it.until(lambda: it.app.screen is it.screen)
         assert ("releaseStop", "") not in it.client.asked()
+
+
+async def test_the_key_that_asks_also_answers() -> None:
+    async with console() as it:
+        await asking_to_release(it)
+        await it.press("ctrl+r")
+        await it.sent("releaseStop", "")
+        await it.until(lambda: it.app.screen is it.screen)
+
+
+async def test_a_key_that_is_held_down_releases_nothing() -> None:
+    async with console() as it:
+        dialog = await asking_to_release(it)
+        at = monotonic()
+        for number in range(20):  # as a keyboard repeats it, whatever the clock of this machine says
+            event = events.Key("ctrl+r", None)
+            event.time = at + 0.4 + number * 0.03
+            dialog.on_key(event)
+        await it.pilot.pause(2 * REPEAT)
+        assert it.app.screen is dialog and ("releaseStop", "") not in it.client.asked()
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
 
 
 # --- settings -------------------------------------------------------------------------------------------------------
@@ -121,10 +148,67 @@ async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_pat
         screen = await settings_of(it)
         screen.query_one("#folder", Field).value = other
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
         asked = it.launcher.prepared_with[0]
         assert (asked.folder, asked.robot, asked.mode) == (other, "floka", "real")
         assert screen.query_one("#robot", Choice).value == "floka"
+
+
+async def test_every_group_is_one_stop_and_enter_on_it_changes_nothing() -> None:
+    async with console() as it:
+        screen = await settings_of(it)
+        stops = []
+        for _ in range(11):
+            await it.press("tab")
+            assert it.app.focused is not None
+            stops.append(it.app.focused.id or "")
+        assert sorted(set(stops)) == sorted(
+            ["folder", "acts", "rules", "memory", "robot", "mode", "participant", "condition", "leave", "apply"]
+        )
+        robot = screen.query_one("#robot", Choice)
+        robot.focus()
+        await it.press("enter", "space")
+        assert robot.value == "pepper" and "Nothing is changed yet" in str(screen.changes.content)
+        await it.press("right")
+        assert robot.value == "rise" and it.app.focused is robot
+        await it.press("right", "right", "right", "left")
+        assert robot.value == "rise", "the last one is the last one"
+        said = str(screen.changes.content)
+        assert "robot: pepper → rise" in said and "Not applied yet" in said and "starts a new one for nobody" in said
+        assert it.client.closed == [] and it.launcher.prepared_with == []
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tuple[int, int]) -> None:
+    client = FakeClient(demo())
+    client.emit(SessionRecord(0, 0.0, "", status="started", participant="P07", condition="calm"))
+    async with console(client=client, size=size) as it:
+        screen = await settings_of(it)
+        ends = "ends the session of P07 · calm and starts a new one for nobody named"
+        await it.until(lambda: ends in str(screen.changes.content))
+        chosen = screen.chosen()
+        assert (chosen.participant, chosen.condition, chosen.seed) == ("", "", None)
+        screen.query_one("#participant", Field).value = "P08"
+        await it.until(lambda: "for P08" in str(screen.changes.content))
+        box = screen.query_one("#box").region
+        assert screen.query_one("#apply").region.bottom < box.bottom <= size[1]
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+        question = it.app.screen
+        assert isinstance(question, EndQuestion)
+        said = "\n".join(question._said)
+        assert "P07 · calm" in said and "Then a new one starts for P08" in said
+
+
+async def test_a_condition_that_the_study_does_not_have_is_refused_before_anything_ends() -> None:
+    client = FakeClient(replace(demo(), study={"conditions": ["calm", "loud"]}))
+    async with console(client=client) as it:
+        screen = await settings_of(it)
+        assert screen.query_one("#condition", Field).placeholder == "calm or loud"
+        screen.query_one("#condition", Field).value = "lou"
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: "no condition 'lou'" in str(screen.findings.content))
+        assert client.closed == []
 
 
 async def test_a_home_folder_that_nobody_has_can_be_typed() -> None:

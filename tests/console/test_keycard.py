@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from rich.cells import cell_len
 
+from rise_engine.scenario.model import Scenario
 from rise_tui.actions import ACTIONS, use_keys
 from rise_tui.start.keycard import Entry, Section, lines, page, sections, spoken
 from tests.console.fake import DEMO, demo
@@ -48,8 +49,22 @@ def test_the_card_has_every_key_and_fits_a_terminal(folder: str, tmp_path: Path)
         row = next(line for line in printed if action.title[:23] in line)
         assert all(spoken(key) in row for key in action.keys)
     for name, settings in scenario.act_settings.items():
-        row = next(line for line in printed if f" {name}" in f"{line} ")
+        row = next(line for line in printed if f" {name} " in f"{line} " or f"({name})" in line)
         assert ("press twice" in row) is settings.hold and ("filler" in row.removeprefix(name)) >= settings.filler
+
+
+def test_the_authors_own_words_are_on_the_card_with_what_they_stand_for() -> None:
+    card = [line for section in sections(lablinking()) for line in lines("x", (section,))]
+    assert any(line.split() == ["n", "next", "(Next)"] for line in card)
+    assert any(line.split() == ["b", "no", "hesitation", "(hesitation", "=", "false)"] for line in card)
+
+
+def lablinking() -> Scenario:
+    from rise_engine.scenario import load
+
+    found = load(str(ROOT / "scenarios" / "lablinking")).scenario
+    assert found is not None
+    return found
 
 
 def test_acts_without_a_key_are_on_the_card_too() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
 from threading import Event
 
 import pytest
@@ -176,8 +177,9 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
     going = Event()
     going.set()
 
-    def recover(hello: Hello) -> Recovered:
+    def recover(hello: Hello, tell: Callable[[str], object]) -> Recovered:
         asked.append(hello.folder)
+        tell("recovering: 412,000 of 1,040,000 records")
         going.wait(10)
         way = next(ways)
         if isinstance(way, EngineGone):
@@ -196,6 +198,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         await leaving(it)
         going.clear()
         await it.press("r")
+        await it.until(lambda: "412,000 of 1,040,000 records" in it.notice)
         await it.press("question_mark")  # a screen above it, while the engine starts
         await it.until(lambda: it.app.screen is not gone)
         going.set()
@@ -210,7 +213,8 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
 
 async def test_who_does_not_recover_leaves() -> None:
     client = FakeClient(demo(), you="observer:ben", role="observer")
-    async with console(client=client, launcher=FakeLauncher(client, recover=lambda hello: Recovered(client))) as it:
+    launcher = FakeLauncher(client, recover=lambda hello, tell: Recovered(client))
+    async with console(client=client, launcher=launcher) as it:
         client.end("its process is not there any more")
         await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
         assert "watches again once it is recovered, or leaves" in it.screen.alarm.text

@@ -15,17 +15,20 @@ from rise_tui.export import (
     COLUMNS,
     NotSaved,
     TooLong,
+    folder_for,
     for_clipboard,
     json_lines,
     on_the_way,
     save,
     table,
 )
+from rise_tui.model.log_rows import row_of
 from rise_tui.panes.log import LogPane
 from rise_tui.screens.reading import Reading
 from rise_tui.text import Line, marked, plain
 from rise_tui.widgets.task_log import TaskLog
 from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, demo
 
 
 def log_of(it: Console) -> tuple[LogPane, TaskLog]:
@@ -46,7 +49,7 @@ def many(it: Console, count: int) -> None:
     for id in range(1, count + 1):
         name = "/rare" if id % 1000 == 0 else "/often"
         store.view.tasks[id] = TaskView(id, "raiseEventTopic", name, "", "file", "SUCCEEDED", "", id * 0.1)
-        store.log.append(id)
+    store.log.take_in(store.view)
 
 
 def fully_shown(pane: LogPane) -> bool:
@@ -100,7 +103,7 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         pane.set_filter("rare")
         await it.until(lambda: fully_shown(pane) and log.count == 100)
         assert "100 of 100000" in pane.title.text and "…" not in pane.title.text
-        assert log.current == "100000"
+        assert log.current == str(row_of(100_000))
 
 
 async def test_rows_in_view_stay_while_older_ones_are_found() -> None:
@@ -125,7 +128,7 @@ async def test_a_task_that_ends_otherwise_is_found_then() -> None:
         it.screen.panes.go_to("log")
         pane.set_filter("failed")
         task = it.client.act("Greet")
-        await it.until(lambda: it.screen.session.store.log == [task])
+        await it.until(lambda: it.screen.session.store.log.all == [row_of(task)])
         assert log.count == 0
         it.client.end_task(task, "Greet", "ABORTED", "the robot fell silent")
         await it.until(lambda: log.count == 1)
@@ -195,7 +198,7 @@ async def test_now_follows_again_and_nonsense_is_said() -> None:
         assert isinstance(it.app.focused, Input)
         await it.press(*["backspace"] * 4, *"now", "enter")
         await it.until(lambda: log.following)
-        assert log.current == "60"
+        assert log.current == str(row_of(60))
 
 
 # --- details ---------------------------------------------------------------------------------------------------------
@@ -317,18 +320,19 @@ def test_a_table_keeps_every_value_in_its_cell() -> None:
 
 
 def test_files_by_their_ending_never_over_another(tmp_path: Path) -> None:
-    path = save(str(tmp_path / "log.tsv"), TASKS)
+    path = save(str(tmp_path / "log.tsv"), TASKS, Path())
     assert path.is_absolute() and len(path.read_text("utf-8").splitlines()) == 3
-    lines = [json.loads(line) for line in save(str(tmp_path / "log.jsonl"), TASKS).read_text("utf-8").splitlines()]
+    lines = [json.loads(line) for line in save("log.jsonl", TASKS, tmp_path).read_text("utf-8").splitlines()]
     assert lines[1]["behavior"] == "Grüße" and lines[1]["mistake"] == "late" and lines[1]["ended"] is None
     assert lines == [json.loads(line) for line in json_lines(TASKS)]
+    assert path.stat().st_mode & 0o777 == 0o600, "who takes part is nobody else's business"
     before = path.read_text("utf-8")
     with pytest.raises(NotSaved, match="exists already"):
-        save(str(path), [])
+        save(str(path), [], Path())
     assert path.read_text("utf-8") == before
     for name, said in (("log.doc", "end the name"), ("", "end the name"), ("no/where.tsv", "No such file")):
         with pytest.raises(NotSaved, match=said):
-            save(str(tmp_path / name) if name else "", TASKS)
+            save(str(tmp_path / name) if name else "", TASKS, tmp_path)
 
 
 def test_a_full_disk_leaves_no_half_file(tmp_path: Path) -> None:
@@ -337,14 +341,36 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with pytest.raises(NotSaved, match="No space left"):
-        save(str(tmp_path / "log.tsv"), failing())
+        save(str(tmp_path / "log.tsv"), failing(), Path())
     assert list(tmp_path.iterdir()) == []
 
 
-async def test_the_rows_shown_are_saved_to_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+async def test_a_console_in_a_browser_saves_nothing_and_says_why(tmp_path: Path) -> None:
+    client = FakeClient(demo(), you="observer:ben", role="observer", folder=str(tmp_path))
+    async with console(client=client, in_browser=True) as it:
+        events(it, 3)
+        it.screen.action_do("log.save")
+        await it.until(lambda: "Save the rows shown: not now, this console is in a browser" in it.notice)
+        pane, _ = log_of(it)
+        assert not pane.save_bar.is_open
+        it.screen.panes.go_to("log")
+        await it.press("enter", "s")
+        await it.until(lambda: "in a browser, which writes no files" in it.notice)
+    assert names_in(tmp_path) == []
+
+
+def names_in(folder: Path) -> list[str]:
+    return [each.name for each in folder.iterdir()]
+
+
+def test_without_a_folder_of_the_session_it_is_the_current_one(tmp_path: Path) -> None:
+    assert folder_for(str(tmp_path)) == tmp_path
+    assert folder_for("") == folder_for(str(tmp_path / "gone")) == Path()
+
+
+async def test_the_rows_shown_are_saved_to_the_folder_of_the_session(tmp_path: Path) -> None:
     (tmp_path / "mine.tsv").write_text("kept")
-    async with console(size=(120, 40)) as it:
+    async with console(size=(120, 40), client=FakeClient(demo(), folder=str(tmp_path))) as it:
         events(it, 20)
         it.screen.panes.go_to("log")
         pane, log = log_of(it)
@@ -360,7 +386,7 @@ async def test_the_rows_shown_are_saved_to_the_current_folder(tmp_path: Path, mo
         pane.save_bar.field.value = "other.jsonl"
         await it.press("enter")
         await it.until(lambda: log.has_focus)
-        assert f"saved 11 rows to {tmp_path}" in it.notice
+        await it.until(lambda: f"saved 11 rows to {tmp_path}/other.jsonl" in it.notice.replace("\n   ", ""))
         assert len((tmp_path / "other.jsonl").read_text("utf-8").splitlines()) == 11
         assert it.client.sent == []
 
@@ -387,3 +413,35 @@ def test_marking_a_line() -> None:
     assert marked(line, [(1, 4)]) == (("a", "muted"), ("bc", "match"), ("d", "match"), ("ef", "plain"))
     assert marked(line, []) == line
     assert marked(line, [(0, 1), (5, 6), (9, 12)]) == (("a", "match"), ("bc", "muted"), ("de", "plain"), ("f", "match"))
+
+
+async def test_older_tasks_that_are_in_the_record_only_are_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: what can be searched, copied or saved from here is not silently incomplete."""
+    monkeypatch.setattr("rise_engine.view.TASK_LOG", 40)
+    monkeypatch.setattr("rise_engine.view.FORGET", 10)
+    monkeypatch.chdir(tmp_path)
+    async with console(size=(200, 50)) as it:
+        it.screen.panes.go_to("log")
+        pane, log = log_of(it)
+        store = it.screen.session.store
+        events(it, 50)
+        await it.until(lambda: log.count == 50)
+        assert pane.title.text.strip().endswith("following")
+        await it.press("up")
+        selected = log.current
+        events(it, 3, start=50)
+        await it.until(lambda: log.count == 42)
+        assert store.log == list(store.view.tasks) and store.view.forgotten == 11
+        assert log.current == selected, "the cursor stays on its task"
+        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        pane.set_filter("topic")
+        await it.until(lambda: fully_shown(pane) and "42 of 42" in pane.title.text)
+        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        events(it, 10, start=53)
+        await it.until(lambda: fully_shown(pane) and "41 of 41" in pane.title.text)
+        pane.do("log.save")
+        await it.press("enter")
+        await it.until(lambda: "saved 41 rows" in it.notice)
+        assert "; 22 older tasks are in the record only: rise-engine export " in it.notice

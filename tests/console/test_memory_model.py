@@ -14,6 +14,7 @@ from rise_engine.expression import lookup
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario import load
 from rise_engine.view import MemoryView
+from rise_tui.memory_file import edited, same
 from rise_tui.model.nested import NoSuchPart, part, parts, removed, replaced, written
 from rise_tui.model.undo import MOST, UndoStack
 from rise_tui.start_values import NotWritable, changes, file_of, text_of, write
@@ -176,19 +177,133 @@ def scenario_in(tmp_path: Path) -> Path:
     return folder
 
 
-def test_start_values_are_written_in_their_form_and_read_back(tmp_path: Path) -> None:
+AUTHORED = """\
+{"WorkingMemory":
+[
+
+  {"task":   1.50},
+  { "side" : "left" , "seat":2},
+
+  {"texts": {"hello": "Hi \\u00e9", "list": [1,  2, {"x":  null}]}},
+  {"last": true}
+]
+}
+"""
+PLAIN = '{"task": 1.50,\r\n\r\n "side": "left", "seat": 2,\t"texts": {"hello": "Hi"}\r\n}'
+
+
+def memory_of(text: str) -> dict[str, Any]:
+    found = json.loads(text)
+    if "WorkingMemory" not in found:
+        return dict(found)
+    return {key: value for entry in found["WorkingMemory"] for key, value in entry.items()}
+
+
+@pytest.mark.parametrize(
+    ("text", "changed", "lines"),
+    [
+        (AUTHORED, {"side": "right"}, {'  { "side" : "left"': '  { "side" : "right"'}),
+        (AUTHORED, {"seat": 3.0}, {'"seat":2}': '"seat":3.0}'}),
+        (AUTHORED, {"texts": {"hello": "Hi é", "list": [1, 2, {"x": 5}]}}, {'{"x":  null}': '{"x":  5}'}),
+        (AUTHORED, {"texts": {"hello": "Hi é"}}, {', "list": [1,  2, {"x":  null}]}': "}"}),
+        (AUTHORED, {"new": [1]}, {'  {"last": true}': '  {"last": true},\n  {"new": [1]}'}),
+        (AUTHORED, {"last": ...}, {',\n  {"last": true}': ""}),
+        (AUTHORED, {"task": ...}, {'  {"task":   1.50},\n': ""}),
+        (AUTHORED, {"seat": ...}, {' , "seat":2}': "}"}),
+        (AUTHORED, {"side": ..., "seat": ...}, {'  { "side" : "left" , "seat":2},\n\n': ""}),
+        (AUTHORED, {"last": ..., "new": 1}, {'{"last": true}': '{"new": 1}'}),
+        (PLAIN, {"side": "right", "new": 1}, {'"left"': '"right"', '"Hi"}': '"Hi"},\t"new": 1'}),
+        (PLAIN, {"texts": {"hello": "Ho", "bye": ""}}, {'"Hi"}': '"Ho", "bye": ""}'}),
+        ('{"WorkingMemory": []}', {"a": 1}, {"[]": '[{"a": 1}]'}),
+        ("{}", {"a": 1, "b": 2}, {"{}": '{"a": 1, "b": 2}'}),
+        ('{\n  "a": 1\n}\n', {"b": 2}, {"1": '1,\n  "b": 2'}),
+        ('{"a": 1, "b": 2}', {"a": ..., "b": ...}, {'"a": 1, "b": 2': ""}),
+    ],
+)
+def test_only_what_changed_is_written_anew(text: str, changed: dict[str, Any], lines: dict[str, str]) -> None:
+    before = memory_of(text)
+    now = {key: value for key, value in (before | changed).items() if value is not ...}
+    expected = text
+    for old, new in lines.items():
+        assert expected.count(old) == 1, old
+        expected = expected.replace(old, new)
+    assert edited(text, before, now) == expected
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.floats(-2, 2, width=16) | st.text('aé"\\\n', max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text("xy", min_size=1, max_size=2), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+memories = st.dictionaries(st.text("abcd", min_size=1, max_size=2), values, max_size=5)
+
+
+@given(memories, memories, st.booleans(), st.sampled_from([None, 1, "\t"]))
+def test_whatever_changes_is_what_is_read_again(
+    before: dict[str, Any], now: dict[str, Any], listed: bool, indent: int | str | None
+) -> None:
+    document = {"WorkingMemory": [{key: value} for key, value in before.items()]} if listed else before
+    text = json.dumps(document, indent=indent)
+    assert edited(text, before, before) == text
+    assert same(memory_of(edited(text, before, now)), now, in_order=False)
+
+
+def test_what_somebody_else_has_changed_in_the_file_meanwhile_stays() -> None:
+    assert edited('{"a": 1, "b": 7, "c": 3}', {"a": 1, "b": 2}, {"a": 5, "b": 2}) == '{"a": 5, "b": 7, "c": 3}'
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"a": 1, "a": 2}', '{"WorkingMemory": [1]}', '{"a": 1', '{"a": NaN}'])
+def test_a_file_that_is_no_memory_is_left_alone(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "memory.json"
+    path.write_text(text)
+    with pytest.raises(NotWritable, match=r"memory\.json: "):
+        write(path, {"a": 1}, {"a": 2})
+    assert path.read_text() == text and [each.name for each in tmp_path.iterdir()] == ["memory.json"]
+
+
+def test_start_values_are_written_and_read_back(tmp_path: Path) -> None:
     folder = scenario_in(tmp_path)
     scenario = load(str(folder)).scenario
     assert scenario is not None
     path = file_of(scenario)
     path.chmod(0o640)
     memory = {"task": 5, "name": 'Ada "A"', "list": [1, {"x": None}], "é": True}
-    write(path, memory)
+    write(path, scenario.memory, memory)
     assert path == folder / "memory.json" and path.stat().st_mode & 0o777 == 0o640
-    assert json.loads(path.read_text("utf-8")) == {"WorkingMemory": [{key: value} for key, value in memory.items()]}
     again = load(str(folder)).scenario
     assert again is not None and again.memory == memory
     assert [each.name for each in folder.iterdir() if each.name.startswith(".")] == []
+    path.unlink()
+    write(path, scenario.memory, memory)
+    assert path.read_text("utf-8") == text_of(memory)
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    folder = scenario_in(tmp_path)
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    (folder / "memory.json").rename(shared / "memory.json")
+    (folder / "memory.json").symlink_to("../shared/memory.json")
+    scenario = load(str(folder)).scenario
+    assert scenario is not None
+    before = (shared / "memory.json").read_text("utf-8")
+    write(file_of(scenario), scenario.memory, {**scenario.memory, "task": 3})
+    assert (folder / "memory.json").is_symlink()
+    assert (shared / "memory.json").read_text("utf-8") == before.replace('"task": 2', '"task": 3')
+    assert [each.name for each in shared.iterdir()] == ["memory.json"]
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anything_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = scenario_in(tmp_path)
+    scenario = load(str(folder)).scenario
+    assert scenario is not None
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # root may write everywhere
+    with pytest.raises(NotWritable, match="cannot be written by you; work on a copy of the study's folder"):
+        file_of(scenario)
 
 
 @given(st.dictionaries(st.text("abc", min_size=1, max_size=3), json_values, max_size=5))
@@ -209,7 +324,7 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path: Path, monkeypat
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(NotWritable, match="No space left"):
-        write(path, {"a": 1})
+        write(path, {}, {"a": 1})
     assert path.read_text("utf-8") == before and sorted(each.name for each in folder.iterdir()) == sorted(
         each.name for each in Path(demo().folder).iterdir()
     )

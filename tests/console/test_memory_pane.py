@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import pytest
 from msgspec.structs import replace
 from textual.widgets import Input
 
@@ -299,9 +300,8 @@ async def test_the_memory_is_saved_as_start_values_after_asking(tmp_path: Path) 
         it.screen.action_do("memory.save")
         await it.until(lambda: isinstance(it.app.screen, Dialog))
         await it.press("s")
-        await it.until(lambda: "saved 4 start values" in it.notice)
-        entries = json.loads(path.read_text("utf-8"))["WorkingMemory"]
-        assert entries[0] == {"task": 9} and len(entries) == 4 and client.sent == []
+        await it.until(lambda: "saved 1 start value in memory.json; the rest of it is as it was" in it.notice)
+        assert path.read_text("utf-8") == before.replace('"task": 2', '"task": 9') and client.sent == []
 
 
 async def test_nothing_is_asked_when_nothing_differs_or_the_folder_is_gone(tmp_path: Path) -> None:
@@ -322,3 +322,15 @@ async def test_who_only_watches_cannot_save(tmp_path: Path) -> None:
             it.screen.action_do("memory.save")
             await it.until(lambda it=it: "not now" in it.notice)  # type: ignore[misc]
             assert it.app.screen is it.screen
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_keys_that_begin_alike_can_be_told_apart(size: tuple[int, int]) -> None:
+    """At 80x24 `participan…` stood there twice."""
+    async with console(size=size) as it:
+        for key in ("participant_name", "participant_number", "participant_name_of_the_second_person"):
+            it.client.emit(MemoryRecord(0, 0.0, "", key, 1, None, "wizard:anna", created=True))
+        it.screen.panes.go_to("memory")
+        await it.until(lambda: it.text("memory").count("parti") == 3)
+        shown = [line[1:].split()[0] for line in it.text("memory").splitlines() if "parti" in line]
+        assert len(set(shown)) == 3, shown

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from rise_engine.kernel.records import MistakeRecord
 from rise_engine.view import TaskView
-from rise_tui.model.mistakes import newest_act
+from rise_tui.model.mistakes import newest
 from rise_tui.text import plain
 from rise_tui.widgets import mistake as line
 from tests.console.conftest import Console, console
@@ -23,22 +23,26 @@ def task(id: int, function: str = ACT, source: str = "wizard:anna", status: str 
 
 
 @pytest.mark.parametrize(
-    ("tasks", "newest"),
+    ("tasks", "meant"),
     [
         ([], None),
         ([task(1)], 1),
         ([task(1), task(2, "say")], 2),
-        ([task(1), task(2, "raiseEventTopic")], 1),
-        ([task(1), task(2, source="rule:Main")], 2),  # a rule that the wizard's key moved on
+        ([task(1), task(2, "raiseEventTopic")], 2),
+        ([task(1), task(2, "assignValue", status="SUCCEEDED")], 2),
+        ([task(1), task(2, "startInteractionRule")], 2),
+        ([task(1), task(2, "markMistake", status="SUCCEEDED"), task(3, "goOn", status="SUCCEEDED")], 1),
+        ([task(1, "raiseEventTopic"), task(2, source="rule:Main")], 1),  # which the wizard's key has led to
+        ([task(1, source="rule:Main"), task(2, "raiseEventTopic", source="rule:Main")], 1),  # who has done nothing
         ([task(1), task(2, source="wizard:ben"), task(3, source="ros:node")], 1),
         ([task(1), task(2, status="REJECTED")], 1),
         ([task(1, status="SUCCEEDED"), task(2, status="PENDING")], 2),
-        ([task(1, "startInteractionRule")], None),
+        ([task(1, "raiseEventTopic", source="rule:Main")], None),
     ],
 )
-def test_which_act_is_meant(tasks: list[TaskView], newest: int | None) -> None:
-    found = newest_act({each.id: each for each in tasks}, "wizard:anna")
-    assert (found.id if found is not None else None) == newest
+def test_which_deed_is_meant(tasks: list[TaskView], meant: int | None) -> None:
+    found = newest({each.id: each for each in tasks}, "wizard:anna")
+    assert (found.id if found is not None else None) == meant
 
 
 # --- on the screen --------------------------------------------------------------------------------------------------
@@ -119,15 +123,45 @@ async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest
         await it.sent(ACT, "Greet")
 
 
-async def test_without_an_act_there_is_nothing_to_mark() -> None:
+@pytest.mark.parametrize(
+    ("key", "function", "behavior", "name"),
+    [
+        ("n", "raiseEventTopic", "/next", "n: raised next"),
+        ("u", "assignValue", "understood = true", "u: understood = true"),
+        ("m", "startInteractionRule", "Main", "m: rule Main"),
+        ("p", ACT, "Praise", "Praise"),
+        ("space", "markCue", "", "cue"),
+    ],
+)
+async def test_whatever_key_was_pressed_last_is_marked_by_its_name(
+    key: str, function: str, behavior: str, name: str
+) -> None:
+    async with console(size=(80, 24)) as it:
+        await it.press("g", key)
+        await it.sent(function, behavior)
+        await it.until(lambda: len(it.screen.session.store.log) == 2)
+        await it.press("exclamation_mark")
+        await it.until(lambda: marks(it) == ["2 wrong"])
+        record(it, 2, "wrong")
+        await it.until(lambda: "! marked wrong" in it.screen.mistake.text)
+        assert f" {name} " in it.screen.mistake.text and "d double" in it.screen.mistake.text
+
+
+async def test_a_second_console_is_the_same_person() -> None:
+    client = FakeClient(demo(), you="wizard:anna#2", holder="wizard:anna#2")
+    client.task("raiseEventTopic", "/next", "SUCCEEDED")
+    async with console(client=client) as it:
+        await it.press("exclamation_mark")
+        await it.until(lambda: marks(it) == ["1 wrong"])
+
+
+async def test_without_a_deed_there_is_nothing_to_mark() -> None:
     async with console() as it:
         await it.press("exclamation_mark")
-        await it.until(
-            lambda: "no act has been started yet" in it.notice or "nothing has been started yet" in it.notice
-        )
-        it.client.task("raiseEventTopic", "/next", "SUCCEEDED")
+        await it.until(lambda: "you have done nothing yet" in it.notice or "nothing has been started" in it.notice)
+        it.client.task("raiseEventTopic", "/next", "SUCCEEDED", source="ros:camera")
         await it.press("exclamation_mark")
-        await it.until(lambda: "no act has been started yet" in it.notice)
+        await it.until(lambda: "you have done nothing yet" in it.notice)
         assert marks(it) == [] and not it.screen.mistake.is_open
 
 

@@ -53,7 +53,9 @@ def test_what_a_running_rule_waits_for_is_offered_as_an_event_and_raised() -> No
     assert events[0].key == "n"
     events[0].run()
     assert ran == [Trigger("raiseEventTopic", "next")]
-    assert not [command for command in all_commands(a_store()) if command.kind == "event"]
+    others = [command for command in all_commands(a_store()) if command.kind in ("event", "set")]
+    assert [(command.title, command.key) for command in others] == [("next", "n"), ("understood", "u")]
+    assert "no running rule waits for it now" in others[0].help and others[1].help == "understood = true"
 
 
 def test_the_end_of_an_act_that_a_rule_waits_for_is_no_event_of_the_wizards() -> None:
@@ -62,7 +64,7 @@ def test_the_end_of_an_act_that_a_rule_waits_for_is_no_event_of_the_wizards() ->
     store = a_store(client)
     assert "Greet_end" in store.awaited().events
     made = all_commands(store)
-    assert not [command for command in made if command.kind == "event"]
+    assert [command.title for command in made if command.kind == "event"] == ["next"]  # the key's own
     assert "waits for it" in next(command.help for command in made if command.title == "Greet")
 
 

@@ -16,7 +16,7 @@ from rise_tui.start.paths import CONSOLE, state_folder
 from rise_tui.start.preferences import Places, Preferences, load, save
 from rise_tui.themes import short_name
 from tests.console.conftest import Console, console
-from tests.console.fake import DEMO, demo
+from tests.console.fake import DEMO, FakeClient, demo
 from tests.console.terminals import PATIENCE, terminal
 
 
@@ -118,6 +118,18 @@ async def test_layout_filters_and_theme_come_back() -> None:
         assert it.screen.panes.panes["acts"].filter_text == "gre" and "Praise" not in it.text("acts")
         assert it.screen.panes.panes["memory"].display and not it.screen.panes.zoomed
         assert short_name(it.app.theme) == "light"
+
+
+async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() -> None:
+    """The next participant's console has nothing of the one before but the theme."""
+    async with console(keeper=Keeper(Preferences())) as it:
+        await changed(it)
+        await it.until(lambda: kept_places().filters and kept_places().session)
+    client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
+    async with console(client=client, keeper=Keeper(Preferences())) as it:
+        assert it.screen.panes.panes["acts"].filter_text == "" and "Praise" in it.text("acts")
+        assert it.screen.panes.panes["rule"].display and not it.screen.panes.panes["memory"].display
+        assert it.pane("acts").rows.has_focus
 
 
 async def test_with_fresh_nothing_comes_back() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from msgspec.structs import replace
 from rich.cells import cell_len
 from textual.geometry import Region
 
 from rise_engine.kernel.records import MemoryRecord
+from rise_engine.scenario import load
 from rise_engine.scenario.model import Rule, State, Transition
+from rise_tui.model.store import Store
 from rise_tui.panes.rule import RulePane
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -174,3 +178,15 @@ async def test_after_the_end_no_key_starts_anything_and_none_is_named() -> None:
         await it.until(lambda: "starts it" in it.text("rule"))
         it.client.end_in_order("ended by wizard:anna")
         await it.until(lambda: "starts it" not in it.text("rule"))
+
+
+async def test_before_any_rule_has_run_the_one_with_the_first_key_is_shown() -> None:
+    """LabLinking's alphabet begins with *Next*, which nobody starts first."""
+    found = load(str(Path(__file__).parents[2] / "scenarios" / "lablinking")).scenario
+    assert found is not None
+    keys = {"d": found.keys["d"], **found.keys}
+    for given, first in ((found, "Table setting"), (replace(found, keys=keys), "Noise starts")):
+        client = FakeClient(given)
+        store = Store(client.hello(), "anna", client.now)
+        pane = RulePane(store)
+        assert pane._rule is not None and pane._rule.name == first

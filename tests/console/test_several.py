@@ -236,5 +236,5 @@ def test_what_changes_a_session_needs_control() -> None:
     assert free == {
         *("stop", "quit", "palette", "help", "lists", "next-pane", "zoom", "filter", "theme"),
         *("control", "note", "log.follow", "safe", "lock", "previous-pane", "jump", "tour", "redraw"),
-        *("memory.fold", "memory.unfold", "scheduler.details"),
+        *("memory.fold", "memory.unfold", "scheduler.details", "log.fold", "log.unfold"),
     }

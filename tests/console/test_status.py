@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -67,11 +68,11 @@ def test_mode_link_and_armed_state_never_give_way(width: int, changes: tuple[Cal
 @pytest.mark.parametrize(
     ("width", "there", "gone"),
     [
-        (200, ("Demo study  P07 · hesitation", "pepper (sim) ● connected", "● REC", "00:01:23", "wizard anna"), ()),
-        (120, ("Demo study  P07 · hesitation", "pepper (sim) ● connected", "● REC", "00:01:23", "anna"), ()),
-        (100, ("Demo study  P07 · hesitation", "pepper ● ok", "● REC", "00:01:23", "anna"), ("(sim)",)),
-        (80, ("Demo study  P07 ", "pepper ● ok", "● REC", "00:01:23", "anna"), ("hesitation",)),
-        (60, ("Demo study", "pepper ● ok", "REC", "00:01:23"), ("anna", "hesitation")),
+        (200, ("P07 · hesitation  Demo study ", "pepper (sim) ● connected", "● REC", "00:01:23", "wizard anna"), ()),
+        (120, ("P07 · hesitation  Demo study ", "pepper (sim) ● connected", "● REC", "00:01:23", "wizard anna"), ()),
+        (100, ("P07 · hesitation  Demo study ", "pepper (sim) ● connected", "● REC", "00:01:23", "anna"), ()),
+        (80, ("P07 · hesitation  Demo study ", "pepper ● ok", "● REC", "00:01:23", "anna"), ("(sim)",)),
+        (60, ("P07 · hesitation", "pepper ● ok", "REC", "00:01:23"), ("Demo study", "anna")),
     ],
 )
 def test_what_gives_way_and_what_stays(width: int, there: tuple[str, ...], gone: tuple[str, ...]) -> None:
@@ -79,14 +80,35 @@ def test_what_gives_way_and_what_stays(width: int, there: tuple[str, ...], gone:
     assert all(piece in shown for piece in there) and not any(piece in shown for piece in gone), shown
 
 
-@pytest.mark.parametrize(("width", "stopped"), [(80, False), (100, True), (120, True), (200, True)])
+@pytest.mark.parametrize("width", [70, 80, 90, 100, 120, 160])
+@pytest.mark.parametrize("title", ["Demo", "LabLinking: setting the table"])
+def test_no_blanks_are_kept_while_something_is_cut(width: int, title: str) -> None:
+    """At 80x24 the condition had vanished beside 15 blank columns."""
+    store = made(FakeClient(replace(demo(), title=title)))
+    shown = text(store, width)
+    assert shown.startswith(" P07 · hesitation ")
+    blanks = max(map(len, re.findall(" +", shown)))
+    cut = title not in shown or "wizard" not in shown or "connected" not in shown or "(sim)" not in shown
+    assert not cut or blanks < 14, shown
+    assert title in shown or blanks <= 9, shown  # fewer than LEAST_TITLE, in which a title would say nothing
+
+
+@pytest.mark.parametrize("width", [60, 70, 80, 100, 120, 200])
+def test_the_condition_is_there_whatever_else_is_to_be_said(width: int) -> None:
+    store = made(condition="no hesitation")
+    late_cue(store)
+    assert ("P07 · no hesitation" in text(store, width)) is (width >= 80)
+    assert "P07" in text(store, width) and "cue 2.2 s" in text(store, width)
+
+
+@pytest.mark.parametrize(("width", "stopped"), [(80, False), (100, False), (120, True), (200, True)])
 def test_who_watches_sees_that_it_is_stopped_before_room_is_kept_for_a_cue(width: int, stopped: bool) -> None:
     """In a narrow window the red bar says it alone."""
     client = FakeClient(demo(), you="observer:ben", role="observer")
     client.stop("latched", ("speech",))
     shown = text(made(client), width)
     assert "WATCHING · anna has control" in shown and ("STOPPED" in shown) is stopped
-    assert "P07" in shown or width == 80
+    assert "P07" in shown
 
 
 @pytest.mark.parametrize("role", ["wizard", "observer"])
@@ -98,8 +120,8 @@ def test_whose_console_it_was_when_the_session_has_ended(role: str) -> None:
 
 def test_a_long_title_is_cut_and_the_participant_stays() -> None:
     store = made(FakeClient(replace(demo(), title="LabLinking: setting the table")))
-    assert text(store, 120).startswith(" LabLink") and "…  P07 · hesitation" in text(store, 120)
-    assert "…  P07" in text(store, 80)
+    assert text(store, 120).startswith(" P07 · hesitation  LabLinking: setting the table ")
+    assert text(store, 80).startswith(" P07 · hesitation  LabLink") and "…" in text(store, 80)
 
 
 @pytest.mark.parametrize(
@@ -129,8 +151,8 @@ def test_whether_it_is_recorded() -> None:
 
 
 def test_nobody_was_named() -> None:
-    assert "·" not in text(made(participant="", condition=""), 200)
-    assert "  hesitation" in text(made(participant="", condition="hesitation"), 200)
+    assert text(made(participant="", condition=""), 200).startswith(" Demo study  ")
+    assert " hesitation  Demo study" in text(made(participant="", condition="hesitation"), 200)
 
 
 async def test_a_pulse_reaches_the_line_with_the_clock() -> None:

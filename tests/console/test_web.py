@@ -23,6 +23,7 @@ aiohttp = pytest.importorskip("aiohttp")
 pytest.importorskip("textual_serve")
 
 from rise_engine.link.spawn import Options, Started, start_engine  # noqa: E402
+from rise_tui.web.door import MOST_OF_ONE, MOST_WAITING, Door, Visitor, user_of  # noqa: E402
 from rise_tui.web.guard import Guard  # noqa: E402
 from rise_tui.web.page import headers, page  # noqa: E402
 from tests.console.fake import DEMO  # noqa: E402
@@ -186,7 +187,8 @@ async def test_a_browser_with_the_token_sees_the_console_and_nobody_else_anythin
                 seen = Browser(socket, 100, 30)
                 await seen.until("WATCHING")
                 assert len(it.consoles()) == 1
-                await socket.send_str("not for us")
+                for message in ("not for us", "[" * 50_000, '{"a":' * 10_000, "7", "[]"):
+                    await socket.send_str(message)
                 await seen.resize("wide", 1e9)
                 await seen.resize(90, 26)
                 await seen.type("?")
@@ -196,6 +198,27 @@ async def test_a_browser_with_the_token_sees_the_console_and_nobody_else_anythin
                 await seen.type("\x07")  # ctrl+g: those who watch can stop everything
                 await seen.until("■ STOP")
             await until(lambda: it.consoles() == [], "the console outlived its browser")
+
+
+async def test_who_only_connects_locks_nobody_out() -> None:
+    with serving() as it:
+        idle = [await asyncio.open_connection("127.0.0.1", it.port) for _ in range(300)]
+        half = await asyncio.open_connection("127.0.0.1", it.port)
+        half[1].write(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n")
+        descriptors = Path(f"/proc/{it.process.pid}/fd")
+        await until(lambda: len(list(descriptors.iterdir())) < MOST_WAITING + 40, "all of them are kept")
+        assert await status(f"{it.url}?token={it.token}") == 200
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as browser:
+            async with browser.get(f"{it.url}?token={it.token}"):
+                pass
+            async with browser.ws_connect(f"{it.url}ws", headers={"Origin": it.url.rstrip("/")}) as socket:
+                seen = Browser(socket, 80, 24)
+                await seen.until("WATCHING")
+                more = [await asyncio.open_connection("127.0.0.1", it.port) for _ in range(100)]
+                await seen.type("?")
+                await seen.until("type to search")
+        for _, writer in (*idle, *more, half):
+            writer.close()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -251,6 +274,73 @@ def test_without_a_session_and_on_a_taken_port_nothing_is_served(tmp_path: Path)
     with serving() as it:
         done = asked("--web", str(it.port), home=it.home)
         assert done.returncode == 2 and f"port {it.port} cannot be used" in done.stderr and "--web 0" in done.stderr
+
+
+# --- the door ---------------------------------------------------------------------------------------------------------
+
+
+class Wire:
+    """A connection's transport, as far as the door looks at it."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.gone = False
+
+    def get_extra_info(self, name: str) -> tuple[str, int]:
+        return ("127.0.0.1", 8321 if name == "sockname" else self.number)
+
+    def abort(self) -> None:
+        self.gone = True
+
+
+def visit(door: Door, wire: Wire) -> Visitor:
+    visitor = Visitor(door, None)
+    visitor.transport = wire  # type: ignore[assignment]
+    door.came(visitor)
+    return visitor
+
+
+def test_of_too_many_that_wait_the_first_goes_and_who_has_the_token_stays() -> None:
+    door = Door(who_is=lambda here, there: None, own=1000)
+    wires = [Wire(number) for number in range(MOST_WAITING + 5)]
+    visit(door, wires[0])
+    door.admit(wires[0])  # type: ignore[arg-type]
+    for wire in wires[1:]:
+        visit(door, wire)
+    assert [wire.number for wire in wires if wire.gone] == [1, 2, 3, 4] and door.waiting == MOST_WAITING
+
+
+def test_one_user_of_the_machine_cannot_push_out_another() -> None:
+    door = Door(who_is=lambda here, there: 1001 if there[1] >= 100 else 1000, own=1000)
+    own = [Wire(number) for number in range(MOST_OF_ONE)]
+    theirs = [Wire(100 + number) for number in range(200)]
+    for wire in (*own, *theirs):
+        visit(door, wire)
+    assert not any(wire.gone for wire in own)
+    assert sum(not wire.gone for wire in theirs) == MOST_OF_ONE and not theirs[-1].gone
+
+
+def test_who_waits_too_long_goes_unless_the_token_came() -> None:
+    door = Door(who_is=lambda here, there: None)
+    one, other = Wire(1), Wire(2)
+    visitors = visit(door, one), visit(door, other)
+    door.admit(other)  # type: ignore[arg-type]
+    for visitor in visitors:
+        door.waited(visitor)
+    assert one.gone and not other.gone and door.waiting == 0
+
+
+async def test_whose_a_connection_is() -> None:
+    server = await asyncio.start_server(lambda *_: None, "127.0.0.1", 0)
+    here = server.sockets[0].getsockname()
+    _, writer = await asyncio.open_connection(*here)
+    there = writer.get_extra_info("sockname")
+    if sys.platform == "linux":
+        assert user_of(here, there) == os.getuid()
+    assert user_of(here, ("127.0.0.1", 1)) is None
+    assert user_of(here, there, Path("/nowhere")) is None and user_of(("::1", 1), ("::1", 2)) is None
+    writer.close()
+    server.close()
 
 
 # --- the parts --------------------------------------------------------------------------------------------------------

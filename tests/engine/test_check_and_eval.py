@@ -69,7 +69,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     assert set(finding) == {"file", "line", "column", "severity", "code", "message"}
     assert (finding["file"], finding["line"], finding["column"]) == ("acts/bad.xml", 2, 3)
     assert json.loads(engine("check", folder(tmp_path / "t"), "--json").stdout) == {
-        "errors": 0, "warnings": 0, "findings": [],
+        "errors": 0, "warnings": 0, "findings": [], "silenced": [],
     }  # fmt: skip
 
 

@@ -31,7 +31,7 @@ import msgspec
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord
 from rise_engine.link import messages
-from rise_engine.link.spawn import Word
+from rise_engine.link.spawn import Word, Working
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.serve import Order, serve
@@ -91,7 +91,9 @@ class Child:
         return os.waitstatus_to_exitcode(status)
 
 
-def _write_word(descriptor: int, word: Word) -> None:
+def _write_word(descriptor: int, word: Word | Working) -> None:
+    if isinstance(word, Working):
+        return
     os.write(descriptor, msgspec.json.encode(word) + b"\n")
     os.close(descriptor)
 
@@ -260,7 +262,7 @@ class Soak:
             _one_ending_each(where, contents)
 
     def compare_with(self, where: Path, contents: Any, wire: Wire) -> None:
-        kept = {step.input.ref for step in contents.steps if isinstance(step.input, Submit)}
+        kept = {step.input.ref for step in contents.steps() if isinstance(step.input, Submit)}
         for number, reply in wire.acknowledged.items():
             self.counts["acknowledged"] += 1
             if reply.get("accepted") and wire.sent[number].ref not in kept:

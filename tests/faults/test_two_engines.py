@@ -334,11 +334,11 @@ def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.Monkey
         JournalLock(record / JOURNAL)
     order = Order(str(study), unfinished=str(record))
     with pytest.raises(Refusal) as refused:
-        _Prepared(order)
+        _Prepared(order, print)
     assert refused.value.word.code == 5 and "lab-2" in refused.value.word.lines[0]
     holder = holder_of(record)
     assert holder is not None and holder.host == "lab-2", "who only asked has changed nothing"
-    prepared = _Prepared(Order(str(study), unfinished=str(record), here=True))
+    prepared = _Prepared(Order(str(study), unfinished=str(record), here=True), print)
     holder = holder_of(record)
     assert holder is not None and holder.host == platform.node()
     prepared.close()

@@ -279,6 +279,7 @@ async def test_who_comes_in_the_middle_of_everything_sees_the_same(
 ) -> None:
     """Acts that begin, wait and are stopped, an act that is cancelled, tasks that the view forgets, portions of two."""
     monkeypatch.setattr("rise_engine.view.TASK_LOG", 40)
+    monkeypatch.setattr("rise_engine.view.FORGET", 7)
     monkeypatch.setattr(serving, "TASKS_AT_ONCE", 2)
     chance = Random(seed)
     async with served(place, GREETING) as session:
@@ -308,7 +309,9 @@ async def test_who_comes_in_the_middle_of_everything_sees_the_same(
         await send(Submit(function="stopAll"))
         await early.until(lambda view: view.stop.status == "latched" and not view.running)
         await sees(early, "the end", session)
-        assert len(session.room.view.tasks) < max(session.room.view.tasks), "some were forgotten"
+        view = session.room.view
+        assert 40 <= len(view.tasks) <= 60, "some were forgotten"
+        assert view.forgotten == max(view.tasks) - len(view.tasks)
         for follower in late:
             await follower.until(lambda view: view.seq >= session.room.view.seq)
             assert follower.view == session.room.view

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from unicodedata import normalize
 
 import pytest
 
@@ -170,6 +171,56 @@ def test_the_name_of_the_wizard_lasts_when_their_console_has_gone() -> None:
     assert it.room.about().wizard == "bob"
     again = Room(it.engine, view=it.room.view)  # of an engine that goes on with the session
     assert again.about().wizard == "bob"
+
+
+@pytest.mark.parametrize(
+    ("there", "comes", "why"),
+    [
+        ("anna", "\u0430nna", "mixes Cyrillic and Latin letters"),
+        ("anna", "\uff41nna", "looks like 'anna'"),  # a full-width letter
+        ("cope", "\u0441\u043e\u0440\u0435", "looks like 'cope'"),  # all Cyrillic
+        ("max1", "maxl", "looks like 'max1'"),
+        ("anna", "ann\u200da", "characters that cannot be shown"),
+        ("anna", "anna\u3164", "characters that cannot be shown"),
+        ("Ivo", "lvo", "looks like 'Ivo'"),
+    ],
+)
+def test_nobody_comes_under_a_name_that_looks_like_another_one(there: str, comes: str, why: str) -> None:
+    for role in ("wizard", "observer"):
+        it = Played()
+        it.room.attach(there, "wizard")
+        with pytest.raises(NotAdmitted, match=why):
+            it.room.attach(comes, role)  # type: ignore[arg-type]
+
+
+def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -> None:
+    it = Played()
+    it.room.leave(it.room.attach("cope", "wizard"))
+    with pytest.raises(NotAdmitted, match="who is in this session's record"):
+        it.room.attach("\u0441\u043e\u0440\u0435", "wizard")
+    again = Room(it.engine, view=it.room.view)
+    with pytest.raises(NotAdmitted, match="looks like 'cope'"):
+        again.attach("\u0441\u043e\u0440\u0435", "wizard")
+    assert again.attach("cope", "wizard").name == "wizard:cope"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "anna",
+        "\u0410\u043d\u043d\u0430",
+        "\u0386\u03bd\u03bd\u03b1",
+        "José Müller",
+        "Grün",
+        "李雷",
+        "max 1",
+        "gaze-tracker_2",
+    ],
+)
+def test_names_of_all_scripts_are_names(name: str) -> None:
+    it = Played()
+    assert it.room.attach(name, "wizard").source == f"wizard:{normalize('NFC', name)}"
+    it.room.attach(normalize("NFD", name), "wizard")  # written on another system: the same person
 
 
 def test_nothing_comes_before_the_session() -> None:

@@ -161,7 +161,36 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     "unraised": ("", '\n<transition eventTopic="B_end" target="S"/>', ["4:25 unraised-event"]),
     "time": ("", '\n<transition after="2" target="S"/>', ["4:20 time"]),
     "no time": ("", '\n<transition after="0s" target="S"/>', ["4:20 out-of-range"]),
-    "shortest time": ("", '\n<transition after="1ms" target="S"/>', []),
+    "shortest time": ("", '\n<transition after="1ms" target="S"/>', ["4:20 short-loop"]),
+    "short loop, not quite": ("", '\n<transition after="50ms" target="S"/>', []),
+    "short wait, no loop": ("", '\n<transition after="1ms" target="T"/></State>\n<State id="T">', []),
+    "short wait, stays": (
+        "",
+        '\n<transition after="1ms"><function startCommunicationRobotAct="A"/></transition>',
+        [],
+    ),
+    "short loop over conditions": (
+        "",
+        '\n<transition after="0.04s" cond="pause" target="T"/></State>\n'
+        '<State id="T"><transition cond="pause" target="U"/></State>\n'
+        '<State id="U"><transition after="49ms" target="S"/>',
+        ["4:20 short-loop", "6:34 short-loop"],
+    ),
+    "loop with a pause": (
+        "",
+        '\n<transition after="1ms" target="T"/></State>\n<State id="T"><transition after="1s" target="S"/>',
+        [],
+    ),
+    "loop that waits for an event": (
+        "",
+        '\n<transition after="1ms" target="T"/></State>\n<State id="T"><transition eventTopic="A_end" target="S"/>',
+        [],
+    ),
+    "loop over an event of its own": (
+        '<function raiseEventTopic="own"/>',
+        '\n<transition eventTopic="own" target="T"/></State>\n<State id="T"><transition after="1ms" target="S"/>',
+        ["5:34 short-loop"],
+    ),
     "longest time": ("", '\n<transition after="1440min" target="S"/>', []),
     "too long": ("", '\n<transition after="99999999999999999999min" target="S"/>', ["4:20 out-of-range"]),
     "no effect": ("", '\n<transition after="2s"/>', ["4:1 no-effect"]),
@@ -246,6 +275,21 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "act settings": (
         {"scenario.toml": '[act.A]\nhold = 1\ncalling_type = "x"\nholt = 1', "acts/a.xml": act(SPEECH)},
         ["scenario.toml:2:8 wrong-type", "scenario.toml:3:16 wrong-value", "scenario.toml:4:1 unknown-key"],
+    ),
+    "labels of keys": (
+        {
+            "scenario.toml": '[keys]\na = { act = "A", label = "not understood" }\nb = { act = "A", label = " " }\n'
+            'c = { act = "A", label = 1 }\nd = { act = "A", label = "1234567890123456789012345" }\n'
+            'e = { label = "x" }\nf = { act = "A", label = "\\u0007" }\n',
+            "acts/a.xml": act(SPEECH),
+        },
+        [
+            "scenario.toml:3:26 missing-value",
+            "scenario.toml:4:26 wrong-type",
+            "scenario.toml:5:26 out-of-range",
+            "scenario.toml:6:1 binding",
+            "scenario.toml:7:26 wrong-value",
+        ],
     ),
     "keys": (
         {

@@ -16,6 +16,7 @@ BEYOND = (
     "duplicate-id unknown-id cycle bad-name wrong-type out-of-range unknown-name template unset-key unknown-path",
     "empty-act unknown-act unknown-rule unheard-event assignment bare-word condition reads-differently unraised-event",
     "unknown-state duplicate-state unreachable-state unreachable-transition no-effect ambiguous-else missing-value",
+    "short-loop",
 )
 """Codes of what a schema cannot see: names, references, values, conditions."""
 _BEYOND = {code for line in BEYOND for code in line.split()}

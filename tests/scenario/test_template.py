@@ -101,8 +101,8 @@ def test_the_check_knows_separators(tmp_path: Path) -> None:
     )
     result = loaded(tmp_path, {"acts/a.xml": act(body), "memory.json": '{"name": null, "person": {"name": 1}}'})
     assert found(result) == [
-        "acts/a.xml:2:57 unset-key",
-        "acts/a.xml:2:65 unset-key",
+        "acts/a.xml:2:52 unset-key",
+        "acts/a.xml:2:61 unset-key",
         "acts/a.xml:3:39 wrong-type",
         "acts/a.xml:4:44 template",
     ]

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rise_engine.scenario import call_parameters, convert, expected_seconds, limit_seconds
 from rise_engine.scenario.actions import core_actions
+from rise_engine.scenario.graph import knots, reachable
 from rise_engine.scenario.json_reader import JsonError, plain, read_json
 from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, normal_key
 from rise_engine.scenario.model import Call, Parameter
@@ -246,3 +249,17 @@ def test_durations() -> None:
     assert expected_seconds(actions["Animation"], {"value": 1, "duration": 500, "repetitions": 3}) == 1.5
     assert expected_seconds(actions["Animation"], {"value": 1}) == 2.0
     assert limit_seconds(actions["Wait"], {"duration": 1000}) == 13
+
+
+@given(st.lists(st.lists(st.integers(0, 7), max_size=4), min_size=8, max_size=8))
+def test_knots_are_what_reaches_each_other(ways: list[list[int]]) -> None:
+    edges = {str(n): [str(each) for each in targets] for n, targets in enumerate(ways)}
+    knot = knots(edges)
+    for a in edges:
+        for b in edges:
+            assert (knot[a] == knot[b]) == (b in reachable(a, edges) and a in reachable(b, edges))
+
+
+def test_knots_of_a_long_chain_need_no_stack() -> None:
+    long = {str(n): [str(n + 1)] for n in range(50_000)} | {"50000": ["0"]}
+    assert len(set(knots(long).values())) == 1

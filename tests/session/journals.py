@@ -88,6 +88,10 @@ class Made:
             versions={"rise-tui": "0.2.0", "python": "3.11"},
         )
         self.journal = self.folder / JOURNAL
+        self.write_session()
+
+    def write_session(self) -> None:
+        """The journal of everything that has happened."""
         self.lines = [header_line("rise-tui 0.2.0")]
         self.step_lines: list[int] = []
         """Index in `lines` of each input."""

@@ -22,7 +22,7 @@ def test_it_names_participant_condition_and_wizard(tmp_path: Path) -> None:
     assert (info.participant, info.condition, info.wizard) == ("P07", "B", 'anna "A"')
     sentence = describe(folder)
     assert ", participant P07, condition B, begun 20" in sentence
-    assert 'by anna "A", last record ' in sentence
+    assert 'by anna "A", ran 0 s, last record ' in sentence
 
 
 def test_nobody_is_named_who_was_not(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import sys
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
@@ -13,6 +14,7 @@ from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
 from rise_adapters.ros2.face import Face
 from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
+from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
 from rise_adapters.ros2.port import PortError, Transport
 from rise_adapters.ros2.rclpy_types import fields as fields_of_rclpy
 from rise_adapters.ros2.robot import Ros2Robot
@@ -49,14 +51,18 @@ class Ros2Bridge:
         carriers: Mapping[str, Carrier],
         neighbours: Neighbours,
         again: Callable[[], Awaitable[Transport]],
+        *,
+        rosout: bool = True,
     ) -> None:
-        """`again` opens another transport like the first, after that was lost; it may raise BridgeError."""
+        """`again` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
+        whether what happens is told on /rosout, too."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
         self._carriers = carriers
         self._neighbours = neighbours
         self._again = again
+        self._rosout = rosout
         self._robot: Ros2Robot | None = None
         self._room: Room | None = None
         self._face: Face | None = None
@@ -74,7 +80,8 @@ class Ros2Bridge:
     def _show(self, neighbours: Neighbours) -> None:
         assert self._room is not None
         self._neighbours = neighbours
-        self._face = Face(self._transport, self._room, neighbours)
+        self._face = Face(self._transport, self._room, neighbours, rosout=self._rosout)
+        ParameterServices(self._transport, partial(settings_of, self._room))
         neighbours.met = self._met
         neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
 
@@ -130,13 +137,17 @@ class Ros2Bridge:
 async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.bridge.BridgeOpener`)."""
     try:
+        _, arguments = as_options(wire.arguments, NODE, {})  # the command line has taken its own
+    except PortError as error:
+        raise BridgeError([str(error)]) from None
+    try:
         share = [Path(each) for each in read_options(profile).share] if profile is not None else []
     except CarrierErrors:
         assert profile is not None
         raise BridgeError(profile_findings(profile)) from None  # also what is wrong elsewhere in it
 
     def connect() -> Awaitable[Transport]:
-        return open_transport(wire.transport, wire.arguments, node=NODE, share=share)
+        return open_transport(wire.transport, arguments, node=NODE, share=share)
 
     transport = await connect()
     sys.setswitchinterval(SWITCH_SECONDS)
@@ -158,7 +169,37 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     except BaseException:
         transport.close()
         raise
-    return Ros2Bridge(transport, profile, carriers, neighbours, connect)
+    rosout = "--disable-rosout-logs" not in arguments
+    return Ros2Bridge(transport, profile, carriers, neighbours, connect, rosout=rosout)
+
+
+def settings_of(room: Room) -> dict[str, Setting]:
+    """A session's settings as parameters of its node."""
+    about = room.about()
+    return {
+        "title": Setting(about.title, "of the scenario"),
+        "scenario": Setting(about.scenario_folder, "its folder"),
+        "session": Setting(about.folder, "the session's folder"),
+        "mode": Setting(about.mode, "debug: the robot is simulated; real"),
+        "robot": Setting(about.robot, "the robot's profile"),
+        "seed": Setting(about.seed, "for everything picked at random"),
+        "participant": Setting(about.participant, "who takes part"),
+        "condition": Setting(about.condition, "of the study"),
+    }
+
+
+def read_parameters(
+    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """Parameters of the session's node as options of `rise-engine serve` (`rise_engine.bridge.ParameterReader`)."""
+    options = {
+        flag.removeprefix("--").replace("-", "_"): Option(flag, switch=flag in switches, many=flag in many)
+        for flag in (*switches, *single, *many)
+    }
+    try:
+        return as_options(arguments, NODE, options, written)
+    except PortError as error:
+        raise BridgeError([str(error)]) from None
 
 
 def check_profile(profile: RobotProfile) -> list[str]:

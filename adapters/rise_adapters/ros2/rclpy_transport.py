@@ -95,8 +95,7 @@ class RclpyTransport:
                 node,
                 context=self._context,
                 namespace=namespace,
-                allow_undeclared_parameters=True,
-                automatically_declare_parameters_from_overrides=True,
+                start_parameter_services=False,  # ours are the same on both transports (parameters.py)
             )
         except Exception as error:
             self._context.try_shutdown()
@@ -129,11 +128,6 @@ class RclpyTransport:
             return topic if topic != plain else str(self._node.resolve_service_name(name))
         except Exception as error:
             raise PortError(f"{name!r} cannot be the name of a topic or service: {_first_line(error)}") from error
-
-    def parameters(self) -> dict[str, Any]:
-        """The node's parameters by name, as they are now (`--ros-args -p name:=value`, `ros2 param set`)."""
-        found: Mapping[str, Any] = self._node.get_parameters_by_prefix("")
-        return {name: parameter.value for name, parameter in found.items()}
 
     def fields(self, type: str) -> Mapping[str, str]:
         return dict(self._types.message(type)[1].fields)

@@ -79,9 +79,11 @@ class _Asked(Struct):
 class Face:
     """One session's face. All methods belong to the engine's loop."""
 
-    def __init__(self, transport: Transport, room: Room, neighbours: Neighbours | None = None) -> None:
+    def __init__(
+        self, transport: Transport, room: Room, neighbours: Neighbours | None = None, *, rosout: bool = True
+    ) -> None:
         """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
-        sessions under the same names.
+        sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
 
         Raises PortError when the transport does not have the types of `rise_interfaces`.
         """
@@ -90,7 +92,7 @@ class Face:
         self._neighbours = neighbours
         self._loop = asyncio.get_running_loop()
         self._member = room.attach("domain_task", "node", SOURCE)
-        self._topics = RecordTopics(transport, room, self._member.source)
+        self._topics = RecordTopics(transport, room, self._member.source, rosout=rosout)
         self._moves: deque[Callable[[], object]] = deque()
         """What has become of goals and is still to be told to their clients."""
         self._cancels: deque[tuple[ServerGoal, Decide]] = deque()

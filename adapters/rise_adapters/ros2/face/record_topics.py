@@ -1,4 +1,5 @@
-"""The topics on which a session tells what happens: `rise/record`, `rise/task_state` and `rise/rule_state`."""
+"""The topics on which a session tells what happens: `rise/record`, `rise/task_state`, `rise/rule_state`, and `/rosout`
+for those who look there."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from typing import TypeAlias
 
 import msgspec
 
+from rise_adapters.ros2.face import rosout as rosout_topic
 from rise_adapters.ros2.port import Message, PortError, Publisher, QoS, Transport
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
@@ -43,7 +45,7 @@ _Waiting: TypeAlias = "AnyRecord | Message"
 class RecordTopics:
     """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_some`."""
 
-    def __init__(self, transport: Transport, room: Room, source: str) -> None:
+    def __init__(self, transport: Transport, room: Room, source: str, *, rosout: bool = True) -> None:
         """`source`: of tasks whose `ref` is the id of a DomainTask goal. Raises PortError."""
         self.dropped = 0
         """Records that were never published, because too many were waiting."""
@@ -60,6 +62,8 @@ class RecordTopics:
         # state of each running rule, a rule's last message is sent again when it is about to fall out.
         self._depth = max(RULES_LATCHED, 2 * len(room.engine.scenario.rules))
         self._rules = transport.publisher(RULE_STATE, RULE_STATE_TYPE, QoS(self._depth, latched=True))
+        self._rosout = transport.publisher(rosout_topic.TOPIC, rosout_topic.TYPE, rosout_topic.QOS) if rosout else None
+        self._logger = transport.node.strip("/").replace("/", ".")
         self._said = 0
         self._running: dict[str, tuple[int, Message]] = {}
         """By running rule, the number of its latest message, and that; the one that was said first comes first."""
@@ -101,13 +105,15 @@ class RecordTopics:
             each = self._waiting.popleft()
             if isinstance(each, dict):
                 self._publish(self._tasks, each)
+                self._log(rosout_topic.of_refused(each), each["header"])
             else:
                 self._publish_record(each)
         return True
 
     def close(self) -> None:
-        for publisher in (self._rules, self._tasks, self._records):
-            publisher.close()
+        for publisher in (self._rules, self._tasks, self._records, self._rosout):
+            if publisher is not None:
+                publisher.close()
 
     def _wait(self, each: _Waiting) -> None:
         if len(self._waiting) >= BACKLOG:
@@ -120,6 +126,7 @@ class RecordTopics:
             self._wall = record.wall
             self._header = _header(nanoseconds(record.wall))
         header = self._header
+        self._log(rosout_topic.of_record(record), header)
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
@@ -149,6 +156,14 @@ class RecordTopics:
                 "kind": record.__struct_config__.tag,
                 "json": record_bytes(record).decode(),
             },
+        )
+
+    def _log(self, line: rosout_topic.Line | None, header: Message) -> None:
+        if line is None or self._rosout is None:
+            return
+        level, text = line
+        self._publish(
+            self._rosout, {"stamp": header["stamp"], "level": level, "name": self._logger, "msg": text, "file": "rise"}
         )
 
     def _publish_rule(self, record: RuleRecord, header: Message) -> None:

@@ -27,6 +27,7 @@ class Region:
     """`robot=0,0,1.2,0.3`: a ball around x, y, z with a radius, all in metres in the frame of the points."""
 
     def __init__(self, text: str) -> None:
+        self.text = text
         self.name, _, numbers = text.partition("=")
         try:
             *self.centre, self.radius = map(float, numbers.split(","))
@@ -34,6 +35,9 @@ class Region:
             self.centre = []
         if not self.name or len(self.centre) != 3:
             raise ArgumentTypeError(f"{text!r} is not of the form NAME=X,Y,Z,RADIUS")
+
+    def __str__(self) -> str:
+        return self.text
 
     def holds(self, point: Message) -> bool:
         return dist(self.centre, (point["x"], point["y"], point["z"])) <= self.radius

@@ -22,10 +22,14 @@ class Keyword:
     """`hello,good morning=/H_greets`: words or phrases, and the event that each of them raises."""
 
     def __init__(self, text: str) -> None:
+        self.text = text
         phrases, equals, self.event = text.rpartition("=")
         self.phrases = [" ".join(words(phrase)) for phrase in phrases.split(",") if words(phrase)]
         if not equals or not self.event.strip() or not self.phrases:
             raise ArgumentTypeError(f"{text!r} is not of the form WORD,ANOTHER WORD=/EVENT")
+
+    def __str__(self) -> str:
+        return self.text
 
     def spotted(self, utterance: str) -> str | None:
         heard = f" {' '.join(words(utterance))} "

@@ -17,17 +17,19 @@ import asyncio
 import os
 import signal
 import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Awaitable, Callable, Sequence
+from argparse import Action, ArgumentParser, Namespace
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
-from typing import Final, TypeAlias, TypeVar
+from typing import Final, NoReturn, TypeAlias, TypeVar
 
 from rise_adapters.ros2.choose import open_transport
+from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, Value, as_options
 from rise_adapters.ros2.port import PortError, Transport
 from rise_engine.arguments import split_ros_args
 from rise_engine.bridge import BridgeError
+from rise_engine.terminal import guarded
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]
@@ -43,7 +45,9 @@ class NodeError(Exception):
 def node_parser(node: str, about: str) -> ArgumentParser:
     """The options that every node has."""
     parser = ArgumentParser(
-        prog=node, description=about, epilog="Remappings and parameters of ROS come last, after --ros-args."
+        prog=node,
+        description=about,
+        epilog="Remappings come last, after --ros-args. Every option is a ROS parameter, too: -p name:=value.",
     )
     parser.set_defaults(node=node)
     parser.add_argument(
@@ -63,15 +67,22 @@ def node_parser(node: str, about: str) -> ArgumentParser:
 def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None = None) -> None:
     """Read the command line, run `work` until it returns, fails, or somebody ends the program, and exit.
 
+    Every option can be given as a parameter of ROS, and is shown as one; what the command line says counts more.
+
     Exit status: 0; 1 what stands in the way was said; 2 wrong usage.
     """
     ours, theirs = split_ros_args(sys.argv[1:] if arguments is None else arguments)
-    options = parser.parse_args(ours)
+    try:
+        given, theirs = as_options(theirs, parser.get_default("node"), parameters_of(parser), ours)
+    except PortError as error:
+        _fail(parser, [str(error)], USAGE)
+    options = parser.parse_args([*given, *ours])
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(line_buffering=True, errors="backslashreplace")
+            stream.reconfigure(line_buffering=True)
     try:
-        asyncio.run(_run(work, options, theirs))
+        with guarded():
+            asyncio.run(_run(work, options, theirs, parser))
     except BridgeError as error:
         _fail(parser, error.lines)
     except (NodeError, PortError) as error:
@@ -83,15 +94,43 @@ def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None
     sys.exit(0)
 
 
-def _fail(parser: ArgumentParser, lines: Sequence[str]) -> None:
+def parameters_of(parser: ArgumentParser) -> dict[str, Option]:
+    """Its options, by the names of their parameters."""
+    return {
+        action.dest: Option(action.option_strings[-1], switch=action.nargs == 0, many=isinstance(action.default, list))
+        for action in _options(parser)
+    }
+
+
+def settings_of(parser: ArgumentParser, options: Namespace) -> dict[str, Setting]:
+    """Its options with their values, as parameters."""
+    return {
+        action.dest: Setting(_plain(getattr(options, action.dest)), (action.help or "").partition(" (default")[0])
+        for action in _options(parser)
+    }
+
+
+def _options(parser: ArgumentParser) -> list[Action]:
+    return [action for action in parser._actions if action.option_strings and action.dest != "help"]
+
+
+def _plain(value: object) -> Value:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return [str(each) for each in value] if isinstance(value, list) else str(value)
+
+
+def _fail(parser: ArgumentParser, lines: Sequence[str], status: int = FAILED) -> NoReturn:
     for line in lines:
         print(f"{parser.prog}: {line}", file=sys.stderr)
-    sys.exit(FAILED)
+    sys.exit(status)
 
 
-async def _run(work: Work, options: Namespace, theirs: Sequence[str]) -> None:
+async def _run(work: Work, options: Namespace, theirs: Sequence[str], parser: ArgumentParser) -> None:
     transport = await open_transport(options.ros, theirs, node=options.node, share=options.share)
+    settings: Mapping[str, Setting] = settings_of(parser, options)
     try:
+        ParameterServices(transport, lambda: settings)
         working = asyncio.ensure_future(work(transport, options))
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

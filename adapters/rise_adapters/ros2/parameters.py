@@ -1,0 +1,320 @@
+"""A program's own settings as ROS parameters, the same on both transports.
+
+What `--ros-args -p name:=value` and `--params-file FILE` give becomes options of the program's command line, before
+that is read (`as_options`): so there is one place where an option is declared, checked and explained. What is unknown
+is refused with the nearest name, as an unknown option is. What ROS knows and RISE does not do, simulated time and
+overrides of the quality of service, is refused with a sentence and never ignored.
+
+While it runs, `ros2 param list`, `get`, `describe` and `dump` show the settings (`ParameterServices`). They are read
+when the program starts, so `ros2 param set` is answered with that.
+
+Sources: https://design.ros2.org/articles/ros_command_line_arguments.html, and the definitions of rcl_interfaces.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+
+from rise_adapters.ros2.names import check_namespace
+from rise_adapters.ros2.port import Handle, Message, PortError, Reply, Transport
+from rise_engine.scenario.findings import suggestion
+
+Value: TypeAlias = "bool | int | float | str | list[str] | None"
+SIM_TIME = "use_sim_time"
+_QOS = "qos_overrides."
+_FLAGS = ("-p", "--param")
+_FILE = "--params-file"
+_TYPES = "rcl_interfaces/srv/"
+
+
+class Given(Struct, frozen=True):
+    """A parameter as it was given."""
+
+    name: str
+    value: Any
+    """What YAML makes of it."""
+    for_all: bool = False
+    """It stands in a file for whatever nodes there are (`/**`): one that does not know it passes it over."""
+
+
+class Option(Struct, frozen=True):
+    """An option of a command line that can be given as a parameter, too."""
+
+    flag: str
+    """`--dwell`"""
+    switch: bool = False
+    """It takes no value."""
+    many: bool = False
+    """It can be given several times: the parameter is a list."""
+
+
+# --- what is given --------------------------------------------------------------------------------------------------
+
+
+def split(arguments: Sequence[str], node: str) -> tuple[list[Given], tuple[str, ...]]:
+    """The parameters among ROS's arguments that are meant for `node` (its name, without namespace), in the order in
+    which they count, the last most; and the other arguments. Raises PortError."""
+    own, namespace = _node(arguments, node)
+    full = f"{namespace.rstrip('/')}/{own}"
+    given: list[Given] = []
+    others: list[str] = []
+    rest = iter(arguments)
+    for argument in rest:
+        if argument not in (*_FLAGS, _FILE):
+            others.append(argument)
+            continue
+        value = next(rest, None)
+        if value is None:
+            raise PortError(f"--ros-args: something must follow {argument}")
+        if argument == _FILE:
+            given += _of_file(Path(value), full)
+            continue
+        name, separator, text = value.partition(":=")
+        whose, _, name = name.rpartition(":")
+        if not separator or not name:
+            raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
+        if whose in ("", own, full):
+            given.append(Given(name, _yaml(text, f"{argument} {value}")))
+    return given, tuple(others)
+
+
+def as_options(
+    arguments: Sequence[str], node: str, options: Mapping[str, Option], written: Sequence[str] = ()
+) -> tuple[list[str], tuple[str, ...]]:
+    """Parameters as options of the command line, to stand before what is `written` there, which counts more; and ROS's
+    other arguments. Raises PortError."""
+    given, others = split(arguments, node)
+    chosen: dict[str, Any] = {}
+    for each in given:
+        name = each.name.replace("-", "_")
+        if name == SIM_TIME:
+            _no_sim_time(each.value)
+        elif name.startswith(_QOS):
+            raise PortError(
+                f"the parameter {each.name}: the quality of service of this program's topics is fixed, because others "
+                "rely on it (docs/explanation/ros2.md); leave it out"
+            )
+        elif name in options:
+            chosen[name] = each.value
+        elif not each.for_all:
+            raise PortError(f"the parameter {each.name} is unknown{suggestion(name, [*options, SIM_TIME])}")
+    # Of an option the last one counts; but of one that can be given several times, all do.
+    flags = {word.partition("=")[0] for word in written}
+    words: list[str] = []
+    for name, value in chosen.items():
+        made = list(_words(name, options[name], value))
+        if not (options[name].many and options[name].flag in flags):
+            words += made
+    return words, others
+
+
+def _no_sim_time(value: Any) -> None:
+    if value is not False:
+        raise PortError(
+            f"the parameter {SIM_TIME} is {_shown(value)}, and this program does not follow /clock: people take part, "
+            "and the record is in their time; leave it out (`--speed` makes a rehearsal faster)"
+        )
+
+
+def _words(name: str, option: Option, value: Any) -> Iterator[str]:
+    if option.switch:
+        if not isinstance(value, bool):
+            raise PortError(f"the parameter {name} is true or false, not {_shown(value)}")
+        if value:
+            yield option.flag
+        return
+    values = value if isinstance(value, list) else [value]
+    if isinstance(value, list) and not option.many:
+        raise PortError(f"the parameter {name} is one value, not the list {_shown(value)}")
+    for each in values:
+        if isinstance(each, dict | list) or each is None:
+            raise PortError(f"the parameter {name} cannot be {_shown(each)}")
+        yield f"{option.flag}={str(each).lower() if isinstance(each, bool) else each}"
+
+
+def _node(arguments: Sequence[str], node: str) -> tuple[str, str]:
+    """The name of the node and its namespace, after the rules that are among the arguments."""
+    found: dict[str, str] = {}
+    rest = iter(arguments)
+    for argument in rest:
+        if argument in ("-r", "--remap"):
+            source, _, target = (next(rest, None) or "").partition(":=")
+            whose, _, name = source.rpartition(":")
+            if whose in ("", node) and name in ("__ns", "__node", "__name"):
+                found.setdefault("__node" if name == "__name" else name, target)
+    return found.get("__node", node), check_namespace(found.get("__ns", "/"))
+
+
+def _of_file(path: Path, full: str) -> Iterator[Given]:
+    try:
+        read = _yaml(path.read_text("utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise PortError(f"--params-file {path} cannot be read: {error}") from None
+    if read is None:
+        return
+    found = list(_sections(read, "", str(path)))
+    # What is said of this node counts more than what is said of all.
+    for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
+        if _matches(pattern, full):
+            for name, value in _flat(section, ""):
+                yield Given(name, value, for_all="*" in pattern)
+
+
+def _sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    if not isinstance(table, dict):
+        raise PortError(f"--params-file {path}: below a node's name stands `ros__parameters:`, and below that its own")
+    for key, value in table.items():
+        if key == "ros__parameters":
+            if value is not None and not isinstance(value, dict):
+                raise PortError(f"--params-file {path}: below ros__parameters stand names with values")
+            yield where, value or {}
+        else:
+            yield from _sections(value, f"{where}/{str(key).strip('/')}", path)
+
+
+def _matches(pattern: str, full: str) -> bool:
+    """`*` is one part of a name, `**` any number of parts."""
+    parts = ["(/[^/]+)*" if part == "**" else "/[^/]+" if part == "*" else re.escape(f"/{part}")
+             for part in pattern.strip("/").split("/")]  # fmt: skip
+    return re.fullmatch("".join(parts), full) is not None
+
+
+def _flat(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _yaml(text: str, where: str) -> Any:
+    """The extra `dds` comes with one reader of YAML, and ROS with another."""
+    try:
+        try:
+            return import_module("yaml").safe_load(text)
+        except ModuleNotFoundError:
+            return import_module("ruamel.yaml").YAML(typ="safe", pure=True).load(text)
+    except ModuleNotFoundError:
+        raise PortError("parameters need a reader of YAML: pip install 'rise-tui[dds]', or source ROS") from None
+    except Exception as error:  # both have many
+        raise PortError(f"--ros-args: {where} is not YAML: {' '.join(str(error).split())}") from None
+
+
+def _shown(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+# --- what others see ------------------------------------------------------------------------------------------------
+
+
+class Setting(Struct, frozen=True):
+    """A parameter that others can read."""
+
+    value: Value
+    about: str = ""
+
+
+NO_SIM_TIME = {SIM_TIME: Setting(False, "always false: people take part, and the record is in their time")}
+"""Every node of ROS has this one."""
+
+
+class ParameterServices:
+    """Answers `ros2 param` for one node."""
+
+    def __init__(self, transport: Transport, settings: Callable[[], Mapping[str, Setting]]) -> None:
+        """`settings` is asked at each request. Raises PortError."""
+        self._own = settings
+        self._handles: list[Handle] = [
+            transport.serve(f"~/{name}", f"{_TYPES}{type}", answer)
+            for name, type, answer in (
+                ("list_parameters", "ListParameters", self._list),
+                ("get_parameters", "GetParameters", self._get),
+                ("get_parameter_types", "GetParameterTypes", self._types),
+                ("describe_parameters", "DescribeParameters", self._describe),
+                ("set_parameters", "SetParameters", self._set),
+                ("set_parameters_atomically", "SetParametersAtomically", self._set_atomically),
+            )
+        ]
+
+    def close(self) -> None:
+        for handle in self._handles:
+            handle.close()
+
+    def _settings(self) -> dict[str, Setting]:
+        return {**self._own(), **NO_SIM_TIME}
+
+    def _list(self, request: Message, reply: Reply) -> None:
+        wanted = request["prefixes"]
+        names = [
+            name
+            for name in sorted(self._settings())
+            if not wanted or any(name == prefix or name.startswith(f"{prefix}.") for prefix in wanted)
+        ]
+        reply({"result": {"names": names}})
+
+    def _get(self, request: Message, reply: Reply) -> None:
+        settings = self._settings()
+        reply({"values": [as_value(settings[name].value) if name in settings else {} for name in request["names"]]})
+
+    def _types(self, request: Message, reply: Reply) -> None:
+        settings = self._settings()
+        reply({"types": bytes(kind_of(settings[name].value) if name in settings else 0 for name in request["names"])})
+
+    def _describe(self, request: Message, reply: Reply) -> None:
+        settings = self._settings()
+        described = []
+        for name in request["names"]:
+            known = settings.get(name)
+            described.append(
+                {"name": name}
+                if known is None
+                else {"name": name, "type": kind_of(known.value), "description": known.about, "read_only": True}
+            )
+        reply({"descriptors": described})
+
+    def _set(self, request: Message, reply: Reply) -> None:
+        reply({"results": [self._refused(each["name"]) for each in request["parameters"]]})
+
+    def _set_atomically(self, request: Message, reply: Reply) -> None:
+        names = [each["name"] for each in request["parameters"]]
+        reply({"result": self._refused(names[0]) if names else {"successful": True}})
+
+    def _refused(self, name: str) -> Message:
+        settings = self._settings()
+        if name not in settings:
+            reason = f"there is no parameter {name}{suggestion(name, settings)}"
+        else:
+            reason = f"{name} is read when the program starts: --ros-args -p {name}:=..."
+        return {"successful": False, "reason": reason}
+
+
+def kind_of(value: Value) -> int:
+    """As rcl_interfaces/msg/ParameterType numbers them."""
+    match value:
+        case None:
+            return 0
+        case bool():
+            return 1
+        case int():
+            return 2
+        case float():
+            return 3
+        case str():
+            return 4
+        case list():
+            return 9
+
+
+_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value", 9: "string_array_value"}
+
+
+def as_value(value: Value) -> Message:
+    """As a rcl_interfaces/msg/ParameterValue."""
+    kind = kind_of(value)
+    return {"type": kind, _FIELDS[kind]: value} if kind else {}

@@ -1,0 +1,82 @@
+"""What a session tells on /rosout."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from rise_adapters.ros2.face import rosout
+from rise_adapters.ros2.face.rosout import ERROR, INFO, WARN, of_record
+from rise_adapters.ros2.port import Message
+
+from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
+from rise_engine.kernel.records import ActionRecord, NoteRecord, RuleRecord, StopRecord
+from tests.ros.facing import Node, faced, session_and_node, until
+from tests.ros.memory import MemoryTransport, MemoryWire
+
+
+async def test_what_somebody_greps_for(tmp_path: Path) -> None:
+    async with session_and_node(tmp_path) as (session, node, wire):
+        heard = node.hear("/rosout", rosout.TYPE, rosout.QOS)
+        engine = session.engine
+
+        def lines() -> list[tuple[int, str]]:
+            return [(each["level"], each["msg"]) for each in heard]
+
+        assert await node.ask("startCommunicationRobotAct", "Story").decided()
+        engine.post(RobotChanged(status="lost", detail="server-gone: the program of Pepper has gone"))
+        engine.post(RobotChanged(status="connected", detail="Pepper"))
+        assert not await node.ask("startCommunicationRobotAct", "Sotry").decided()
+        assert not await node.ask("releaseStop", "/node").decided()
+        assert (await node.ask("stopAll").ended())[0] == "SUCCEEDED"
+        engine.post(StopReport(confirmed=("a",), unconfirmed=("b (no answer)",)))
+        await until(lambda: any("NOT confirmed" in text or text.startswith("stopped") for _, text in lines()))
+        engine.post(Submit(function="releaseStop", source="wizard:anna"))
+        await until(lambda: (INFO, "stop released by wizard:anna") in lines())
+        engine.end("the study is over")
+        engine.end_now("the study is over")
+        await until(lambda: (INFO, "session ended: the study is over") in lines())
+        said = lines()
+        assert said[0][0] == INFO and said[0][1].startswith("session started: scenario, mode debug, robot generic")
+        assert (ERROR, "robot lost: server-gone: the program of Pepper has gone") in said
+        assert (INFO, "robot connected: Pepper") in said
+        rejected = [text for level, text in said if level == WARN and text.startswith("task rejected: ")]
+        assert rejected[0].startswith(
+            "task rejected: startCommunicationRobotAct Sotry (from ros:domain_task): there is no"
+        )
+        assert rejected[1].startswith(
+            "task rejected: releaseStop /node (from ros:domain_task): a stop is released by who"
+        )
+        assert (WARN, "stop requested by ros:domain_task") in said
+        assert {each["name"] for each in heard} == {"rise"} and all(each["stamp"]["sec"] > 0 for each in heard)
+        late = Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late")).hear("/rosout", rosout.TYPE, rosout.QOS)
+        await until(lambda: len(late) == len(heard))
+
+
+async def test_a_node_in_a_namespace_and_without_rosout(tmp_path: Path) -> None:
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    heard: list[Message] = []
+    MemoryTransport(wire, loop, "/cli").subscribe("/rosout", rosout.TYPE, heard.append, rosout.QOS)
+    async with faced(tmp_path, MemoryTransport(wire, loop, "/lab/rise")):
+        await until(lambda: heard)
+    assert {each["name"] for each in heard} == {"lab.rise"}
+
+
+@pytest.mark.parametrize(
+    ("record", "line"),
+    [
+        (StopRecord(1, 0.0, "", "latched", unconfirmed=("pepper/speech (it refused)",)),
+         (ERROR, "stopped, but NOT confirmed by pepper/speech (it refused)")),
+        (StopRecord(1, 0.0, "", "latched", confirmed=("a", "b")), (WARN, "stopped: confirmed by a, b")),
+        (ActionRecord(1, 0.0, "", 1, "Greet", "1", "Speech", {}, "lost", "server-gone: x"),
+         (WARN, "action lost: Speech of Greet: server-gone: x")),
+        (ActionRecord(1, 0.0, "", 1, "Greet", "1", "Speech", {}, "succeeded"), None),
+        (RuleRecord(1, 0.0, "", "Doors", "faulted", "Open", reason="no x"), (ERROR, "rule faulted: Doors: no x")),
+        (NoteRecord(1, 0.0, "", "late: it came twice", "ros:/pepper/speech"), (INFO, "note: late: it came twice")),
+        (NoteRecord(1, 0.0, "", "the participant yawns", "wizard:anna"), None),
+    ],
+)  # fmt: skip
+def test_what_is_told_of_a_record(record: object, line: tuple[int, str] | None) -> None:
+    assert of_record(record) == line  # type: ignore[arg-type]
