@@ -162,6 +162,18 @@ def test_a_middleware_that_lists_no_ends_is_trusted_after_a_second(monkeypatch: 
     bench.check()
 
 
+def test_a_middleware_that_announces_the_hashes_of_services() -> None:
+    """Instead of those of their requests and responses."""
+    bench = Bench(robot=False)
+    node = bench.robot_appears()
+    for type in [type for name in TYPES for type in types_of(TYPES[name]) if type.endswith(("_Request", "_Response"))]:
+        node.hashes[type] = node.type_hash(type.removesuffix("_Request").removesuffix("_Response"))
+    bench.act()
+    bench.run(20)
+    assert bench.task() == "SUCCEEDED" and bench.robot_statuses() == ["connected"] and bench.notes() == []
+    bench.check()
+
+
 def test_a_middleware_that_only_names_types_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     """As rmw_zenoh, of which rclpy knows no more of a service."""
     listed = MemoryTransport.server_ends

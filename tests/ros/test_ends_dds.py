@@ -34,7 +34,7 @@ WAVE = "lab_msgs/action/Wave"
 ONE = "int32 level\nfloat32[] gains\nstring[] tags\n---\nbool done\n---\n"
 OTHER = "float32[] gains\nint32 level\nstring[] tags\n---\nbool done\n---\n"
 GOAL = {"level": 1, "gains": [0.5, 0.25], "tags": ["a"]}
-PATIENCE = 20.0
+PATIENCE = 40.0
 
 
 def node(name: str, share: Path, definition: str) -> DdsTransport:
@@ -68,7 +68,10 @@ class Arm:
 async def test_e1_two_builds_of_one_interface_package(tmp_path: Path) -> None:
     transport = node("session", tmp_path, ONE)
     carrier = {"action": "/arm/wave", "type": WAVE, "goal": GOAL}
-    which = RobotProfile("arm", "Arm", "ros2", {"Emotion": replace(core_actions()["Emotion"], carrier=carrier)})
+    patient = {"deadlines": {"server": 60.0, "acceptance": 60.0}}
+    which = RobotProfile(
+        "arm", "Arm", "ros2", {"Emotion": replace(core_actions()["Emotion"], carrier=carrier)}, patient
+    )
     clock = RealClock(transport.loop, 1.0, 0.0)
     robot = Ros2Robot(which, clock, transport, read_carriers(which, transport.fields))
     reports: list[RobotReport] = []

@@ -395,6 +395,30 @@ async def test_a_node_says_why_it_hears_nothing() -> None:
     await until(lambda: heard)
 
 
+async def test_a_node_takes_nothing_of_another_version() -> None:
+    """A place that is read as another one would raise the wrong event, and nobody would know."""
+    wire = MemoryWire()
+    loop = asyncio.get_running_loop()
+    said: list[str] = []
+    heard: list[Message] = []
+    sensor = MemoryTransport(wire, loop, "/sensor")
+    sensor.hashes["std_msgs/msg/String"] = "RIHS01_other"
+    publisher = sensor.publisher("/gaze", "std_msgs/msg/String")
+    node = MemoryTransport(wire, loop, "/node")
+    made = hear(node, "gaze", "std_msgs/msg/String", heard.append, say=said.append, look=0.01, patience=0.02)
+    publisher.publish({"data": "at once"})
+    await until(lambda: said)
+    assert said[0].startswith(
+        "the node /sensor publishes /gaze with another version of std_msgs/msg/String than this node listens for"
+    )
+    assert heard == []
+    sensor.hashes.clear()
+    await until(lambda: not made._garbled)
+    publisher.publish({"data": "robot"})
+    await until(lambda: heard == [{"data": "robot"}])
+    made.close()
+
+
 # --- answer node ------------------------------------------------------------------------------------------------------
 
 

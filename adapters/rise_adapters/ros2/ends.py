@@ -153,6 +153,17 @@ def strangers(wire: Transport) -> list[str]:
     ]
 
 
+def other_versions(wire: Transport, topic: str, type: str) -> list[str]:
+    """Who publishes a topic with another version of `type` than this side's: a sentence for each."""
+    own, full = wire.type_hash(type), wire.resolve(topic)
+    return [
+        f"{_node(end.node)} publishes {full} with another version of {type} than this node listens for: what arrives "
+        f"would be garbage. What to do: {_SAME_RELEASE}"
+        for end in wire.publisher_ends(topic)
+        if end.type == type and own and end.hash and end.hash != own
+    ]
+
+
 def topic_misfits(wire: Transport, topic: str) -> list[str]:
     """Of what other nodes have on one topic, who does not hear whom, and who would hear garbage: a sentence for each
     pair."""
@@ -272,17 +283,21 @@ def _other_type(wire: Transport, found: _Found, named: str, end: End, wanted: st
     own = wire.type_hash(wanted)
     if not own or not end.hash:
         found.unannounced = True
-    elif own != end.hash:
+    elif end.hash not in (own, wire.type_hash(_service(wanted))):  # some middleware announces that of the service
         what = named if wanted.startswith(named) else _whole(wanted)
         says = f"is {found.verb}{_by(end)} with another version of {what}"
         return Misfit(OTHER_VERSION, found.full, says, _SAME_RELEASE)
     return None
 
 
+def _service(type: str) -> str:
+    """The service that this is the request or the response of; other types as they are."""
+    return type.removesuffix("_Request").removesuffix("_Response")
+
+
 def _whole(type: str) -> str:
     """Of a part of an action or service, the type that people write."""
-    for ending in ("_Request", "_Response"):
-        type = type.removesuffix(ending)
+    type = _service(type)
     for ending in ("_SendGoal", "_GetResult", "_FeedbackMessage"):
         type = type.removesuffix(ending)
     return type

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[3]
 PATIENCE = 15.0
 """Seconds until what must happen is missed. Long, because a machine can be busy."""
 LEASE = 2.0
-"""Seconds after which a participant that says nothing is taken as gone (with Cyclone DDS, here)."""
+"""Seconds after which a participant that says nothing is taken as gone (with Cyclone DDS and Fast DDS, here)."""
 _CYCLONE = (
     "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast><Interfaces>"
     '<NetworkInterface address="127.0.0.1"/></Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex>'
@@ -70,6 +70,7 @@ def environment() -> dict[str, str]:
         values |= {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
     else:  # another RMW is kept on this machine by ROS's own setting
         values["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        values["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ROOT / "tests/ros/data/fastdds.xml")
     return values
 
 

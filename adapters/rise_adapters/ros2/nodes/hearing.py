@@ -7,6 +7,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 
+from rise_adapters.ros2.ends import other_versions
 from rise_adapters.ros2.port import RELIABLE, SENSOR, Message, Subscription, Transport
 
 LOOK = 0.5
@@ -28,8 +29,9 @@ def hear(
     """Have `taken` called with every message on `topic`.
 
     Reliably, so that nothing is lost of what a publisher promises to deliver; as soon as there is a publisher that does
-    not promise it (a sensor's), without asking for that. `say` gets a sentence about what is in the way: nobody
-    publishes, or somebody publishes another type. Raises PortError.
+    not promise it (a sensor's), without asking for that. While somebody publishes another version of the type, nothing
+    is taken: whose message is whose cannot be told, and theirs would be garbage. `say` gets a sentence about what is in
+    the way: nobody publishes, or somebody publishes another type, or another version. Raises PortError.
     """
     return Heard(transport, topic, type, taken, say, look, patience)
 
@@ -52,6 +54,8 @@ class Heard:
         self._seconds, self._patience = look, patience
         self._taken = taken
         self._came = False
+        self._garbled: list[str] = []
+        """Who publishes another version of the type."""
         self._said = ""
         self._unmatched = False
         """At the last look there was a publisher that it does not take from. (It may only just be coming.)"""
@@ -66,8 +70,16 @@ class Heard:
         self._subscription.close()
 
     def _take(self, message: Message) -> None:
-        self._came = True
-        self._taken(message)
+        if not self._came:
+            self._came = True
+            self._compare()
+        if not self._garbled:
+            self._taken(message)
+
+    def _compare(self) -> None:
+        self._garbled = other_versions(self._transport, self._topic, self._type)
+        for sentence in self._garbled:
+            self._tell(sentence)
 
     def _look(self) -> None:
         self._timer = self._loop.call_later(self._seconds, self._look)
@@ -81,6 +93,7 @@ class Heard:
             self._subscription.close()
             self._subscription = self._transport.subscribe(self._name, self._type, self._take, SENSOR)
         self._unmatched = unmatched
+        self._compare()
         if not self._came and self._loop.time() - self._begun >= self._patience:
             self._tell(trouble_with(self._topic, self._type, published))
 

@@ -101,7 +101,9 @@ class _Examined:
 
     def examine(self) -> None:
         """Compare what is there with what the profile says."""
-        self.found = ends.look(self._transport, self._carrier)
+        before, self.found = self.found, ends.look(self._transport, self._carrier)
+        if before.whole and not self.found.whole:  # another one is appearing
+            self.presence.since = self._clock.now()
 
     @property
     def compared(self) -> bool:
