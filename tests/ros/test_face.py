@@ -185,6 +185,15 @@ async def test_a_node_whose_name_is_not_known_yet_is_waited_for(tmp_path: Path) 
         assert (await asked.ended())[0] == "SUCCEEDED"
 
 
+async def test_many_that_say_they_are_a_node_that_is_not_there_wait_not_long(tmp_path: Path) -> None:
+    async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/late")) as (session, node, _):
+        await stopped(session, node)
+        asked = [node.ask("releaseStop", "/late") for _ in range(40)]
+        await until(lambda: sum(each.accepted is False for each in asked) >= 30)
+        await until(lambda: all(each.accepted is False for each in asked))
+        assert session.room.view.stop.latched and not session.face._releasing
+
+
 async def test_who_subscribes_to_task_states_late_gets_those_from_before(tmp_path: Path) -> None:
     """E10: the topic promises that (transient local)."""
     async with session_and_node(tmp_path) as (session, node, wire):

@@ -66,7 +66,7 @@ from rise_engine.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
 
-RESULT_TIMEOUT = 15.0
+RESULT_TIMEOUT = 10.0
 """Seconds for which a result can be asked for after the end. A client asks as soon as its goal is accepted, so this is
 for one that was cut off for a moment; rclpy's 15 minutes would list 900,000 goals at 1,000 in a second."""
 KEPT = 10_000

@@ -189,9 +189,9 @@ class Behaviour:
             handle_accepted_callback=self._accepted,
             cancel_callback=self._cancel,
             callback_group=ReentrantCallbackGroup(),
-            # For how long a result can be asked for. rclpy's 15 minutes make the list of goals, which is sent whenever
-            # one changes, longer and longer.
-            result_timeout=15,
+            # For how many seconds a result can be asked for. rclpy's 15 minutes make the list of goals, which is sent
+            # whenever one changes, longer and longer: an act takes 150 ms instead of 28 after ten minutes of work.
+            result_timeout=10,
         )
 
     def stop(self, reason: str) -> list[Run]:

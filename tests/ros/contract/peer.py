@@ -21,6 +21,8 @@ from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
 from rise_adapters.ros2.carriers import Carrier, Deadlines
 from rise_adapters.ros2.carriers.fill import Group
 from rise_adapters.ros2.choose import open_transport
+from rise_adapters.ros2.nodes.hearing import hear
+from rise_adapters.ros2.parameters import ParameterServices, Setting
 from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport
 
 from rise_engine.clock import RealClock
@@ -73,6 +75,9 @@ class Peer:
     def nodes(self) -> list[str]:
         return self._transport.nodes()
 
+    def clients_of(self, service: str) -> list[str]:
+        return self._transport.clients_of(service)
+
     def close(self, key: str) -> None:
         self._things.pop(key).close()
 
@@ -98,6 +103,23 @@ class Peer:
         self._things[key] = self._transport.subscribe(
             topic, type, lambda message: say("taken", key=key, message=message), QoS(**qos)
         )
+
+    def publishers(self, key: str) -> int:
+        return int(self._things[key].publishers())
+
+    def hear(self, key: str, topic: str, type: str) -> None:
+        """As feature nodes do."""
+        self._things[key] = hear(
+            self._transport,
+            topic,
+            type,
+            lambda message: say("taken", key=key, message=message),
+            say=lambda text: say("says", key=key, text=text),
+            patience=1.0,
+        )
+
+    def parameters(self, **settings: Any) -> None:
+        ParameterServices(self._transport, lambda: {name: Setting(value) for name, value in settings.items()})
 
     # --- services -------------------------------------------------------------------------------------------------
 

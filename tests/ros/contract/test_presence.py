@@ -120,3 +120,43 @@ def test_a_server_of_another_type_does_not_count(pair: Pair) -> None:
     pair.far.serve(key=name, name=name, type=TRIGGER)
     until(lambda: pair.near.ends(what="server", name=name))
     assert pair.near.servers(key=name) == 0
+
+
+def test_the_nodes_that_call_a_service_are_known_by_name(pair: Pair) -> None:
+    """By that a session knows that a node which says who it is may be right."""
+    name = f"/{pair.name}/ask"
+    pair.near.serve(key=name, name=name, type=SET)
+    assert pair.near.clients_of(service=name) == []
+    with (
+        Peer(pair.far.kind, "--ros-args", "-r", "__ns:=/lab", node="boss") as boss,
+        Peer(pair.far.kind, node="other") as other,
+    ):
+        boss.client(key=name, name=name, type=SET)
+        until(lambda: pair.near.clients_of(service=name) == ["/lab/boss"])
+        other.client(key=name, name=name, type=SET)
+        other.client(key="trigger", name=f"{name}/else", type=TRIGGER)
+        until(lambda: pair.near.clients_of(service=name) == ["/lab/boss", "/other"])
+        assert boss.leave() == 0
+        until(lambda: pair.near.clients_of(service=name) == ["/other"])
+    pair.near.close(key=name)
+
+
+def test_parameters_are_read_across(pair: Pair) -> None:
+    with Peer(pair.far.kind, node="eyes") as eyes:
+        eyes.parameters(dwell=0.5, region=["a", "b"], topic="gaze")
+        for service, type, request in (
+            ("list_parameters", "ListParameters", {}),
+            ("get_parameters", "GetParameters", {"names": ["dwell", "region", "use_sim_time"]}),
+            ("set_parameters", "SetParameters", {"parameters": [{"name": "dwell"}]}),
+        ):
+            pair.near.client(key=service, name=f"/eyes/{service}", type=f"rcl_interfaces/srv/{type}")
+            until(lambda service=service: pair.near.servers(key=service) == 1)
+            pair.near.call(key=service, number=1, message=request)
+        names = pair.near.event("answer", key="list_parameters")["message"]["result"]["names"]
+        assert names == ["dwell", "region", "topic", "use_sim_time"]
+        values = pair.near.event("answer", key="get_parameters")["message"]["values"]
+        assert [each["type"] for each in values] == [3, 9, 1] and values[1]["string_array_value"] == ["a", "b"]
+        (result,) = pair.near.event("answer", key="set_parameters")["message"]["results"]
+        assert not result["successful"] and "is read when the program starts" in result["reason"]
+        for service in ("list_parameters", "get_parameters", "set_parameters"):
+            pair.near.close(key=service)

@@ -261,3 +261,45 @@ def test_what_does_not_fit_is_refused_with_its_place(pair: Pair, side: str) -> N
             peer.publish(key=key, messages=[message])
         assert place in str(refused.value), (type, message)
         peer.close(key=key)
+
+
+@pytest.mark.parametrize(("offered", "asked", "matched"), [(True, True, 1), (True, False, 1), (False, False, 1)])
+def test_a_subscription_counts_the_publishers_that_it_takes_from(
+    pair: Pair, offered: bool, asked: bool, matched: int
+) -> None:
+    name = f"{pair.name}/gaze"
+    pair.near.subscribe(key=name, topic=name, type=STRING, reliable=asked)
+    assert pair.near.publishers(key=name) == 0
+    pair.far.publisher(key=name, topic=name, type=STRING, reliable=offered)
+    until(lambda: pair.near.publishers(key=name) == matched)
+    pair.far.close(key=name)
+    until(lambda: pair.near.publishers(key=name) == 0)
+
+
+def test_a_subscription_that_asks_for_more_than_is_promised_does_not_count_it(pair: Pair) -> None:
+    """So a node can tell that it hears nothing of a publisher that it sees."""
+    name = f"{pair.name}/gaze"
+    pair.near.subscribe(key=name, topic=name, type=STRING)
+    pair.far.publisher(key=name, topic=name, type=STRING, reliable=False)
+    until(lambda: [type for type, _ in pair.near.remote_types(name=name)] == [STRING])
+    assert pair.near.publishers(key=name) == 0 and pair.far.subscribers(key=name) == 0
+
+
+def test_feature_nodes_hear_what_is_promised_and_what_is_not(pair: Pair) -> None:
+    """A14: of best-effort publishers a reliable subscription hears nothing, 0 of 20 messages."""
+    name = f"{pair.name}/gaze"
+    pair.near.hear(key=name, topic=name, type=STRING)
+    assert "nobody publishes on" in pair.near.event("says", key=name)["text"]
+    pair.far.publisher(key="promised", topic=name, type=STRING)
+    until(lambda: pair.far.subscribers(key="promised") == 1)
+    pair.far.publish(key="promised", messages=[{"data": "at once"}])
+    assert pair.near.event("taken", key=name)["message"] == {"data": "at once"}
+    pair.far.publisher(key="tracker", topic=name, type=STRING, reliable=False)
+
+    def heard() -> bool:
+        pair.far.publish(key="tracker", messages=[{"data": "robot"}])
+        return not pair.near.none("taken", key=name)
+
+    until(heard)
+    pair.far.close(key="promised")
+    pair.far.close(key="tracker")

@@ -56,6 +56,8 @@ OPEN = 1000
 """Acts and rules that goals have started and that have not ended, at most."""
 GOODBYE_SECONDS = 1.0
 """For what is still to be published at the end."""
+RELEASING = 10
+"""Goals to release a stop that wait for that at most."""
 REFUSALS_NOTED = 100
 """Different refusals to release a stop that come to the record at most."""
 KNOWN_SECONDS, KNOWN_LOOK = 1.0, 0.05
@@ -105,6 +107,8 @@ class Face:
         self._parting: list[ServerGoal] = []
         """Those that have ended because the session, or this, has."""
         self._refused = 0
+        self._releasing: set[bytes] = set()
+        """Goals to release a stop that wait until their node is known."""
         self._refused_releases: set[str] = set()
         """What the record says already."""
         self._dropped = 0
@@ -193,6 +197,7 @@ class Face:
     def _release(self, goal: ServerGoal, until: float) -> None:
         """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
         says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
+        self._releasing.discard(goal.id)
         if goal.decided:
             return
         who = str(goal.message["domain_task_behavior"]).strip()
@@ -212,7 +217,8 @@ class Face:
             self._send(goal, Submit(function="releaseStop", ref=goal.hex), member)
             self._loop.call_soon(self._room.leave, member)
             return
-        elif self._loop.time() < until and not self._closed:
+        elif self._loop.time() < until and not self._closed and len(self._releasing) < RELEASING:
+            self._releasing.add(goal.id)
             self._loop.call_later(KNOWN_LOOK, self._release, goal, until)
             return
         else:
