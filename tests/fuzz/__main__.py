@@ -172,6 +172,8 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write the files that went wrong there")
     options = parser.parse_args()
     faulthandler.enable()
+    for number in (signal.SIGINT, signal.SIGTERM):  # also when it was started in the background of a script
+        signal.signal(number, signal.default_int_handler)
     seconds: list[float] = []
     wrong = accepted = findings = slow = 0
     kinds: Counter[str] = Counter()
