@@ -23,6 +23,7 @@ _SKIP = (("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">"), ("</"
 _VALUE_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
 _RUNS_ON = re.compile(r"[\r\n][^\S\r\n]*+<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
 _ANY_QUOTE = re.compile(f"[\"'{DOUBLE}{SINGLE}]")
+_NEXT_TAG = re.compile(r"<[\w/!?]")
 _CURLY_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'{DOUBLE}{SINGLE}])")
 _LINE_END = re.compile(r"[\r\n]")
 _LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
@@ -192,6 +193,8 @@ def _typographic(mended: Mended, findings: Findings, opening: int) -> int:
         return -1
     line_end = _LINE_END.search(text, opening, opening + _FARTHEST)
     last = line_end.start() if line_end else min(opening + _FARTHEST, len(text))
+    if (following := _NEXT_TAG.search(text, opening, last)) is not None:
+        last = following.start()
     straight = plain_quote(text[opening]) or text[opening]
     for found in _ANY_QUOTE.finditer(text, opening + 1, last):
         if not curly and found.group() == straight:
