@@ -17,6 +17,8 @@ from rise_engine.scenario.model import Json
 
 _FEW = 12
 """How many names of an object a message lists."""
+_SHORT = 1_000
+"""Characters that such a list may have."""
 
 
 class MemoryPaths:
@@ -87,7 +89,8 @@ class MemoryPaths:
             if sibling is not None:
                 return f"; did you mean `{self._longest(way, [sibling, *missing[1:]])}`?"
         if isinstance(value, dict) and 0 < len(value) <= _FEW:
-            return f"; known: {listed(f'{way}.{name}' for name in value)}"
+            known = listed(f"{way}.{name}" for name in value)
+            return f"; known: {known}" if len(known) < _SHORT else ""
         return ""
 
     def _longest(self, way: str, parts: list[str]) -> str:

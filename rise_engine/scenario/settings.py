@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
@@ -157,7 +158,7 @@ class Settings:
             elif not names or not all(name.strip() == name and name for name in names):
                 self.error("missing-value", where, "each condition has a name, without blanks around it")
             elif len(set(names)) < len(names):
-                twice = next(name for at, name in enumerate(names) if name in names[:at])
+                twice = Counter(names).most_common(1)[0][0]
                 self.error("duplicate-name", where, f"the condition `{twice}` stands there twice")
             else:
                 study["conditions"] = names

@@ -23,6 +23,7 @@ _SKIP = (("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">"), ("</"
 _VALUE_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'])")
 _RUNS_ON = re.compile(r"[\r\n][^\S\r\n]*+<|<[\w/!?][^<]*>\s*<|<\w[^<]*=\s*\Z")
 _ANY_QUOTE = re.compile(f"[\"'{DOUBLE}{SINGLE}]")
+_CURLY_LAST = re.compile(r"[\r\n]|<[\w/!?]")
 _CURLY_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'{DOUBLE}{SINGLE}])")
 _LINE_END = re.compile(r"[\r\n]")
 _LEFT_BY_GIT = re.compile(r"(?<![^\n])<{7}(?: [^\r\n]*)?(?=\r?\n|\Z)")
@@ -197,8 +198,8 @@ def _typographic(mended: Mended, findings: Findings, opening: int) -> int:
     curly = bool(plain_quote(text[opening : opening + 1]))
     if not curly and text[opening : opening + 1] not in ('"', "'"):
         return -1
-    line_end = _LINE_END.search(text, opening, opening + _FARTHEST)
-    last = line_end.start() if line_end else min(opening + _FARTHEST, len(text))
+    end = _CURLY_LAST.search(text, opening, opening + _FARTHEST)
+    last = end.start() if end else min(opening + _FARTHEST, len(text))
     straight = plain_quote(text[opening]) or text[opening]
     for found in _ANY_QUOTE.finditer(text, opening + 1, last):
         if not curly and found.group() == straight:

@@ -1,0 +1,62 @@
+"""What is checked for authors takes time in proportion to a file's length too: see `test_worst_cases`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rise_engine.scenario import load
+from tests.scenario.folders import folder
+from tests.scenario.test_worst_cases import (
+    SIZE,
+    _not_for_ever,  # noqa: F401  # gives up after twenty seconds of processor time
+    act,
+    many,
+    rule,
+)
+
+QUIET = "<!-- check: allow unset-key: x -->"
+MEMORY = '{"t": {' + ",".join(f'"k{n}": {n}' for n in range(20_000)) + '}, "l": [' + "1," * 50_000 + "1]}"
+
+
+def speech(text: str) -> str:
+    return act(f"<Speech><actionID>1</actionID><message>{text}</message></Speech>")
+
+
+CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
+    "paths that end early": lambda: {
+        "memory.json": MEMORY,
+        "rules/r.xml": rule(many('<transition cond="t.y{} = l.x{}"/>')),
+    },
+    "paths that cannot be set": lambda: {
+        "memory.json": MEMORY,
+        "rules/r.xml": rule("<onEntry>" + many('<function assignValue="t.k1.z{} = 1"/>') + "</onEntry>"),
+    },
+    "separators": lambda: {"acts/a.xml": speech(many('{", "a{}}'))},
+    "open separators": lambda: {"acts/a.xml": speech(many('{a} {" '))},
+    "blanks in a slot": lambda: {"acts/a.xml": speech('{"a" a' + " " * SIZE + "x}")},
+    "silencings": lambda: {"rules/r.xml": rule(many(QUIET))},
+    "silencings and warnings": lambda: {"rules/r.xml": rule(many(QUIET + '<transition cond="q{}"/>'))},
+    "silencings in a text": lambda: {"acts/a.xml": act(f"<Speech>{QUIET}<message>{many(QUIET)}</message></Speech>")},
+    "silencings before open tags": lambda: {"rules/r.xml": rule(many(QUIET + '<a b="'))},
+    "a long reason": lambda: {"rules/r.xml": rule(f"<!-- check: allow unset-key:{' ' * SIZE} -->")},
+    "silencings in TOML": lambda: {"scenario.toml": many("# check: allow no-filler: x\n")},
+    "silencings of the memory": lambda: {
+        "scenario.toml": "[check]\nallow = [" + many('{code="unset-key",key="k{}",reason="x"},') + "]"
+    },
+    "open typographic marks": lambda: {"rules/r.xml": many("<a b=“x ")},
+    "typographic marks": lambda: {"rules/r.xml": "<a b=“" + "”x" * (SIZE // 2)},
+    "typographic marks in a value": lambda: {"rules/r.xml": '<a b="' + "”" * SIZE + '">'},
+    "typographic marks in TOML": lambda: {"scenario.toml": 'a = "' + "”" * SIZE},
+    "typographic marks in JSON": lambda: {"memory.json": '{"a' + "”" * SIZE},
+    "short loops": lambda: {"rules/r.xml": rule(many('<transition after="1ms" cond="a{}" target="S"/>'))},
+    "conditions of a study": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + "]"},
+    "a condition twice": lambda: {"scenario.toml": "[study]\nconditions = [" + many('"c{}",') + '"c1"]'},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_worst_is_read_soon(tmp_path: Path, name: str) -> None:
+    load(folder(tmp_path, CASES[name]()))
