@@ -302,7 +302,7 @@ def _open_on(name: str, settings: Settings | None, asked: Asked, keys: KeyFile |
     from rise_engine.link.socket_client import SocketClient
     from rise_tui.start.launch_process import process_launcher
 
-    client = SocketClient(name, asked.wizard, asked.role)
+    client = SocketClient(name, asked.wizard, asked.role, resync=True)
     _open(client, settings, process_launcher(asked.wizard, asked.role), asked.wizard, asked, keys, told)
 
 
