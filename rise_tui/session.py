@@ -8,7 +8,7 @@ from itertools import count
 from time import monotonic
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.link.client import Client, EngineGone, LinkLost, Update, Verb
+from rise_engine.link.client import Arrival, Client, EngineGone, LinkLost, Verb
 from rise_tui.model.deeds import describe
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import EVERYTHING, Sent, Store, Topic
@@ -66,7 +66,7 @@ class Session:
         ended = self.store.view.end_reason
         self._gone(ended or "it has ended", over=True)
 
-    async def _take_in(self, batch: Sequence[Update]) -> None:
+    async def _take_in(self, batch: Sequence[Arrival]) -> None:
         """In pieces: a key must not wait until a console that lay behind has caught up."""
         began = monotonic()
         for start in range(0, len(batch), PIECE):

@@ -48,7 +48,20 @@ class Pulse(Struct, frozen=True, tag_field="kind", tag="pulse"):
     """Seconds by which the engine's loop was late at most, lately."""
 
 
+class Resync(Struct, frozen=True, tag_field="kind", tag="resync"):
+    """The state anew, for a client that lay so far behind that records were left out: `View.renew`.
+
+    Comes among the records, to those who have said that they take it; no record itself.
+    """
+
+    view: View
+    """Without the tasks that had ended before and have not changed since."""
+    tasks: int
+    """How many the whole state has."""
+
+
 Update: TypeAlias = AnyRecord | Journaling | Pulse
+Arrival: TypeAlias = Update | Resync
 
 
 class Hello(Struct, frozen=True):
@@ -96,8 +109,8 @@ class Client(Protocol):
         """Begin, or begin again. Raises EngineGone."""
         ...
 
-    def records(self) -> AsyncIterator[Sequence[Update]]:
-        """Batches of records since `attach`, in order and without gaps; ends when the session does.
+    def records(self) -> AsyncIterator[Sequence[Arrival]]:
+        """Batches of records since `attach`, in order and without gaps (but for `Resync`); ends when the session does.
 
         Raises LinkLost when only this connection was cut, EngineGone when the engine has gone without an end.
         """

@@ -40,6 +40,8 @@ class Attach(Struct, tag_field="type", tag="attach", frozen=True):
     role: Role = "wizard"
     scenario: bool = False
     """Whether the scenario is wanted with the state."""
+    resync: bool = False
+    """Whether this client, when it lies too far behind, is sent the state anew instead of being cut off."""
 
 
 class AskAbout(Struct, tag_field="type", tag="about", frozen=True):
@@ -112,6 +114,9 @@ class Welcome(Struct, tag_field="type", tag="hello", frozen=True):
     speed: float
     """Session seconds in a second."""
     state: State
+    tasks: int = 0
+    """How many tasks the state has. A second `hello` on a connection is a new state after records that were left out:
+    of its tasks only those follow that are not over, or have changed meanwhile."""
 
 
 class ScenarioTold(Struct, tag_field="type", tag="scenario", frozen=True):

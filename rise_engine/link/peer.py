@@ -55,6 +55,8 @@ ARRIVAL_BACKLOG = 8_388_608
 """The same while it is still getting the state."""
 PIECE = 65_536
 """Bytes that are given to the system at once."""
+BEHIND_SECONDS = 10.0
+"""For which a client may leave what waits for it, before it is cut off also if it would take the state anew."""
 LINGER_SECONDS = 2.0
 """For which a last line may wait to be read."""
 
@@ -90,12 +92,17 @@ class Peer(asyncio.BufferedProtocol):
         """An answer that may leave without a turn of the loop, until that is where it is given."""
         self._held: Early | None = None
         """The same while it is not known how much of it has left: nothing else can be sent before."""
+        self._resyncs = False
+        """It takes the state anew when it lies too far behind."""
+        self.behind: set[int] | None = None
+        """It does, and no records are kept for it: the tasks that have changed meanwhile."""
         self._arriving = False
         self._pieces: deque[bytes] = deque()
         self._portions: Iterator[list[TaskView]] = iter(())
         self._patience = STATE_SECONDS
         self._full_since = 0.0
         self._timer: asyncio.TimerHandle | None = None
+        self._behind_timer: asyncio.TimerHandle | None = None
 
     @property
     def idle(self) -> bool:
@@ -121,8 +128,7 @@ class Peer(asyncio.BufferedProtocol):
 
     def connection_lost(self, error: Exception | None) -> None:
         self._closing = True
-        if self._timer is not None:
-            self._timer.cancel()
+        self._stop_timers()
         for early in (self._early, self._held):
             if early is not None:
                 early.close()
@@ -141,8 +147,7 @@ class Peer(asyncio.BufferedProtocol):
             return
         self._closing = True
         self.server.forget(self)
-        if self._timer is not None:
-            self._timer.cancel()
+        self._stop_timers()
         if self._arriving:  # what has come meanwhile is of no use without the state
             self._arriving = False
             self._pieces.clear()
@@ -154,6 +159,11 @@ class Peer(asyncio.BufferedProtocol):
         self._timer = self._loop.call_later(LINGER_SECONDS, self.abort)
         if not self._queue and self._held is None:
             self._transport.close()
+
+    def _stop_timers(self) -> None:
+        for timer in (self._timer, self._behind_timer):
+            if timer is not None:
+                timer.cancel()
 
     def abort(self) -> None:
         """Cut the connection."""
@@ -278,6 +288,7 @@ class Peer(asyncio.BufferedProtocol):
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
+            self._resyncs = message.resync
             self._begin_state(*self.server.state_for(self.member, scenario=message.scenario))
 
     def _answered(self, id: int, reply: Reply) -> None:
@@ -298,7 +309,7 @@ class Peer(asyncio.BufferedProtocol):
 
     def send_answers(self) -> None:
         if self._answers:
-            self.push(self.take_answers())
+            self._push([self.take_answers()], 2 * self._backlog if self._resyncs else self._backlog)
 
     def take_answers(self) -> bytes:
         answers, self._answers = self._answers, []
@@ -308,7 +319,7 @@ class Peer(asyncio.BufferedProtocol):
     def _clear(self) -> bool:
         """Nothing waits to be sent."""
         waits = self._full or self._arriving or self._queue or self._closing or self._early or self._held
-        return not waits and self._transport.get_write_buffer_size() == 0
+        return not waits and self.behind is None and self._transport.get_write_buffer_size() == 0
 
     def early(self, id: int, records: int, data: bytes) -> Early:
         """Its next bytes, for whoever is first to send them. Only while nothing else waits for it."""
@@ -331,15 +342,44 @@ class Peer(asyncio.BufferedProtocol):
             self._held = early
             self._loop.call_soon(self._finish, early)
 
-    def push(self, data: bytes) -> None:
-        """Send this when the client takes it; drop a client for whom too much waits."""
+    def push(self, pieces: list[bytes], *, answers: bool = False) -> None:
+        """Send these pieces of a line when the client takes them, `answers`: with its answers.
+
+        A client for whom too much waits gets the state anew once it has taken that, or is dropped.
+        """
+        if answers:
+            pieces = [*pieces[:-1], pieces[-1] + self.take_answers()]
+        self._push(pieces, self._backlog)
+        if self._resyncs and self._waiting > self._backlog and not self._closing:
+            self._fall_behind()  # from the next record on
+
+    def _push(self, pieces: list[bytes], most: int) -> None:
         if self._closing or self._transport.is_closing():
             return
-        if self._waiting > self._backlog:
-            _LOG.info("%s was dropped: it does not read", self.member.name if self.member else "a client")
-            self.abort()
+        if self._waiting > most:
+            self._drop()
             return
-        self._write(data)
+        for piece in pieces:
+            self._write(piece)
+
+    def _drop(self) -> None:
+        _LOG.info("%s was dropped: it does not read", self.member.name if self.member else "a client")
+        self.abort()
+
+    def _fall_behind(self) -> None:
+        self.behind = set()
+        self.server.left_behind(self)
+        self._behind_timer = self._loop.call_later(BEHIND_SECONDS, self._drop)
+
+    def _catch_up(self) -> None:
+        """It has taken all that waited: from here on it is sent everything again, and before it the state."""
+        if self._closing or self.behind is None or self._queue or self._full or self._held is not None:
+            return
+        self._stop_timers()
+        changed, self.behind = self.behind, None
+        assert self.member is not None
+        self._backlog, self._patience = ARRIVAL_BACKLOG, STATE_SECONDS
+        self._begin_state(*self.server.state_again(self, self.member, changed))
 
     def _write(self, data: bytes) -> None:
         if self._early is not None:
@@ -381,6 +421,8 @@ class Peer(asyncio.BufferedProtocol):
             self._backlog = BACKLOG
             if self._closing:
                 self._transport.close()
+            elif self.behind is not None:
+                self._loop.call_soon(self._catch_up)
 
     # --- the state for somebody who has just come; what happens meanwhile waits in the queue ---------------------
 

@@ -12,7 +12,18 @@ from typing import Any, TypeVar
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, AnyRecord
-from rise_engine.link.client import ClientInput, EngineGone, Hello, Journaling, LinkLost, Pulse, Role, Update, Verb
+from rise_engine.link.client import (
+    Arrival,
+    ClientInput,
+    EngineGone,
+    Hello,
+    Journaling,
+    LinkLost,
+    Pulse,
+    Resync,
+    Role,
+    Verb,
+)
 from rise_engine.link.socket_client import SocketClient
 from rise_engine.scenario.model import Scenario
 from rise_engine.view import TaskView, View
@@ -192,7 +203,7 @@ class Session:
             await self.until(lambda view: task in view.tasks)
         return task
 
-    async def _follow(self, updates: AsyncIterator[Sequence[Update]]) -> None:
+    async def _follow(self, updates: AsyncIterator[Sequence[Arrival]]) -> None:
         over: EngineGone = LinkLost("this program has left the session")
         try:
             async for batch in updates:
@@ -202,6 +213,8 @@ class Session:
                         continue
                     if isinstance(update, Pulse):
                         self.pulse = update
+                        continue
+                    if isinstance(update, Resync):  # which nobody asked for
                         continue
                     self.view.apply(update)
                     for queue in self._followers:

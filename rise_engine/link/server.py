@@ -3,7 +3,8 @@
 What keeps the loop free, whatever clients do:
 - messages are taken in turn, one of each client, and only so many before the loop goes on; stop-all comes first;
 - records are encoded once, gathered for one turn of the loop, and shared by everybody's queue;
-- a client that leaves more than `BACKLOG` bytes waiting is dropped, and attaches again when it can;
+- a client that leaves more than `BACKLOG` bytes waiting gets no more records, and the state anew once it has taken
+  those; or, if it does not take that, it is dropped, and attaches again when it can;
 - the state for those who attach goes out in portions, in turn, and only so many before the loop goes on.
 """
 
@@ -24,7 +25,7 @@ from msgspec.structs import replace
 
 from rise_engine.engine import Answer as Callback
 from rise_engine.engine import versions
-from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.records import ActionRecord, AnyRecord, MistakeRecord, TaskRecord, TimingRecord
 from rise_engine.link.client import Journaling, Pulse, Reply, Role, Update
 from rise_engine.link.early import Early
 from rise_engine.link.messages import (
@@ -101,6 +102,8 @@ class Server:
         self.lag: LagMeter | None = None
         self._server: asyncio.AbstractServer | None = None
         self._audience: set[Peer] = set()
+        self._behind: set[Peer] = set()
+        """Those who get no records until they have taken what waits for them."""
         self._turns: deque[Peer] = deque()
         self._turning = False
         self._hasty = 0
@@ -213,6 +216,10 @@ class Server:
     # --- out: everything of one turn together -----------------------------------------------------------------------
 
     def _update(self, update: Update) -> None:
+        if self._behind and (task := _task_of(update)) is not None:
+            for peer in self._behind:
+                if peer.behind is not None:
+                    peer.behind.add(task)
         if not self._audience:
             return
         if isinstance(update, Pulse):
@@ -288,9 +295,7 @@ class Server:
         for peer in tuple(self._audience):
             if peer is without:
                 continue
-            for piece in pieces[:-1]:
-                peer.push(piece)
-            peer.push(pieces[-1] + asker.take_answers() if peer is asker else pieces[-1])
+            peer.push(pieces, answers=peer is asker)
         if asker is not None:
             asker.send_answers()
 
@@ -318,13 +323,32 @@ class Server:
         self._audience.add(peer)
         return member
 
+    def left_behind(self, peer: Peer) -> None:
+        """`peer` gets no records any more, until `state_again`."""
+        self._audience.discard(peer)
+        self._behind.add(peer)
+
+    def state_again(self, peer: Peer, member: Member, changed: set[int]) -> tuple[bytes, Iterator[list[TaskView]]]:
+        """The state at this moment for one who was left behind, with the tasks that are not over or have `changed`."""
+        self._behind.discard(peer)
+        self._flush_records()
+        self._audience.add(peer)
+        open, _ = self.room.tasks()
+        tasks = self.room.view.tasks
+        more = [tasks[id] for id in sorted(changed - {task.id for task in open}) if id in tasks]
+        return line(self._welcome(member)) + line(Tasks(open)), _in_portions(more, set())
+
     def state_for(self, member: Member, *, scenario: bool) -> tuple[bytes, Iterator[list[TaskView]]]:
         """The state at this moment: the greeting with everything that can still change, encoded now; and the tasks that
         cannot, some at a time. `scenario`: with what the session runs."""
+        open, all = self.room.tasks()
+        first = line(self._welcome(member)) + (self._scenario_line if scenario else b"") + line(Tasks(open))
+        return first, _in_portions(all, {task.id for task in open})
+
+    def _welcome(self, member: Member) -> Welcome:
         room = self.room
         engine, runs = room.engine, room.engine.scenario
-        open, all = room.tasks()
-        welcome = Welcome(
+        return Welcome(
             version=VERSION,
             you=member.name,
             role=member.role,
@@ -338,9 +362,8 @@ class Server:
             t=max(engine.clock.now(), 0.0),
             speed=getattr(engine.clock, "speed", 1.0),
             state=state_of(room.view),
+            tasks=len(room.view.tasks),
         )
-        first = line(welcome) + (self._scenario_line if scenario else b"") + line(Tasks(open))
-        return first, _in_portions(all, {task.id for task in open})
 
     @cached_property
     def _scenario_line(self) -> bytes:
@@ -353,6 +376,7 @@ class Server:
     def forget(self, peer: Peer) -> None:
         """Nothing more goes to `peer`."""
         self._audience.discard(peer)
+        self._behind.discard(peer)
 
     def lost(self, peer: Peer) -> None:
         """The connection is no more."""
@@ -362,6 +386,15 @@ class Server:
             self.room.leave(peer.member)
         if not self.peers and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
+
+
+def _task_of(update: Update) -> int | None:
+    """The task that a record is about."""
+    match update:
+        case TaskRecord(id=task) | ActionRecord(task=task) | MistakeRecord(task=task) | TimingRecord(task=task):
+            return task
+        case _:
+            return None
 
 
 def _records_line(records: list[bytes]) -> bytes:

@@ -14,7 +14,7 @@ from typing import Any
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.link import places
-from rise_engine.link.client import ClientInput, EngineGone, Hello, LinkLost, Reply, Role, Update, Verb
+from rise_engine.link.client import Arrival, ClientInput, EngineGone, Hello, LinkLost, Reply, Resync, Role, Verb
 from rise_engine.link.messages import (
     VERSION,
     Answer,
@@ -47,6 +47,8 @@ SLICE = 0.001
 """Seconds of reading after which the loop does what else there is to do."""
 LIMIT = 200_000
 """Records that may wait to be taken from `records`; with more, the connection is given up."""
+MANY = 5_000
+"""The same for one who takes the state anew: with more, no more is read before some are taken."""
 GRACE = 0.3
 """Seconds in which a process that is just ending lets go of its lock."""
 
@@ -61,13 +63,16 @@ class SocketClient:
         role: Role = "wizard",
         *,
         scenario: Scenario | None = None,
+        resync: bool = False,
     ) -> None:
         """`session`: the name of a running session, or the path of its socket. `who`: the name in the record, without
-        the role. `scenario`: what the session is known to run; with the right hash it is not loaded again."""
+        the role. `scenario`: what the session is known to run; with the right hash it is not loaded again.
+        `resync`: a client that shows the state and needs not every record; see `Resync`."""
         self._session = session
         self._who = who
         self._role: Role = role
         self._scenario = scenario
+        self._resync = resync
         self._connection: _Connection | None = None
         self._hello: tuple[float, float, float] | None = None
         """Session time, speed, and when that was on our own clock."""
@@ -75,9 +80,10 @@ class SocketClient:
     async def attach(self) -> Hello:
         """As the protocol says. Also raises EngineGone, with the engine's sentence, when it refuses this client."""
         await self._cut()
-        connection = await _Connection.open(self._path())
+        connection = await _Connection.open(self._path(), resync=self._resync)
         try:
-            connection.write(Attach(VERSION, self._who, self._role, scenario=self._scenario is None))
+            attach = Attach(VERSION, self._who, self._role, scenario=self._scenario is None, resync=self._resync)
+            connection.write(attach)
             hello = await self._arrive(connection)
         except BaseException:
             await connection.close()
@@ -85,7 +91,7 @@ class SocketClient:
         self._connection = connection
         return hello
 
-    def records(self) -> AsyncIterator[Sequence[Update]]:
+    def records(self) -> AsyncIterator[Sequence[Arrival]]:
         """As the protocol says."""
         if self._connection is None:
             raise RuntimeError("attach first")
@@ -185,8 +191,12 @@ def _load_copy(folder: Path) -> Scenario:
 class _Connection:
     """One connection, from its opening to its end."""
 
-    def __init__(self, path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def __init__(self, path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, resync: bool) -> None:
         self._path = path
+        self._resync = resync
+        self._anew: Welcome | None = None
+        """A state that is on its way, after records that were left out."""
+        self._taken = asyncio.Event()
         self._reader = reader
         self._writer = writer
         self._partial = b""
@@ -200,7 +210,7 @@ class _Connection:
         self.scenario = b""
         """What the session runs, if the engine told it."""
         self._some: list[TaskView] = []
-        self._updates: deque[Update] = deque()
+        self._updates: deque[Arrival] = deque()
         self._arrived = asyncio.Event()
         self._error: EngineGone | None = None
         self._gone: EngineGone = LinkLost("this client has left the session")
@@ -210,7 +220,7 @@ class _Connection:
         self._reading = asyncio.create_task(self._read())
 
     @classmethod
-    async def open(cls, path: Path) -> _Connection:
+    async def open(cls, path: Path, *, resync: bool) -> _Connection:
         """Raises EngineGone."""
         try:
             reader, writer = await asyncio.open_unix_connection(path, limit=READ * 4)
@@ -220,7 +230,7 @@ class _Connection:
             raise EngineGone(f"no session runs at {path}: its engine has gone") from None
         except OSError as error:
             raise EngineGone(f"the session at {path} cannot be reached: {error.strerror or error}") from None
-        return cls(path, reader, writer)
+        return cls(path, reader, writer, resync=resync)
 
     def number(self) -> int:
         return next(self._numbers)
@@ -271,6 +281,9 @@ class _Connection:
                         if len(self._updates) > LIMIT:
                             raise LinkLost("this client fell too far behind the engine; attach again")
                         self._arrived.set()
+                        while self._resync and len(self._updates) > MANY:
+                            self._taken.clear()
+                            await self._taken.wait()
                     case Answer(id=id) as answer:
                         future = self._asked.get(id)
                         if future is not None and not future.done():
@@ -281,12 +294,19 @@ class _Connection:
                     case PulseTold(pulse=pulse):
                         self._updates.append(pulse)
                         self._arrived.set()
+                    case Welcome() as welcome if self.welcome.done():
+                        self._anew = welcome
                     case Welcome() as welcome:
                         self.welcome.set_result(welcome)
                     case ScenarioTold(scenario=scenario):
                         self.scenario = bytes(scenario)
                     case Tasks(tasks=tasks):
                         self._some += tasks
+                    case Ready() if self._anew is not None:
+                        self._updates.append(Resync(view_of(self._anew.state, self._some), self._anew.tasks))
+                        self._updates.append(self._anew.journaling)
+                        self._anew, self._some = None, []
+                        self._arrived.set()
                     case Ready():
                         self.tasks.set_result(self._some)
                         self._some = []
@@ -329,13 +349,14 @@ class _Connection:
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
         return EngineGone("its process is not there any more")
 
-    async def batches(self) -> AsyncIterator[Sequence[Update]]:
+    async def batches(self) -> AsyncIterator[Sequence[Arrival]]:
         while True:
             await self._arrived.wait()
             self._arrived.clear()
             if self._updates:
                 batch = list(self._updates)
                 self._updates.clear()
+                self._taken.set()
                 yield batch
             if self.over.is_set() and not self._updates:
                 self._arrived.set()  # for whoever asks again

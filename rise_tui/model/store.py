@@ -27,7 +27,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
     TimingRecord,
 )
-from rise_engine.link.client import Hello, Journaling, Pulse, Update
+from rise_engine.link.client import Arrival, Hello, Journaling, Pulse, Resync
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.view import ActView, RuleView, View
 from rise_tui.model import control
@@ -71,6 +71,10 @@ _TASK: dict[str, frozenset[Topic]] = {
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
 _OTHER_TASK: frozenset[Topic] = frozenset({"tasks"})
+
+LEFT_OUT = "so much happens at once that this console leaves some of it out; what it shows is the state as it is"
+LEFT_OUT_AGAIN = 10.0
+"""Seconds before that is said again."""
 
 BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
 
@@ -152,6 +156,8 @@ class Store:
     _waits: Waits = field(init=False)
     _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
     _estimates: dict[str, float] = field(default_factory=dict)
+    _left_out: float = -LEFT_OUT_AGAIN
+    """Session time at which it was said that records are left out."""
 
     def __post_init__(self) -> None:
         self._unheard, self._waits = Unheard(self.missed), Waits(self.scenario)
@@ -290,7 +296,7 @@ class Store:
     def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
 
-    def apply(self, updates: Sequence[Update]) -> set[Topic]:
+    def apply(self, updates: Sequence[Arrival]) -> set[Topic]:
         """Take a batch in; returns what changed."""
         changed: set[Topic] = set()
         noticed = self.notice
@@ -300,6 +306,10 @@ class Store:
                 continue
             if isinstance(record, Pulse):
                 self.pulse = record  # the clock's next second shows it
+                continue
+            if isinstance(record, Resync):
+                self._renew(record)
+                changed |= EVERYTHING
                 continue
             if isinstance(record, TaskRecord):
                 changed |= self._task(record)
@@ -345,6 +355,24 @@ class Store:
         """That the oldest tasks are in the record only, for whoever looks for one; empty while all are here."""
         count = self.view.forgotten
         return f"{count:,} older {'task is' if count == 1 else 'tasks are'} in the record only" if count else ""
+
+    def _renew(self, anew: Resync) -> None:
+        """This console lay so far behind that records were left out: the truth is in the new state."""
+        had = self.has_control
+        self.view.renew(anew.view, anew.tasks)
+        for task in anew.view.tasks.values():
+            if task.ref is not None:
+                self.sent.pop(task.ref, None)
+        self.log = list(self.view.tasks)
+        self.said = next((id for id in reversed(self.log) if self.view.tasks[id].function == "say"), 0)
+        self.changes.forget()
+        self._unheard.forget()
+        if had and not self.has_control:
+            self.taken = control.Taken(self.view.control, None)
+        self._trim()
+        if self.view.t > self._left_out + LEFT_OUT_AGAIN:
+            self._left_out = self.view.t
+            self.notice = Notice(LEFT_OUT, "wait")
 
     def _trim(self) -> None:
         """The view has forgotten its oldest tasks."""

@@ -29,7 +29,7 @@ def process_launcher(who: str, role: Role) -> Launcher:
         while True:
             found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
             if not isinstance(found, Refused):
-                return SocketClient(found.name, who, role, scenario=scenario)
+                return SocketClient(found.name, who, role, scenario=scenario, resync=True)
             if found.code != RUNNING or monotonic() > until:
                 break
             sleep(0.1)
@@ -48,13 +48,13 @@ def process_launcher(who: str, role: Role) -> Launcher:
         wanted = Options(folder, unfinished=hello.folder)
         found = start_engine(wanted, tell) if role == "wizard" else None
         if isinstance(found, Started):
-            return Recovered(SocketClient(found.name, who, role), told_of(found))
+            return Recovered(SocketClient(found.name, who, role, resync=True), told_of(found))
         if found is not None and found.code != RUNNING:
             raise EngineGone("; ".join(found.lines))
         if found is not None and found.socket:
-            return Recovered(SocketClient(found.socket, who, role))
+            return Recovered(SocketClient(found.socket, who, role, resync=True))
         if name not in running():
             raise EngineGone("nobody has recovered it yet")
-        return Recovered(SocketClient(name, who, role))  # somebody else has
+        return Recovered(SocketClient(name, who, role, resync=True))  # somebody else has
 
     return Launcher(start=start, outlives=True, recover=recover)

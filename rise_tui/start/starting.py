@@ -372,7 +372,7 @@ def _open_on(name: str, settings: Settings | None, asked: Asked, keys: KeyFile |
     from rise_tui.start.launch_process import process_launcher
 
     name_here, said = who(asked, name)
-    client = SocketClient(name, name_here, asked.role)
+    client = SocketClient(name, name_here, asked.role, resync=True)
     if told and said:
         said = said.partition(",")[0]  # a line of 80 cells has no room for more
     told = "; ".join(filter(None, (told, said)))

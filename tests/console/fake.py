@@ -22,6 +22,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.link.client import (
+    Arrival,
     ClientInput,
     EngineGone,
     Hello,
@@ -204,7 +205,7 @@ class FakeClient:
             journaling=self.journaling,
         )
 
-    async def records(self) -> AsyncIterator[Sequence[Update]]:
+    async def records(self) -> AsyncIterator[Sequence[Arrival]]:
         while (batch := await self._queue.get()) is not None:
             if isinstance(batch, EngineGone):
                 raise batch

@@ -12,7 +12,7 @@ from typing import Any
 from rise_engine.clock import RealClock
 from rise_engine.engine import Engine
 from rise_engine.link import places
-from rise_engine.link.client import Client, EngineGone, Hello, Journaling, Pulse, Update
+from rise_engine.link.client import Arrival, Client, EngineGone, Hello, Journaling, Pulse, Resync
 from rise_engine.link.places import Claim
 from rise_engine.link.room import Room
 from rise_engine.link.server import Server
@@ -37,8 +37,8 @@ class Served:
         self.engine, self.room, self.server, self.claim, self.folder = engine, room, server, claim, folder
         self.name, self.path = claim.name, claim.socket
 
-    def client(self, who: str = "anna", role: Any = "wizard") -> SocketClient:
-        return SocketClient(self.path, who, role)
+    def client(self, who: str = "anna", role: Any = "wizard", *, resync: bool = False) -> SocketClient:
+        return SocketClient(self.path, who, role, resync=resync)
 
 
 @asynccontextmanager
@@ -85,6 +85,7 @@ class Follower:
         self.view = View()
         self.journaling: list[Journaling] = []
         self.pulses: list[Pulse] = []
+        self.resyncs = 0
         self.error: EngineGone | None = None
         self._changed = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -96,7 +97,7 @@ class Follower:
         self._task = asyncio.create_task(self._follow(self.client.records()))
         return self
 
-    async def _follow(self, updates: AsyncIterator[Sequence[Update]]) -> None:
+    async def _follow(self, updates: AsyncIterator[Sequence[Arrival]]) -> None:
         try:
             async for batch in updates:
                 for update in batch:
@@ -104,6 +105,10 @@ class Follower:
                         self.journaling.append(update)
                     elif isinstance(update, Pulse):
                         self.pulses.append(update)
+                    elif isinstance(update, Resync):
+                        self.resyncs += 1
+                        self.view.renew(update.view, update.tasks)
+                        assert len(self.view.tasks) == update.tasks
                     else:
                         assert update.seq == self.view.seq + 1, "a gap"
                         self.view.apply(update)

@@ -61,7 +61,7 @@ async def _flooded(place: Path) -> tuple[float, float, str]:
     assert engine.stdout is not None
     path = (await engine.stdout.readline()).decode().strip()
     clock = await run("-S", "-c", CLOCK)
-    wizard = await Follower(SocketClient(Path(path), "anna")).attach()
+    wizard = await Follower(SocketClient(Path(path), "anna", resync=True)).attach()
     flood = await run(str(Path(__file__).with_name("flooding.py")), path, str(SECONDS))
     slowest, stops = 0.0, 0
     async with asyncio.timeout(60):
