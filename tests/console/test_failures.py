@@ -209,6 +209,23 @@ async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_
         await it.until(lambda: not it.screen.failure.display)
 
 
+async def test_its_keys_can_be_clicked_too() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.act("Greet", "ABORTED", reason="no voice")
+        await shown(it)
+        *others, keys = it.screen.failure.text.splitlines()
+        await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), 0))
+        await it.pilot.click(it.screen.failure, offset=(0, len(others)))
+        assert it.client.asked() == []
+        await it.pilot.click(it.screen.failure, offset=(keys.index("without"), len(others)))
+        await it.sent("goOn", "1")
+        assert it.client.asked() == [("goOn", "1")]
+        it.client.act("Praise", "ABORTED", reason="no voice")
+        await it.until(lambda: "Praise" in it.screen.failure.text and it.screen.failure.display)
+        await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), len(others)))
+        await it.sent(ACT, "Praise")
+
+
 async def test_what_was_said_freely_is_said_again() -> None:
     async with console() as it:
         it.client.task("say", "One moment please", "ABORTED", reason="no voice")
