@@ -222,6 +222,7 @@ async def test_its_keys_can_be_clicked_too() -> None:
         assert it.client.asked() == [("goOn", "1")]
         it.client.act("Praise", "ABORTED", reason="no voice")
         await it.until(lambda: "Praise" in it.screen.failure.text and it.screen.failure.display)
+        *others, keys = it.screen.failure.text.splitlines()
         await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), len(others)))
         await it.sent(ACT, "Praise")
 
