@@ -66,8 +66,6 @@ def news(record: AnyRecord) -> Notice | None:
     match record:
         case TaskRecord(status="REJECTED"):
             return Notice(f"{describe(record.function, record.behavior)} was rejected: {record.reason}", "wait")
-        case TaskRecord(status="ABORTED", function="startCommunicationRobotAct" | "say"):
-            return None  # a bar of its own says it, and stays
         case TaskRecord(status="ABORTED"):
             return Notice(f"{describe(record.function, record.behavior)} failed: {record.reason}", "fault")
         case RuleRecord(status="faulted"):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from rise_tui.actions import key_for
+from textual import events
+
+from rise_tui.actions import key_for, key_in_words
+from rise_tui.messages import ActionAsked
 from rise_tui.model import failures
 from rise_tui.model.alarms import alarms, degraded, lines
 from rise_tui.model.control import short, taken_words
 from rise_tui.model.store import Store
-from rise_tui.text import Line, crop
+from rise_tui.text import Line, crop, plain
 from rise_tui.widgets.line import Lines
 
 LEAST = 5
@@ -85,3 +88,13 @@ class FailureBar(Lines):
         if len(shown) != len(self.lines):
             self.styles.height = max(1, len(shown))
         self.show(*shown)
+
+    def on_click(self, event: events.Click) -> None:
+        """Each key in the last line can be clicked, with the words after it."""
+        if event.y != len(self.lines) - 1:
+            return
+        line = plain(self.lines[-1])
+        places = {id: line.find(key_in_words(id)) for id in ("repeat", "go-on")}
+        meant = [id for id, at in places.items() if 0 <= at <= event.x]
+        if meant:
+            self.post_message(ActionAsked(max(meant, key=lambda id: places[id])))

@@ -187,6 +187,16 @@ async def test_it_stays_on_every_pane_until_it_is_answered(size: tuple[int, int]
         await it.until(lambda: not it.screen.failure.display)
 
 
+async def test_beside_an_alarm_the_panes_can_still_be_seen() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.task("say", " ".join(["word"] * 200), "ABORTED", reason="a reason of some length " * 9)
+        await shown(it)
+        it.client.stop("latched", ("pepper/speech",))
+        await it.until(lambda: it.screen.alarm.display and it.screen.alarm.region.height == 3)
+        await it.until(lambda: "ctrl+k go on" in it.screen.failure.text)
+        assert it.screen.panes.region.height >= 4 and it.screen.failure.region.height >= 5
+
+
 async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_bar_away() -> None:
     async with console() as it:
         it.client.act("Greet", "ABORTED", reason="no voice")
@@ -197,6 +207,24 @@ async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_
         await it.until(lambda: "it runs again" in it.screen.failure.text)
         it.client.end_task(2, "Greet")
         await it.until(lambda: not it.screen.failure.display)
+
+
+async def test_its_keys_can_be_clicked_too() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.act("Greet", "ABORTED", reason="no voice")
+        await shown(it)
+        *others, keys = it.screen.failure.text.splitlines()
+        await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), 0))
+        await it.pilot.click(it.screen.failure, offset=(0, len(others)))
+        assert it.client.asked() == []
+        await it.pilot.click(it.screen.failure, offset=(keys.index("without"), len(others)))
+        await it.sent("goOn", "1")
+        assert it.client.asked() == [("goOn", "1")]
+        it.client.act("Praise", "ABORTED", reason="no voice")
+        await it.until(lambda: "Praise" in it.screen.failure.text and it.screen.failure.display)
+        *others, keys = it.screen.failure.text.splitlines()
+        await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), len(others)))
+        await it.sent(ACT, "Praise")
 
 
 async def test_what_was_said_freely_is_said_again() -> None:

@@ -80,6 +80,24 @@ async def test_ending_names_who_and_all_that_runs(size: tuple[int, int]) -> None
         assert box.height <= size[1] and it.app.screen.query_one("#word").region.y < box.bottom - 1
 
 
+async def test_stop_works_while_the_word_is_typed_and_the_question_stays() -> None:
+    async with console() as it:
+        await asked_to_end(it)
+        await it.press("e", "n", "f9")
+        await it.sent("stopAll", "")
+        assert isinstance(it.app.screen, EndQuestion) and it.client.closed == []
+        await it.press("d", "enter")
+        await it.until(lambda: it.client.closed == [True])
+
+
+async def test_who_has_locked_the_keys_can_still_end_the_session() -> None:
+    async with console() as it:
+        await it.press("ctrl+n")
+        await asked_to_end(it)
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: it.client.closed == [True])
+
+
 async def test_of_much_that_runs_it_is_said_how_much_more() -> None:
     client = FakeClient(demo())
     for _ in range(9):
