@@ -28,6 +28,8 @@ AHEAD = 4
 """Rows below the present state that should be in view with it."""
 USUAL = 0.6
 """The reasons keep room for this share of a rule's states; only the others move the graph."""
+TINY = 5
+"""Rows up to which there is room for reasons alone."""
 LEAST_GRAPH = 2
 """Rows that the graph keeps in a pane where there is little room: the reasons come first."""
 GAP = 12
@@ -154,7 +156,7 @@ class RulePane(ListPane):
         room = self.size.height - 1
         gap = int(room > GAP)
         need = max(self._usual_rows(rule), self.list.count)
-        share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH
+        share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH * (room > TINY)
         rows = max(1, min(need, share))
         if self.list.styles.height is None or self.list.styles.height.value != rows:
             self.list.styles.height = rows

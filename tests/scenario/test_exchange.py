@@ -108,7 +108,8 @@ def test_any_memory_keeps_its_values_types_and_order(memory: dict[str, Any]) -> 
 
 def test_half_a_character_is_refused_and_not_changed() -> None:
     with pytest.raises(ValueError, match="surrogates"):
-        to_json(replace(BLANK, folder="/studies/\udcff"))
+        to_json(replace(BLANK, title="\udcff"))
+    assert from_json(to_json(replace(BLANK, folder="/studies/\udcff"))).folder == "/studies/\udcff"  # bytes of a path
 
 
 @pytest.mark.parametrize(
