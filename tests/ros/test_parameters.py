@@ -136,7 +136,7 @@ def test_both_readers_of_yaml_say_the_same(tmp_path: Path, monkeypatch: pytest.M
     file.write_text(FILE + "/**/gaze_trigger:\n  ros__parameters: {keyword: [007, 'a: b', yes]}\n")
     lines = (["--params-file", str(file), "-r", "__ns:=/lab"], ["-p", "topic:=0o7"], ["-p", "keyword:=[a, 1.0]"])
     first = [options(*line) for line in lines]
-    assert first[0][:3] == ["--keyword=007", "--keyword=a: b", "--keyword=yes"]
+    assert first[0][1:4] == ["--keyword=007", "--keyword=a: b", "--keyword=yes"]
     monkeypatch.setitem(sys.modules, "yaml", None)
     assert [options(*line) for line in lines] == first
     with pytest.raises(PortError, match="is not YAML"):
