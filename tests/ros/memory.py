@@ -499,6 +499,7 @@ class Definitions:
     def __init__(self, given: Mapping[str, Mapping[str, str]]) -> None:
         self._given = {**_BASIC, **{name: dict(fields) for name, fields in given.items()}}
         self._known: Any = _shipped_types()
+        self._unknown: set[str] = set()
 
     def fields(self, type: str) -> Mapping[str, str]:
         found = self._find(type)
@@ -525,12 +526,12 @@ class Definitions:
     def _find(self, type: str) -> Mapping[str, str] | None:
         if type in self._given:
             return self._given[type]
-        if self._known is not None:
+        if self._known is not None and type not in self._unknown:
             try:
                 fields: Mapping[str, str] = self._known.fields(type)
                 return fields
-            except PortError:
-                pass
+            except PortError:  # found out once: it looks through every package that is sourced, for the nearest name
+                self._unknown.add(type)
         for ending, implied in _implied(type):
             if type.endswith(ending):
                 return implied

@@ -205,9 +205,9 @@ async def test_a_session_that_has_crashed_is_in_nobodys_way(tmp_path: Path, wire
 async def test_of_sessions_that_begin_at_once_exactly_one_does(tmp_path: Path, wired: Wired, at_once: int) -> None:
     scenario = study(tmp_path, mode="debug")
     begun = await asyncio.gather(*(opened(scenario) for _ in range(at_once)), return_exceptions=True)
-    assert [isinstance(each, BridgeError) for each in begun] == [False] + [True] * (at_once - 1)
-    assert isinstance(begun[0], Ros2Bridge)
-    await begun[0].close()
+    (one,) = [each for each in begun if isinstance(each, Ros2Bridge)]
+    assert sum(isinstance(each, BridgeError) for each in begun) == at_once - 1
+    await one.close()
 
 
 async def test_of_two_that_begin_at_once_both_decide_the_same_whatever_their_clocks_say() -> None:

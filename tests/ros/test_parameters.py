@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,10 @@ def options(*arguments: str, written: tuple[str, ...] = ()) -> list[str]:
         (["--param", "dwell:=0.5", "-p", "dwell:=2"], ["--dwell=2"]),
         (["-p", "topic:=/eyes/gaze"], ["--topic=/eyes/gaze"]),
         (["-p", "topic:='yes: no'"], ["--topic=yes: no"]),
+        (["-p", "topic:=007"], ["--topic=007"]),
+        (["-p", "topic:=1e3"], ["--topic=1e3"]),
+        (["-p", "topic:="], ["--topic="]),
+        (["-p", "topic:=~"], ["--topic=~"]),
         (["-p", "live_speech:=true"], ["--live-speech"]),
         (["-p", "live-speech:=true"], ["--live-speech"]),
         (["-p", "live_speech:=false"], []),
@@ -58,12 +63,11 @@ def test_parameters_become_options(arguments: list[str], words: list[str]) -> No
         (["-p", "dwel:=1"], "the parameter dwel is unknown; did you mean `dwell`?"),
         (["-p", "x:=1"], "parameter x is unknown; known: `dwell`, `topic`, `live_speech`, `keyword`, `use_sim_time`"),
         (["-p", "use_sim_time:=true"], "this program does not follow /clock: people take part"),
-        (["-p", "use_sim_time:=maybe"], "the parameter use_sim_time is 'maybe'"),
+        (["-p", "use_sim_time:=maybe"], "the parameter use_sim_time is maybe, and"),
         (["-p", "qos_overrides./rise/record.publisher.depth:=5"], "the quality of service of this program's topics is"),
-        (["-p", "live_speech:=2"], "the parameter live_speech is true or false, not 2"),
-        (["-p", "dwell:=[1, 2]"], r"the parameter dwell is one value, not the list \[1, 2\]"),
+        (["-p", "live_speech:=2"], "the parameter live_speech is true or false, not '2'"),
+        (["-p", "dwell:=[1, 2]"], r"the parameter dwell is one value, not the list \['1', '2'\]"),
         (["-p", "dwell:={a: 1}"], "the parameter dwell cannot be"),
-        (["-p", "dwell:="], "the parameter dwell cannot be"),
         (["-p", "dwell=1"], "'dwell=1' is no parameter; one looks like name:=value"),
         (["-p", "dwell:=[1"], "is not YAML"),
         (["-p"], "something must follow -p"),
@@ -122,6 +126,21 @@ def test_a_file_of_parameters(tmp_path: Path) -> None:
             options("--params-file", str(file))
     file.write_text("")
     assert options("--params-file", str(file)) == []
+
+
+def test_both_readers_of_yaml_say_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """ROS comes with one, the extra `dds` with the other."""
+    pytest.importorskip("yaml")
+    pytest.importorskip("ruamel.yaml")
+    file = tmp_path / "params.yaml"
+    file.write_text(FILE + "/**/gaze_trigger:\n  ros__parameters: {keyword: [007, 'a: b', yes]}\n")
+    lines = (["--params-file", str(file), "-r", "__ns:=/lab"], ["-p", "topic:=0o7"], ["-p", "keyword:=[a, 1.0]"])
+    first = [options(*line) for line in lines]
+    assert first[0][1:4] == ["--keyword=007", "--keyword=a: b", "--keyword=yes"]
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    assert [options(*line) for line in lines] == first
+    with pytest.raises(PortError, match="is not YAML"):
+        options("-p", "dwell:=[1")
 
 
 def test_the_session_takes_its_command_line_as_parameters() -> None:

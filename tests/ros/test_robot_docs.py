@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rise_adapters.ros2.action_server import RESULT_TIMEOUT
 from rise_adapters.ros2.carriers import Carrier, Options, read_carriers, read_options
 from rise_adapters.ros2.types import Types
 
@@ -239,3 +240,16 @@ def test_the_defaults_of_the_options_and_deadlines() -> None:
     told = re.findall(r"^\| `(wrapper|frame|deadlines|error|share)` \| (.*?) \|", ROBOTS, re.M)
     assert {name for name, _ in told} >= set(Options.__struct_fields__)
     assert dict(told)["frame"] == f"`{defaults.frame}`"
+
+
+def test_the_reference_wrapper_keeps_results_as_long_as_its_page_says() -> None:
+    """E9: rclpy's own 15 minutes make an act four to ten times as slow after some thousand goals; with 0, results are
+    gone before anybody can ask for them."""
+    root = Path(__file__).parents[2]
+    wrapper = (root / "adapters" / "rise_ros" / "rise_ros" / "robot_wrapper.py").read_text("utf-8")
+    page = (root / "docs" / "how-to" / "wrap-a-robot.md").read_text("utf-8")
+    servers = re.findall(r"ActionServer\((?:[^()]|\([^()]*\))*\)", wrapper)
+    assert len(servers) == 1
+    (seconds,) = re.findall(r"result_timeout=(\d+)", servers[0])
+    assert set(re.findall(r"result_timeout=(\d+)", page)) == {seconds}
+    assert 5 <= int(seconds) <= 30 and float(seconds) == RESULT_TIMEOUT

@@ -27,9 +27,9 @@ from msgspec import Struct
 from rise_adapters.ros2.port import Message, PortError, QoS, Transport
 
 TOPIC, TYPE = "rise/session", "std_msgs/msg/String"
-LISTEN = 0.7
+LISTEN = 1.0
 """Seconds for which others are listened for; to find each other takes programs on one network some hundredths."""
-LISTEN_ON = 0.8
+LISTEN_ON = 1.0
 """Seconds more, when there is another one that has not said anything yet."""
 _LOOK = 0.02
 _LONGEST = 100

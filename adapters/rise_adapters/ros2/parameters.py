@@ -38,7 +38,7 @@ class Given(Struct, frozen=True):
 
     name: str
     value: Any
-    """What YAML makes of it."""
+    """A text, or a list of them: what it means is up to the option. (So the participant 007 stays 007.)"""
     for_all: bool = False
     """It stands in a file for whatever nodes there are (`/**`): one that does not know it passes it over."""
 
@@ -80,7 +80,8 @@ def split(arguments: Sequence[str], node: str) -> tuple[list[Given], tuple[str, 
         if not separator or not name:
             raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
         if whose in ("", own, full):
-            given.append(Given(name, _yaml(text, f"{argument} {value}")))
+            read = _yaml(text, f"{argument} {value}")
+            given.append(Given(name, "" if read is None else read))
     return given, tuple(others)
 
 
@@ -115,27 +116,34 @@ def as_options(
 
 
 def _no_sim_time(value: Any) -> None:
-    if value is not False:
+    if _truth(value) is not False:
         raise PortError(
-            f"the parameter {SIM_TIME} is {_shown(value)}, and this program does not follow /clock: people take part, "
+            f"the parameter {SIM_TIME} is {value}, and this program does not follow /clock: people take part, "
             "and the record is in their time; leave it out (`--speed` makes a rehearsal faster)"
         )
 
 
 def _words(name: str, option: Option, value: Any) -> Iterator[str]:
     if option.switch:
-        if not isinstance(value, bool):
-            raise PortError(f"the parameter {name} is true or false, not {_shown(value)}")
-        if value:
+        truth = _truth(value)
+        if truth is None:
+            raise PortError(f"the parameter {name} is true or false, not {value!r}")
+        if truth:
             yield option.flag
         return
     values = value if isinstance(value, list) else [value]
     if isinstance(value, list) and not option.many:
-        raise PortError(f"the parameter {name} is one value, not the list {_shown(value)}")
+        raise PortError(f"the parameter {name} is one value, not the list {value!r}")
     for each in values:
-        if isinstance(each, dict | list) or each is None:
-            raise PortError(f"the parameter {name} cannot be {_shown(each)}")
-        yield f"{option.flag}={str(each).lower() if isinstance(each, bool) else each}"
+        if not isinstance(each, str):
+            raise PortError(f"the parameter {name} cannot be {each!r}")
+        yield f"{option.flag}={each}"
+
+
+def _truth(value: Any) -> bool | None:
+    """As YAML 1.1, which ROS reads."""
+    word = value.casefold() if isinstance(value, str) else ""
+    return True if word in ("true", "yes", "on", "y") else False if word in ("false", "no", "off", "n") else None
 
 
 def _node(arguments: Sequence[str], node: str) -> tuple[str, str]:
@@ -156,7 +164,7 @@ def _of_file(path: Path, full: str) -> Iterator[Given]:
         read = _yaml(path.read_text("utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise PortError(f"--params-file {path} cannot be read: {error}") from None
-    if read is None:
+    if not read:
         return
     found = list(_sections(read, "", str(path)))
     # What is said of this node counts more than what is said of all.
@@ -171,7 +179,7 @@ def _sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str
         raise PortError(f"--params-file {path}: below a node's name stands `ros__parameters:`, and below that its own")
     for key, value in table.items():
         if key == "ros__parameters":
-            if value is not None and not isinstance(value, dict):
+            if value and not isinstance(value, dict):
                 raise PortError(f"--params-file {path}: below ros__parameters stand names with values")
             yield where, value or {}
         else:
@@ -194,20 +202,18 @@ def _flat(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
 
 
 def _yaml(text: str, where: str) -> Any:
-    """The extra `dds` comes with one reader of YAML, and ROS with another."""
+    """Its structure, with texts for all that is no list and no table. The extra `dds` comes with one reader of YAML,
+    ROS with another."""
     try:
         try:
-            return import_module("yaml").safe_load(text)
+            yaml = import_module("yaml")
+            return yaml.load(text, Loader=yaml.BaseLoader)
         except ModuleNotFoundError:
-            return import_module("ruamel.yaml").YAML(typ="safe", pure=True).load(text)
+            return import_module("ruamel.yaml").YAML(typ="base", pure=True).load(text)
     except ModuleNotFoundError:
         raise PortError("parameters need a reader of YAML: pip install 'rise-tui[dds]', or source ROS") from None
     except Exception as error:  # both have many
         raise PortError(f"--ros-args: {where} is not YAML: {' '.join(str(error).split())}") from None
-
-
-def _shown(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 # --- what others see ------------------------------------------------------------------------------------------------
