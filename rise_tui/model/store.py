@@ -363,8 +363,7 @@ class Store:
         for task in anew.view.tasks.values():
             if task.ref is not None:
                 self.sent.pop(task.ref, None)
-        self.log = list(self.view.tasks)
-        self.said = next((id for id in reversed(self.log) if self.view.tasks[id].function == "say"), 0)
+        self.said = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.changes.forget()
         self._unheard.forget()
         if had and not self.has_control:
