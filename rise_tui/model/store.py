@@ -366,6 +366,7 @@ class Store:
         self.said = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.changes.forget()
         self._unheard.forget()
+        self.speeches.take_in(self.view)
         if had and not self.has_control:
             self.taken = control.Taken(self.view.control, None)
         self._trim()
