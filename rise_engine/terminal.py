@@ -60,7 +60,7 @@ class CleanStream:
         if self._may_fail:
             _to_nowhere(self._stream)
         else:
-            raise OutputError(error.strerror or str(error)) from error
+            raise _output_error(error) from error
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -114,7 +114,13 @@ def _write(data: bytes) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise OutputError(error.strerror or str(error)) from error
+        raise _output_error(error) from error
+
+
+def _output_error(error: OSError) -> OutputError:
+    from rise_engine.session.disk import sentence  # rarely needed
+
+    return OutputError(sentence(error))
 
 
 def _guard_streams() -> None:

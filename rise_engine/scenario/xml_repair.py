@@ -26,6 +26,7 @@ _ANY_QUOTE = re.compile(f"[\"'{DOUBLE}{SINGLE}]")
 _CURLY_LAST = re.compile(r"[\r\n]|<[\w/!?]")
 _CURLY_ENDS = re.compile(rf"{GAP}*+(?:/?>|[^\W\d][\w.:-]*\s*=\s*[\"'{DOUBLE}{SINGLE}])")
 _LINE_END = re.compile(r"[\r\n]")
+_LEFT_BY_GIT = re.compile(r"(?<![^\n])<{7}(?: [^\r\n]*)?(?=\r?\n|\Z)")
 _LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
 _GAP = re.compile(rf"{GAP}*+")
 _EQUALS = re.compile(rf"{GAP}*+={GAP}*+")
@@ -89,6 +90,12 @@ def mend(source: Source, findings: Findings) -> Mended:
             at = _reference(text, here, run_bad)
             continue
         skip = next((closing for opening, closing in _SKIP if text.startswith(opening, here)), None)
+        if (left := _LEFT_BY_GIT.match(text, here)) is not None:
+            message = "git left this line here when it could not join two versions; delete it, and keep one of them"
+            findings.error("merge-conflict", source.place(here), message)
+            mended.replace(here, left.end(), "")
+            at = left.end()
+            continue
         if skip is None and not _NAME.match(text, _first_of_name(text, here)):
             run_bad.append((here, "&lt;"))
             at = here + 1

@@ -54,7 +54,7 @@ def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> 
         done = subprocess.run([ENGINE, *words], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (
         CANNOT_WRITE,
-        "error: standard output cannot be written: No space left on device\n",
+        "error: standard output cannot be written: the disk is full\n",
     )
 
 
@@ -211,7 +211,7 @@ def test_a_stream_that_fails() -> None:
         def write(self, text: str) -> int:
             raise OSError(28, "No space left on device")
 
-    with pytest.raises(OutputError, match="No space"):
+    with pytest.raises(OutputError, match="the disk is full"):
         CleanStream(Full(), may_fail=False).write("a")
     assert CleanStream(Full(), may_fail=True).write("a") == 1
     kept = io.StringIO()

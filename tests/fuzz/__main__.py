@@ -1,6 +1,6 @@
 """Reads and checks mutated scenarios, and tells those that make the program fall, hang or blame itself.
 
-    python -m tests.fuzz --count 100000      (./dev fuzz)
+    python -m tests.fuzz --count 100000      (./dev fuzz; ctrl+c ends it and tells what was found so far)
 
 Everything happens in one process. Of a scenario only the mutated file is written anew. A mutation is known by the seed
 and its number, so that one that went wrong can be had again: --seed S --from N --count 1 --keep FOLDER.
@@ -18,7 +18,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -172,10 +172,12 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write the files that went wrong there")
     options = parser.parse_args()
     faulthandler.enable()
+    for number in (signal.SIGINT, signal.SIGTERM):  # also when it was started in the background of a script
+        signal.signal(number, signal.default_int_handler)
     seconds: list[float] = []
     wrong = accepted = findings = slow = 0
     kinds: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory(prefix="rise-fuzz-") as folder:
+    with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory(prefix="rise-fuzz-") as folder:
         fuzz = Fuzz(Path(folder), options.seed)
         for number in range(options.first, options.first + options.count):
             case = fuzz.case(number)
@@ -193,6 +195,8 @@ def main() -> int:
                     (options.keep / f"{case.number}-{Path(case.file).name}").write_bytes(case.content)
             if len(seconds) % 5000 == 0:
                 print(f"{len(seconds)} ...", file=sys.stderr, flush=True)
+    if not seconds:
+        return 1
     seconds.sort()
     of_kinds = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
     print(

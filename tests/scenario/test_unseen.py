@@ -126,6 +126,11 @@ def test_a_merge_that_was_not_resolved(tmp_path: Path, file: str, text: str, lin
     assert ">>>>>>>" in result.findings[0].message and "keep one" in result.findings[0].message
 
 
+def test_only_the_first_mark_is_left(tmp_path: Path) -> None:
+    result = loaded(tmp_path, {"rules/r.xml": RULE.format("\n<<<<<<< HEAD\n<onEntry/>")})
+    assert found(result) == ["rules/r.xml:3:1 merge-conflict"]
+
+
 def test_what_only_looks_like_one(tmp_path: Path) -> None:
     text = RULE.format("<!--\n<<<<<<< see below\n-->").replace("<State", "<!--\n=======\n--><State")
     assert loaded(tmp_path, {"rules/r.xml": text}).findings == []
