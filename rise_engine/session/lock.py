@@ -30,10 +30,11 @@ from rise_engine.session.disk import sentence
 from rise_engine.session.errors import SessionError
 
 NOTE = "engine.json"
-TRIES, TRY_SECONDS = 20, 0.01
-"""Somebody who looks whether a session runs holds its lock for a moment."""
-START_TRIES = 500
-"""How often it is tried to be the only engine that is just beginning."""
+TRIES, TRY_SECONDS = 500, 0.01
+"""How often it is tried, while others only look whether a session runs (they hold its lock for a moment, with others),
+or are just beginning one."""
+RUNS = 20
+"""So many times the lock is held by one alone: that is an engine."""
 ONE_MACHINE = frozenset(
     {
         *("bcachefs", "btrfs", "ext2", "ext3", "ext4", "f2fs", "jfs", "reiserfs", "xfs", "zfs"),
@@ -203,7 +204,7 @@ def beginning(sessions: Path) -> Iterator[None]:
         yield
         return
     try:
-        for left in reversed(range(START_TRIES)):
+        for left in reversed(range(TRIES)):
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
@@ -252,6 +253,7 @@ def user() -> str:
 
 def _take(journal: Path) -> tuple[int, bool]:
     """A descriptor of the journal that holds its lock; False with it where nothing can be locked."""
+    alone = 0
     for _ in range(TRIES):
         try:
             descriptor = os.open(journal, os.O_RDWR | os.O_CLOEXEC)
@@ -281,6 +283,9 @@ def _take(journal: Path) -> tuple[int, bool]:
                 os.close(descriptor)
                 raise SessionError(f"{journal} cannot be locked: {sentence(error)}") from None
         os.close(descriptor)
+        alone += is_locked(journal)
+        if alone == RUNS:
+            break
         time.sleep(TRY_SECONDS)
     raise JournalLocked(journal.parent, holder_of(journal.parent))
 

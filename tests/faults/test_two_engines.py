@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import platform
@@ -10,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -215,12 +217,15 @@ def test_a_forked_process_does_not_hold_the_lock(tmp_path: Path) -> None:
     lock = JournalLock(tmp_path / JOURNAL)
     sleeping = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, close_fds=False)
     ready, go = os.pipe()
+    forked, there = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(go)
+        os.write(there, b".")
         os.read(ready, 1)
         os._exit(0)
     os.close(ready)
+    assert os.read(forked, 1) == b"."
     try:
         assert is_locked(tmp_path / JOURNAL), "the child that lets go of it takes it from nobody"
         lock.release()
@@ -229,6 +234,8 @@ def test_a_forked_process_does_not_hold_the_lock(tmp_path: Path) -> None:
     finally:
         os.close(go)
         os.waitpid(child, 0)
+        os.close(forked)
+        os.close(there)
         sleeping.communicate(b"\n")
 
 
@@ -391,3 +398,14 @@ def test_who_is_refused_is_told_even_without_a_note(tmp_path: Path) -> None:
     lock.release()
     with pytest.raises(SessionError, match="there is no journal"):
         JournalLock(tmp_path / "nothing.jsonl")
+
+
+def test_those_who_look_whether_it_runs_keep_nobody_from_taking_it(tmp_path: Path) -> None:
+    """However long one of them stands still while it looks."""
+    (tmp_path / JOURNAL).touch()
+    looking = os.open(tmp_path / JOURNAL, os.O_RDONLY)
+    fcntl.flock(looking, fcntl.LOCK_SH)
+    ends = threading.Timer(0.5, os.close, (looking,))
+    ends.start()
+    JournalLock(tmp_path / JOURNAL).release()
+    ends.join()
