@@ -171,6 +171,7 @@ def killed(study: Path, *arguments: object) -> Path:
     """A session that did not end."""
     it = Serving(study, *arguments)
     record = it.record
+    wait_for_record(record, b'"kind":"robot"')
     it.end(signal.SIGKILL)
     return record
 
