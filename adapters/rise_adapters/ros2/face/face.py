@@ -213,7 +213,7 @@ class Face:
             else:
                 reason += f", and not by {who}"
         elif who in self._transport.clients_of(action):
-            member = self._room.attach(who.rpartition("/")[2], "node", f"ros:{who}")
+            member = self._room.attach("node", "node", f"ros:{who}")
             self._send(goal, Submit(function="releaseStop", ref=goal.hex), member)
             self._loop.call_soon(self._room.leave, member)
             return
