@@ -11,6 +11,7 @@ thousand deep, is no deeper than the first.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -33,6 +34,13 @@ from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord,
 
 STEP_LIMIT = 1_000
 """Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
+LONGEST_GO = 100
+"""How often that is looked for in one go, in vain, before the go counts as one without an end."""
+
+MULTIPLIED = (
+    f"what one input set off took more than {STEP_LIMIT * LONGEST_GO:,} steps, and this rule went on adding to them; "
+    "probably it answers each event with several, and so do others before it"
+)
 
 Rank = tuple[float, int]
 """Priority and recency: larger is nearer the top of the stack. Unique, because stamps are."""
@@ -74,6 +82,7 @@ class RuleMachine:
         "_core",
         "_dirty",
         "_frames",
+        "_long",
         "_memory",
         "_submit",
         "_top",
@@ -101,6 +110,8 @@ class RuleMachine:
         """The running rules by name, bottom first."""
         self._top: RuleRun | None = None
         """The last of the stack."""
+        self._long = (-1, 0)
+        """The input in which a rule went on although it had taken STEP_LIMIT steps, and how often that was in it."""
 
     @property
     def memory(self) -> WorkingMemory:
@@ -342,12 +353,25 @@ class RuleMachine:
         if who is None and self._core.resumed == self._core.step:  # the chain began in an earlier input
             most, who = run.steps - 1, run
         if who is None:
+            self._stop_multiplier()
             run.steps = 1
-            return True
+            return run.alive
         others = [name for name, number in times.items() if number > 1 and name != who.name]
         self._end(who, "faulted", "ABORTED", _ran_away(most - (who is run), others, run))
         run.steps = 1
         return who is not run
+
+    def _stop_multiplier(self) -> None:
+        """Nothing goes round, and still the go may have no end that anybody lives to see: thirty rules, each of which
+        answers an event with two for the next one, take a billion steps. Stop who has raised most of what waits."""
+        core = self._core
+        at, times = self._long
+        self._long = (core.step, times + 1 if at == core.step else 1)
+        if self._long[1] <= LONGEST_GO:
+            return
+        raised = Counter(cause[0] for _, _, cause in core.events if cause is not None and cause[0] in self.stack)
+        if raised:
+            self._end(self.stack[raised.most_common(1)[0][0]], "faulted", "ABORTED", MULTIPLIED)
 
     # --- functions ---
 

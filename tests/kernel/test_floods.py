@@ -236,3 +236,21 @@ def test_the_work_of_a_flood_grows_with_its_rules_only(rules: int) -> None:
     s.event("x0")
     assert faulted(s) == ["r0"]
     assert sum(isinstance(r, EventRecord) for r in s.records) <= rules * (STEP_LIMIT + 2)
+
+
+def test_rules_that_double_what_comes_are_stopped_before_the_sun_burns_out(tmp_path: Path) -> None:
+    """Nothing goes round: each of forty rules answers an event with two for the next one. That is a trillion steps."""
+    rules = {f"r{at}": stays(f"e{at}", raises(f"e{at + 1}", f"e{at + 1}")) for at in range(40)}
+    s = play(tmp_path, {**rules, "flood": stays("go", raises("e0")), "calm": stays("other", COUNT)})
+    stopped = faulted(s)
+    assert stopped and set(s.states) == {*rules, "flood", "calm"} - set(stopped)
+    assert {"flood", "calm"} <= set(s.states)
+    assert len(s.records) < 5_000_000
+
+
+def test_many_events_of_one_press_that_come_to_an_end_stop_nobody(tmp_path: Path) -> None:
+    """Ten rules that double: a thousand steps and more, and then it is over."""
+    rules = {f"r{at}": stays(f"e{at}", raises(f"e{at + 1}", f"e{at + 1}")) for at in range(12)}
+    s = play(tmp_path, {**rules, "flood": stays("go", raises("e0")), "counter": stays("e12", COUNT)})
+    assert faulted(s) == []
+    assert s.memory["n"] == 2**12
