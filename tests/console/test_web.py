@@ -7,6 +7,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -219,6 +220,8 @@ async def test_who_only_connects_locks_nobody_out() -> None:
                 await seen.until("type to search")
         for _, writer in (*idle, *more, half):
             writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -330,17 +333,15 @@ def test_who_waits_too_long_goes_unless_the_token_came() -> None:
     assert one.gone and not other.gone and door.waiting == 0
 
 
-async def test_whose_a_connection_is() -> None:
-    server = await asyncio.start_server(lambda *_: None, "127.0.0.1", 0)
-    here = server.sockets[0].getsockname()
-    _, writer = await asyncio.open_connection(*here)
-    there = writer.get_extra_info("sockname")
-    if sys.platform == "linux":
-        assert user_of(here, there) == os.getuid()
-    assert user_of(here, ("127.0.0.1", 1)) is None
-    assert user_of(here, there, Path("/nowhere")) is None and user_of(("::1", 1), ("::1", 2)) is None
-    writer.close()
-    server.close()
+def test_whose_a_connection_is() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        here = server.getsockname()
+        with socket.create_connection(here) as visitor:
+            there = visitor.getsockname()
+            if sys.platform == "linux":
+                assert user_of(here, there) == os.getuid()
+            assert user_of(here, ("127.0.0.1", 1)) is None
+            assert user_of(here, there, Path("/nowhere")) is None and user_of(("::1", 1), ("::1", 2)) is None
 
 
 # --- the parts --------------------------------------------------------------------------------------------------------

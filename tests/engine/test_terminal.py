@@ -132,7 +132,7 @@ def test_running_sessions_are_listed_clean(monkeypatch: pytest.MonkeyPatch, caps
     numbers = {"version": 1, "seed": 1, "t": 1.0, "seq": 1, "busy": True, "stopped": False, "clients": [EVIL]}
     texts = ("title", "mode", "robot", "scenario_folder", "scenario_hash", "folder", "control", "trouble")
     about = About(**numbers, **dict.fromkeys(texts, EVIL))
-    monkeypatch.setattr("rise_engine.link.reports.abouts", lambda: {"one": about})
+    monkeypatch.setattr("rise_engine.link.reports.everywhere", lambda: {"one": about})
     monkeypatch.setattr("rise_engine.link.reports.left_over", lambda found: [])
     sessions_report(as_json=False)
     listed = capsys.readouterr().out
