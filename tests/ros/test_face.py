@@ -276,7 +276,7 @@ async def test_what_others_stop_ends_the_goal_too(tmp_path: Path) -> None:
 
 
 async def test_a_failed_act_aborts_the_goal(tmp_path: Path) -> None:
-    async with session_and_node(tmp_path) as (session, node, _):
+    async with session_and_node(tmp_path, speed=1.0) as (session, node, _):
         asked = node.ask(START_ACT, "Nod")
         assert await asked.decided()
         session.engine.post(RobotChanged(status="lost", detail="the battery is empty"))
