@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from shlex import quote
 from shutil import which
 
 import click
@@ -150,7 +151,7 @@ def test_completions(shell: str, tmp_path: Path) -> None:
     if shell == "bash" and which("bash"):
         script = tmp_path / "completions"
         script.write_text(done.stdout)
-        ask = f"PATH={Path(sys.executable).parent}:$PATH; source {script}\n"
+        ask = f"PATH={quote(str(Path(sys.executable).parent))}:$PATH; source {quote(str(script))}\n"
         for words in ("rise-tui --the", "rise-tui --theme colo", "rise-tui inf"):
             ask += f"COMP_WORDS=({words}); COMP_CWORD={len(words.split()) - 1}; COMPREPLY=()\n"
             ask += "_rise_tui_completion rise-tui; echo ${COMPREPLY[@]}\n"

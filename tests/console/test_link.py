@@ -7,6 +7,7 @@ import pytest
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.link.client import Resync
 from rise_tui import session as session_module
+from rise_tui.model.log_rows import row_of
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -240,7 +241,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         del state.tasks[old]
         client._queue.put_nowait([Resync(state, count)])
         await it.until(lambda: "► running" in it.row("acts", "Greet") and it.row("memory", "task").split()[1] == "4")
-        assert store.log == [old, greet, greet + 1] and it.pane("log").rows.count == 3
+        assert store.log.all == [row_of(task) for task in (old, greet, greet + 1)] and it.pane("log").rows.count == 3
         assert not store.sent and store.attached == 0 and not it.screen.alarm.display
         assert "leaves some of it out" in it.notice
         it.client.act("Filler")

@@ -401,7 +401,7 @@ def test_without_types_everything_else_is_checked(tmp_path: Path) -> None:
     one = read_carriers(right)["Do"]
     assert made(one, mood=7, ms=500) == {"a": {"b": "glad"}, "c": [1, 0.5], "d": "base_link"}
     wrong = robot(
-        tmp_path, ACTION_CARRIER + "carrier.goal = { a = '{moood}', b = '{ms:m}', c = 2026-11-20 }\ncarrier.x = 1"
+        tmp_path, ACTION_CARRIER + "carrier.goal = { a = '{moood}', b = '{ms:m}', c = '{mooood}' }\ncarrier.x = 1"
     )
     assert len(profile_findings(wrong)) == 4
 

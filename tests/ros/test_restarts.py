@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rise_adapters.ros2.action_client import CANCELED, CANCELING, EXECUTING
 from rise_adapters.ros2.robot.goals import LOOK_AGAIN
@@ -175,7 +175,6 @@ STEPS = st.lists(
 )
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(STEPS, st.sampled_from([0.05, 1.0]))
 def test_whatever_happens_to_the_wrapper_stopping_is_right_in_the_end(steps: list[Step], stopping: float) -> None:
     lab = Lab(stopping)

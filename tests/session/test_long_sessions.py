@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+import shlex
 import subprocess
 import sys
 import tracemalloc
@@ -163,7 +164,7 @@ def test_a_starter_waits_as_long_as_the_engine_works_and_is_told(
     program.write_text(PROGRAM, "utf-8")
     python = sys.executable
     script = tmp_path / "python"
-    script.write_text(f'#!/bin/sh\nexec {python} {program} "$3" "$4"\n')
+    script.write_text(f'#!/bin/sh\nexec {shlex.quote(python)} {shlex.quote(str(program))} "$3" "$4"\n')
     script.chmod(0o755)
     monkeypatch.setattr("sys.executable", str(script))
     told: list[str] = []

@@ -281,7 +281,7 @@ def test_a_subscription_that_asks_for_more_than_is_promised_does_not_count_it(pa
     name = f"{pair.name}/gaze"
     pair.near.subscribe(key=name, topic=name, type=STRING)
     pair.far.publisher(key=name, topic=name, type=STRING, reliable=False)
-    until(lambda: [type for type, _ in pair.near.remote_types(name=name)] == [STRING])
+    until(lambda: [end["type"] for end in pair.near.ends(what="publisher", name=name)] == [STRING])
     assert pair.near.publishers(key=name) == 0 and pair.far.subscribers(key=name) == 0
 
 
