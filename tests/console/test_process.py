@@ -124,6 +124,7 @@ def test_consoles_go_on_with_a_session_whose_engine_was_killed() -> None:
             watching.until("Watch (r)")
             watching.press(b"r")
             watching.until("nobody has recovered it yet")
+            watching.until_screen("Watch (r)", gone=True)  # else it still seems to be there the next time
             it.until("ENGINE GONE")
             it.press(b"\x03")
             it.until("Recover (r)")
