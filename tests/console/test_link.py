@@ -233,6 +233,8 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         ((ref, _),) = store.sent.items()
         client._attached = False  # nothing reaches the console, but the state goes on
         greet = client.act("Greet", ref=ref)
+        for status in ("started", "accepted", "succeeded"):
+            client.action(greet, "Greet", "1", "Speech", status, message="Hello there.")
         client.task("raiseEventTopic", "/new", "SUCCEEDED")
         client.emit(MemoryRecord(0, 0.0, "", "task", 4, 2, "ros:node"))
         client._attached = True
@@ -244,6 +246,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         assert store.log.all == [row_of(task) for task in (old, greet, greet + 1)] and it.pane("log").rows.count == 3
         assert not store.sent and store.attached == 0 and not it.screen.alarm.display
         assert "leaves some of it out" in it.notice
+        await it.until(lambda: "✓ “Hello there.”" in it.screen.painting.band.text)
         it.client.act("Filler")
         await it.until(lambda: it.pane("log").rows.count == 4)
         await it.press("f9")
