@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from rise_engine.expression.values import is_64_bit
+from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Call, Parameter
 from rise_engine.scenario.template import Template

@@ -150,7 +150,7 @@ def _account(found: Comparison) -> list[str]:
 def _print_json(folder: Path, found: Comparison) -> None:
     import msgspec
 
-    from rise_engine.session.lines import writable
+    from rise_engine.json_codec import encode
 
     document = {
         "session": str(folder),
@@ -163,8 +163,7 @@ def _print_json(folder: Path, found: Comparison) -> None:
         "missing": found.missing,
         "notes": found.notes,
     }
-    encoded = msgspec.json.encode(writable(msgspec.to_builtins(document)))
-    write_json(msgspec.json.format(encoded, indent=2).decode())
+    write_json(msgspec.json.format(encode(document), indent=2).decode())
 
 
 def _is_session(path: Path) -> bool:
