@@ -10,7 +10,7 @@ from rise_engine.scenario.draft import BareKey, Draft, Mention
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.graph import cycles
 from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
-from rise_engine.scenario.parameters import check_template, convert
+from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import Element, Spot, XmlFile
 from rise_engine.text import BLANKS, called, strange
@@ -319,7 +319,7 @@ class _ActReader:
                 (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(mention)
             try:
                 check_template(parameter, template)
-            except ValueError as error:
+            except ParameterError as error:
                 place = self.file.text_place(element, _raw_index(element.text, 0))
                 self.findings.error(_code(parameter, error), place, str(error))
             return template
@@ -327,7 +327,7 @@ class _ActReader:
             return template
         try:
             convert(parameter, constant)
-        except ValueError as error:
+        except ParameterError as error:
             where = Spot(self.file, element, None, _raw_index(element.text, 0))
             if parameter.type != "name" and _KEY.match(constant):
                 self.draft.bare_keys.append(BareKey(constant, where, str(error)))
@@ -351,10 +351,10 @@ class _ActReader:
             self.findings.error("unknown-attribute", self.file.attribute_place(element, name), message)
 
 
-def _code(parameter: Parameter, error: ValueError) -> str:
+def _code(parameter: Parameter, error: ParameterError) -> str:
     if parameter.type == "name":
         return "unknown-name"
-    return "out-of-range" if "outside" in str(error) else "wrong-type"
+    return "out-of-range" if isinstance(error, OutOfRangeError) else "wrong-type"
 
 
 def _explained(parameter: Parameter) -> str:
