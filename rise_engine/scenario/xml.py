@@ -182,7 +182,7 @@ def _of_text(text: str, at: int) -> _Stretches:
         at = inner.end()
 
 
-class Spot(Struct, frozen=True, gc=False):
+class Spot(Struct, frozen=True):
     """A place that is worked out only when a finding needs it."""
 
     file: XmlFile
@@ -207,23 +207,6 @@ def is_element_name(name: str) -> bool:
         return _build(f"<{name}/>", has_text=False).tag == name
     except (etree.XMLSyntaxError, MisnamedError, UnicodeEncodeError):
         return False
-
-
-def expression_texts(file: XmlFile) -> tuple[list[str], list[str]]:
-    """All conditions and all assignments of a rule file, as written, each once."""
-    conditions: dict[str, None] = {}
-    assignments: dict[str, None] = {}
-    pending = [file.root]
-    while pending:
-        for element in pending.pop():
-            if element:
-                pending.append(element)
-            attributes = element.attributes
-            if "cond" in attributes:
-                conditions[attributes["cond"]] = None
-            elif "assignValue" in attributes:
-                assignments[attributes["assignValue"]] = None
-    return list(conditions), list(assignments)
 
 
 def read_xml(source: Source, findings: Findings) -> XmlFile | None:
