@@ -14,7 +14,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.text import meant, told
 
 
-class ExchangeError(RiseError, ValueError):
+class ScenarioDecodeError(RiseError, ValueError):
     """What was received is no scenario of this version."""
 
 
@@ -29,11 +29,11 @@ def to_json(scenario: Scenario) -> bytes:
 
 
 def from_json(data: bytes | msgspec.Raw) -> Scenario:
-    """What `to_json` was given. Raises ExchangeError."""
+    """What `to_json` was given. Raises ScenarioDecodeError."""
     try:
         scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
-        raise ExchangeError(f"this is no scenario of this version: {error}") from None
+        raise ScenarioDecodeError(f"this is no scenario of this version: {error}") from None
     folder = meant(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
 
