@@ -40,7 +40,12 @@ class Assignment:
 
     @classmethod
     def parse(cls, text: str) -> Assignment:
-        """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError."""
+        """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError.
+
+        >>> assignment = Assignment.parse("task = task + 1")
+        >>> assignment.key, assignment.evaluate(Env({"task": 2}))
+        ('task', 3)
+        """
         found = cls.parse_all(text)
         if len(found) > 1:
             raise ExpressionError(

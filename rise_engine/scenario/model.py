@@ -242,7 +242,15 @@ class FillerSettings(Struct, frozen=True):
 
 
 class Scenario(Struct, frozen=True):
-    """A checked scenario, complete and immutable."""
+    """A checked scenario, complete and immutable. `load` builds it; everything in it is looked up by name.
+
+    >>> from rise_engine.scenario import load
+    >>> scenario = load("scenarios/greeting").scenario
+    >>> scenario.robot.name, scenario.mode
+    ('floka', 'debug')
+    >>> scenario.acts["R_Nod"].actions[0].calls[0].type
+    'Animation'
+    """
 
     title: str
     folder: str
@@ -270,6 +278,7 @@ class Scenario(Struct, frozen=True):
     """SHA-256 over every file that was read, in a fixed order: two scenarios with one hash are the same study."""
 
     def settings_of(self, act: str) -> ActSettings:
+        """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)
 
 

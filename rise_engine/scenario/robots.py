@@ -73,7 +73,11 @@ def find_profile(name: str, folder: Path) -> Path | None:
 
 
 def robot_names(folder: Path) -> list[str]:
-    """The names of all profiles that a scenario in `folder` can pick, sorted."""
+    """The names of all profiles that a scenario in `folder` can pick, sorted.
+
+    >>> "pepper" in robot_names(Path("scenarios/greeting"))
+    True
+    """
     names = {DEFAULT}
     for directory in profile_folders(folder):
         if directory.is_dir():
