@@ -40,22 +40,22 @@ def from_json(data: bytes | msgspec.Raw) -> Scenario:
 
 @cache
 def _encoder() -> msgspec.json.Encoder:
-    return msgspec.json.Encoder(enc_hook=_plain)
+    return msgspec.json.Encoder(enc_hook=_encode_text)
 
 
 @cache
 def _decoder() -> msgspec.json.Decoder[Scenario]:
     """Made when it is first used: it takes a few milliseconds."""
-    return msgspec.json.Decoder(Scenario, dec_hook=_own)
+    return msgspec.json.Decoder(Scenario, dec_hook=_decode_text)
 
 
-def _plain(value: Any) -> Any:
+def _encode_text(value: Any) -> Any:
     if isinstance(value, Expression | Assignment):
         return value.text
     raise TypeError(f"a scenario holds no {type(value).__name__}")
 
 
-def _own(kind: type, value: Any) -> Any:
+def _decode_text(kind: type, value: Any) -> Any:
     if kind is Expression:
         return Expression.parse(value)
     if kind is Assignment:

@@ -126,7 +126,7 @@ class _Loader:
             found, silenced = silence(found, allows, findings, complete=not findings.errors)
         if findings.errors:
             return Loaded(None, found, silenced=silenced)
-        files = self.canonical(paths)
+        files = self.by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
@@ -206,7 +206,7 @@ class _Loader:
             self.draft.unread.add(kind)
         return False
 
-    def canonical(self, paths: Mapping[str, str]) -> dict[str, bytes]:
+    def by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""
         settings = {NAME, self.path.name}
         acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))

@@ -123,12 +123,12 @@ def check_template(parameter: Parameter, template: Template) -> None:
     known = ["true", "false"]
     if parameter.type == "name":
         known = [*known_names(parameter), *map(str, parameter.codes.values())]
-    if not any(_can_be(template, name) for name in known):
+    if not any(_could_spell(template, name) for name in known):
         what = "true or false" if parameter.type == "boolean" else "a name"
         raise ParameterError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
 
 
-def _can_be(template: Template, name: str) -> bool:
+def _could_spell(template: Template, name: str) -> bool:
     """Whether some memory values make a template this name: its literal parts stand in it in their order."""
     parts = template.parts
     first, last = parts[0] if isinstance(parts[0], str) else "", parts[-1] if isinstance(parts[-1], str) else ""
