@@ -39,6 +39,7 @@ class Attachment:
         self._resyncs = resyncs
         self._loop = asyncio.get_running_loop()
         self._backlog = ARRIVAL_BACKLOG
+        self._waiting_when_missed = 0
         self._patience = STATE_SECONDS
         self._stalled_at = 0.0
         self._pieces: deque[bytes] = deque()
@@ -65,11 +66,15 @@ class Attachment:
         connection = self.connection
         if self._resyncs and connection.waiting > self._backlog and not connection.closing:
             self.missed = set()  # from the next record on
+            self._waiting_when_missed = connection.waiting
             self._behind_timer = self._loop.call_later(BEHIND_SECONDS, self._cut_off)
 
     def send_replies(self, data: bytes) -> None:
         """Send replies, also to one who gets no records."""
-        self._send_within(2 * self._backlog if self._resyncs else self._backlog, split_into_pieces(data))
+        limit = self._backlog
+        if self._resyncs:
+            limit += max(self._backlog, self._waiting_when_missed)
+        self._send_within(limit, split_into_pieces(data))
 
     def _send_within(self, limit: int, pieces: list[bytes]) -> None:
         if self.connection.waiting > limit:
@@ -88,6 +93,7 @@ class Attachment:
         self._cancel_timers()
         self.missed = None
         self.getting_state = True
+        self._waiting_when_missed = 0
         self._backlog, self._patience = ARRIVAL_BACKLOG, STATE_SECONDS
         self._pieces.extend(split_into_pieces(first))
         self._portions = portions
