@@ -24,6 +24,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 from zlib import crc32
 
+from rise_engine.errors import RiseError
+
 if TYPE_CHECKING:
     from rise_engine.link.messages import About
 
@@ -32,7 +34,7 @@ PATH_LIMIT = 103 if sys.platform == "darwin" else 107
 """Bytes that the path of a Unix socket may have."""
 
 
-class PlaceError(Exception):
+class PlaceError(RiseError):
     """A session's place cannot be used; the text says why, for a person."""
 
 

@@ -19,6 +19,7 @@ from unicodedata import normalize
 from msgspec.structs import replace
 
 from rise_engine.engine import Answer, Engine, versions
+from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, SessionRecord, TaskRecord
 from rise_engine.link.client import ClientInput, Hello, Reply, Role, Update, Verb
@@ -37,7 +38,7 @@ FOR_ALL = frozenset({"stopAll", "markMistake"})
 REPLAY = "this is the replay of a session: nothing can be done in it"
 
 
-class NotAdmitted(Exception):
+class NotAdmitted(RiseError):
     """Somebody cannot attach; the text says why, for a person."""
 
 
