@@ -17,7 +17,7 @@ from msgspec import Meta, Struct, field
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
 from rise_engine.link.client import Journaling, Pulse, Reply, Role, Verb
-from rise_engine.session.lines import writable
+from rise_engine.text import told_all
 from rise_engine.view import ActView, CueView, MemoryView, RemarkView, RuleView, StopView, TaskView, View
 
 VERSION = 1
@@ -235,7 +235,7 @@ def line(message: FromClient | ToClient) -> bytes:
     try:
         return _encode(message) + b"\n"
     except UnicodeEncodeError:
-        return _encode(writable(msgspec.to_builtins(message))) + b"\n"
+        return _encode(told_all(msgspec.to_builtins(message))) + b"\n"
 
 
 def from_client(data: bytes) -> FromClient:
