@@ -66,7 +66,7 @@ async def serve(folder: Path) -> None:
         with suppress(RuntimeError):  # the loop has ended
             loop.call_soon_threadsafe(engine.look_at_journal)
 
-    journal = Journal(record / JOURNAL, changed=changed, later=loop.call_soon, now=clock.now)
+    journal = Journal(record / JOURNAL, changed=changed, now=clock.now)
     journal.append(header_line("benchmark"))
     engine = Engine(scenario, robot, clock, 1, journal=journal)
     with claim("bench") as name:

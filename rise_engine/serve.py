@@ -336,7 +336,7 @@ class _Serving:
             with suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(self.engine.look_at_journal)
 
-        return Journal(path, size=size, lock=lock, changed=changed, later=loop.call_soon, now=clock.now)
+        return Journal(path, size=size, lock=lock, changed=changed, now=clock.now)
 
     def _make_engine(self, robot: Robot, clock: RealClock, journal: Journal) -> Engine:
         prepared, recovered = self.prepared, self.prepared.recovered
