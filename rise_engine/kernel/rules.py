@@ -30,7 +30,8 @@ from rise_engine.kernel.program import (
     StateCode,
     TransitionCode,
 )
-from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord
+from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 
 STEP_LIMIT = 1_000
 """Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
@@ -165,21 +166,48 @@ class RuleMachine:
         self.spent[run.name] = (run.step, run.steps)
         if self._top is run:
             self._top = self.stack[next(reversed(self.stack))] if self.stack else None
-        core.seq += 1
-        core.records.append(
-            RuleRecord(core.seq, core.t, "", run.name, status, run.state.id, None, None, None, run.priority, reason)  # type: ignore[arg-type]
-        )
+        core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
         run.task.status = task_status  # type: ignore[assignment]
         core.task_record(run.task, reason)
         core.raise_if_named(run.name + "_end")
 
-    def resume(self, name: str, state: str, task: Task) -> RuleRun:
-        """Put a rule of a snapshot back, bottom of the stack first; the caller fills in the rest. Nothing runs."""
-        code = self._codes[name]
-        run = RuleRun(code, code.states[state], task)
-        self.stack[name] = self._top = run
-        self._join_lines(run)
-        return run
+    # --- snapshot ---
+
+    def snapshot(self) -> RulesSnapshot:
+        """Everything about the rules, between inputs; it shares its parts with them."""
+        step = self._core.step
+        running = [
+            RuleSnapshot(
+                name=run.name,
+                state=run.state.id,
+                task=run.task,
+                priority=run.priority,
+                recency=run.stamp,
+                timers={timer: transition.index for timer, transition in run.timers.items()},
+                latched=sorted(run.held),
+                steps=run.steps if run.step == step else 0,
+            )
+            for run in self.stack.values()
+        ]
+        ended = {name: steps for name, (last, steps) in self.spent.items() if last == step}
+        return RulesSnapshot(running, ended, self.stamp)
+
+    def restore(self, snapshot: RulesSnapshot) -> None:
+        """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
+        step = self._core.step
+        for rule in snapshot.running:
+            code = self._codes[rule.name]
+            run = RuleRun(code, code.states[rule.state], rule.task)
+            run.priority, run.stamp = rule.priority, rule.recency
+            run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
+            if any(transition.after is None for transition in run.timers.values()):
+                raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
+            run.held = set(rule.latched)
+            run.step, run.steps = step, rule.steps
+            self.stack[run.name] = self._top = run
+            self._join_lines(run)
+        self.spent = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
+        self.stamp = snapshot.recency
 
     # --- run to completion ---
 
@@ -200,11 +228,10 @@ class RuleMachine:
                 transition = run.state.sure.get(topic) if run is not None else None
                 if transition is None:
                     run, transition = self._search(topic)
-                core.seq = seq = core.seq + 1
                 if run is None or transition is None:
-                    core.records.append(EventRecord(seq, core.t, "", topic.shown, source, None))
+                    core.records.append(EventRecord(0, core.t, "", topic.shown, source, None))
                 else:
-                    core.records.append(EventRecord(seq, core.t, "", topic.shown, source, run.name))
+                    core.records.append(EventRecord(0, core.t, "", topic.shown, source, run.name))
                     self._take(run, transition)
             elif not frames:
                 return
@@ -275,10 +302,9 @@ class RuleMachine:
         for line, sure in state.lines:
             line[run] = sure
         run.state = state
-        core.seq = seq = core.seq + 1
         core.records.append(
             RuleRecord(
-                seq,
+                0,
                 core.t,
                 "",
                 run.name,
@@ -389,14 +415,7 @@ class RuleMachine:
                 if kind == TEST:
                     op = op.next if self._holds(run, op.condition) else op.otherwise
                 elif kind == RAISE:
-                    task = core.next_task
-                    core.next_task = task + 1
-                    core.seq = seq = core.seq + 1
-                    core.records.append(
-                        TaskRecord(
-                            seq, core.t, "", task, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED"
-                        )
-                    )
+                    core.record_finished_task("raiseEventTopic", op.argument, op.source, "SUCCEEDED")
                     core.events.append((op.topic, op.source, cause))
                     op = op.next
                 elif kind == ASSIGN:
@@ -420,9 +439,9 @@ class RuleMachine:
         try:
             written = self._memory.compute(op.assignments)
         except EvaluationError as error:
-            core.settled("assignValue", op.argument, source, "ABORTED", str(error))
+            core.record_finished_task("assignValue", op.argument, source, "ABORTED", str(error))
             return False
-        core.settled("assignValue", op.argument, source, "SUCCEEDED")
+        core.record_finished_task("assignValue", op.argument, source, "SUCCEEDED")
         self._memory.assign(written, source)
         return True
 
@@ -438,11 +457,10 @@ class RuleMachine:
         memory = core.memory
         key = condition.only_key
         values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
-        core.seq = seq = core.seq + 1
-        record = ConditionRecord(seq, core.t, "", run.name, run.state.id, condition.text, values, result, error)
-        if env.missing:
-            record.missing = core.newly_missing()
-        core.records.append(record)
+        missing = core.newly_missing() if env.missing else ()
+        core.records.append(
+            ConditionRecord(0, core.t, "", run.name, run.state.id, condition.text, values, result, error, missing)
+        )
         return result
 
     # --- the stack and the lines ---
@@ -470,21 +488,15 @@ class RuleMachine:
         run.timers.clear()
 
     def _record(self, run: RuleRun, status: str, previous: str | None, trigger: str, transition: int | None) -> None:
-        core = self._core
-        core.seq += 1
-        core.records.append(
-            RuleRecord(
-                core.seq,
-                core.t,
-                "",
-                run.name,
-                status,  # type: ignore[arg-type]
-                run.state.id,
-                previous,
-                trigger,
-                transition,
-                run.priority,
-            )
+        self._core.emit(
+            RuleRecord,
+            run.name,
+            status,  # type: ignore[arg-type]
+            run.state.id,
+            previous,
+            trigger,
+            transition,
+            run.priority,
         )
 
 
