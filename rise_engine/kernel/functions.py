@@ -6,7 +6,6 @@ Every task leaves at least one record; the first record that a `Submit` causes i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
 
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.core import Core, Task, Topic
@@ -17,6 +16,7 @@ from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.speech import cannot_speak
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.kernel.wizard import LONGEST_SPEECH, Wizard
+from rise_engine.nearest_name import nearest
 from rise_engine.scenario.model import normal_topic
 
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
@@ -290,5 +290,5 @@ class Functions:
 
 
 def _near(name: str, known: Iterable[str]) -> str:
-    close = get_close_matches(name, list(known), 1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    near = nearest(name, known)
+    return f"; did you mean {near!r}?" if near is not None else ""
