@@ -336,7 +336,7 @@ class _Serving:
                 loop.call_soon_threadsafe(engine.look_at_journal)
 
         def open_journal(path: Path, size: int, lock: JournalLock | None) -> Journal:
-            return Journal(path, size=size, lock=lock, changed=changed, later=loop.call_soon, now=clock.now)
+            return Journal(path, size=size, lock=lock, changed=changed, now=clock.now)
 
         journal = prepared.open_journal(open_journal)
         if recovered is None:

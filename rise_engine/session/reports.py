@@ -68,7 +68,7 @@ def play_report(session: str, speed: float) -> int:
         return UNUSABLE
     account, began = Account(), time.monotonic()
     try:
-        for _, record in contents.placed():
+        for record in contents.read_records():
             line = account.line(record)
             if line is not None:
                 time.sleep(max(0.0, record.t / speed - (time.monotonic() - began)))
