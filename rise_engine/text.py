@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from typing import Any
+from unicodedata import name
 
 _UNSEEN = (
     "\x00-\x1f\x7f-\x9f"  # controls
@@ -72,8 +73,6 @@ def strange(text: str, start: int = 0, end: int | None = None) -> int:
 
 def called(character: str) -> str:
     """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
-    from unicodedata import name  # only for messages
-
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
 

@@ -22,7 +22,7 @@ CallingType: TypeAlias = Literal["None", "Blocking"]
 ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name"]
 
 
-class Place(Struct, frozen=True, gc=False):
+class Place(Struct, frozen=True):
     """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
 
     file: str

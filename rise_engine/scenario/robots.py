@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -104,8 +105,6 @@ def _package_folder(package: str) -> Iterator[Path]:
         if (directory / "__init__.py").is_file():
             yield directory
             return
-    from importlib.util import find_spec  # editable installs by import hook, namespace packages
-
     try:
         spec = find_spec(package)
     except (ImportError, ValueError):
