@@ -1,4 +1,4 @@
-"""Running CRAs: the action graph of one act, from its first action to its one ending (semantics, section 2)."""
+"""Running CRAs: the action graph of one act, from its first action to its one ending (semantics.md 2)."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ class Core:
     # --- events that the engine itself raises ---
 
     def raise_if_named(self, topic: str) -> None:
-        """An event of the engine that no rule of the scenario names leaves no record (semantics, section 3)."""
+        """An event of the engine that no rule of the scenario names leaves no record (semantics.md 6.1)."""
         if topic in self.scenario.topics:
             self.events.append((self.topics[topic], "engine", self.cause))
 

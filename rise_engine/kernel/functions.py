@@ -1,4 +1,4 @@
-"""What each function of a DomainTask does (semantics, section 5): the six of RISE and the console's own.
+"""What each function of a DomainTask does (semantics.md 1.1): the six of RISE and the console's own.
 
 Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
 """

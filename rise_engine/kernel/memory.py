@@ -1,4 +1,4 @@
-"""The working memory: JSON values by key, every change recorded (semantics, section 6)."""
+"""The working memory: JSON values by key, every change recorded (semantics.md 7)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rules: run to completion, one taker per event, the stack (semantics, section 3).
+"""The rules: run to completion, one taker per event, the stack (semantics.md 5, semantics.md 6).
 
 Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
 that moved last, and mostly the one that moves next. For the others, each topic has a line of the rules that wait for
@@ -446,7 +446,7 @@ class RuleMachine:
         return True
 
     def _holds(self, run: RuleRun, condition: Condition) -> bool:
-        """Evaluate a condition and record how it came out. An error makes it false (semantics, section 4)."""
+        """Evaluate a condition and record how it came out. An error makes it false (semantics.md 8.2)."""
         core = self._core
         env = core.env
         error = ""

@@ -1,4 +1,4 @@
-"""The task scheduler: which act runs, which waits (semantics, section 5).
+"""The task scheduler: which act runs, which waits (semantics.md 3).
 
 Blocking acts run one at a time, in the order of the queue. A None act runs beside them unless it needs a channel of the
 running Blocking act; when a Blocking act needs the channel of a running None act, that one is interrupted first.

@@ -1,6 +1,6 @@
 """What only a person at a console asks for: free speech, the participant's cue, the next filler, and mistakes as data.
 
-Like everything else they are DomainTasks (semantics, section 5), so that one log shows them.
+Like everything else they are DomainTasks (semantics.md 4.1), so that one log shows them.
 """
 
 from __future__ import annotations

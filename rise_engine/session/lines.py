@@ -4,7 +4,7 @@
     {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
     {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
 
-Records are those of every other output (semantics, section 9). Inputs are what replay feeds to a fresh kernel. `crc` is
+Records are those of every other output (semantics.md 11). Inputs are what replay feeds to a fresh kernel. `crc` is
 the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexadecimal digits.
 """
 

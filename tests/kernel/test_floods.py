@@ -1,4 +1,4 @@
-"""Whoever floods is stopped, nobody else (docs/explanation/semantics.md, "Who goes round in circles")."""
+"""Whoever floods is stopped, nobody else (semantics.md 6.4)."""
 
 from __future__ import annotations
 
