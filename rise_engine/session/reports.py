@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rise_engine.exit_status import BROKEN_PIPE, DIFFERENT, OK, PARTIAL, USAGE
 from rise_engine.session.folder import INFO, JOURNAL, SessionError, sessions_folder
 from rise_engine.terminal import write_json
 from rise_engine.text import clean
@@ -15,9 +16,6 @@ from rise_engine.text import clean
 if TYPE_CHECKING:
     from rise_engine.session.export import Format
     from rise_engine.session.replay import Comparison
-
-OK, DIFFERENT, PARTIAL, UNUSABLE, BROKEN_PIPE = 0, 1, 1, 2, 141
-"""Exit statuses (docs/reference/sessions.md)."""
 
 
 def find_session(text: str) -> Path:
@@ -65,7 +63,7 @@ def play_report(session: str, speed: float) -> int:
         contents = read_journal(folder / JOURNAL)
     except SessionError as error:
         _complain(f"error: {error}")
-        return UNUSABLE
+        return USAGE
     account, began = Account(), time.monotonic()
     try:
         for record in contents.read_records():
@@ -88,7 +86,7 @@ def replay_report(session: str, *, scenario: str | None, as_json: bool) -> int:
         found = compare(folder, None if scenario is None else Path(scenario))
     except SessionError as error:
         _complain(f"error: {error}")
-        return UNUSABLE
+        return USAGE
     if as_json:
         _print_json(folder, found)
     else:
@@ -105,7 +103,7 @@ def export_report(session: str, format: Format, out: str | None) -> int:
         reader = Export(find_session(session))
     except SessionError as error:
         _complain(f"error: {error}")
-        return UNUSABLE
+        return USAGE
     try:
         if out is None or out == "-":
             sys.stdout.flush()
@@ -115,16 +113,16 @@ def export_report(session: str, format: Format, out: str | None) -> int:
                 reader.write(format, file)
     except FileExistsError:
         _complain(f"error: {out} is there already, and nothing is ever written over: name another file")
-        return UNUSABLE
+        return USAGE
     except FileNotFoundError:
         _complain(f"error: {out} cannot be made: there is no folder {Path(str(out)).parent}")
-        return UNUSABLE
+        return USAGE
     except BrokenPipeError:
         return _nobody_reads()
     except OSError as error:
         where = "standard output" if out is None or out == "-" else out
         _complain(f"error: {where} could not be written: {sentence(error)}")
-        return UNUSABLE
+        return USAGE
     for problem in reader.problems:
         _complain(f"warning: {problem}")
     if reader.problems:

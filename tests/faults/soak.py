@@ -34,11 +34,12 @@ from rise_engine.link import messages
 from rise_engine.link.spawn import Word, Working
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.serve import Order, serve
+from rise_engine.serve import serve
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.lines import InputLine
 from rise_engine.session.reading import read_journal
 from rise_engine.session.replay import compare
+from rise_engine.session_options import SessionOptions
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/console/data/demo"]
@@ -52,7 +53,7 @@ class Mistake(AssertionError):
 class Child:
     """An engine's process."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: SessionOptions) -> None:
         ready, say = os.pipe()
         self.pid = os.fork()
         if self.pid == 0:
@@ -195,7 +196,9 @@ class Soak:
         scenario = self.scenarios[folder]
         assert scenario is not None
         faults = tuple(dice.sample(["*=slow:3", "Speech=fail@2", "Speech=hang@1", "vanish@3-5"], dice.randint(0, 1)))
-        order = Order(str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, name="soak", unfinished="new")
+        order = SessionOptions(
+            str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, name="soak", unfinished="new"
+        )
         self.counts["sessions"] += 1
         where: Path | None = None
         for _ in range(dice.randint(1, 8)):
