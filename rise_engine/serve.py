@@ -41,6 +41,7 @@ from rise_engine.session.folder import (
     abandon,
     create,
     describe,
+    find_session,
     is_of,
     read_info,
     running_folders,
@@ -52,7 +53,6 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
 from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
-from rise_engine.session.reports import find_session
 from rise_engine.session_options import SessionOptions
 from rise_engine.text import told_all
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from typing import Any
+from unicodedata import name
 
 _UNSEEN = (
     "\x00-\x1f\x7f-\x9f"  # controls
@@ -49,6 +50,11 @@ def clean(text: str, *, keep: str = "") -> str:
     return UNSEEN.sub(mark, text)
 
 
+def counted(number: int, noun: str) -> str:
+    """A number of things in words: `1 record`, `2 records`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def seen_json(text: str) -> str:
     """JSON with the same values, in which every character of UNSEEN is an escape (line ends between values stay)."""
 
@@ -72,8 +78,6 @@ def strange(text: str, start: int = 0, end: int | None = None) -> int:
 
 def called(character: str) -> str:
     """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
-    from unicodedata import name  # only for messages
-
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
 

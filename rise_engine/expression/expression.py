@@ -1,4 +1,4 @@
-"""An expression: a text that has been read once and can be evaluated many times (semantics, section 4)."""
+"""An expression: a text that has been read once and can be evaluated many times (semantics.md 8)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from rise_engine.expression import nodes
 from rise_engine.expression.compiler import Compiler
 from rise_engine.expression.environment import Env, Json
 from rise_engine.expression.parser import parse
-from rise_engine.expression.values import native_number
 
 
 class Expression:
     """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is.
 
-    `condition`, `number` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
+    `condition` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
     `Env` and calls them directly. They raise EvaluationError when a value does not fit, and nothing else.
     """
 
@@ -47,12 +46,6 @@ class Expression:
         return Compiler(self.text).condition(self.root)
 
     @cached_property
-    def number(self) -> Callable[[Env], int | float]:
-        """Compiled: its number. Booleans are 1 and 0; whole numbers are integers."""
-        double = Compiler(self.text).number(self.root)
-        return lambda env: native_number(double(env))
-
-    @cached_property
     def native(self) -> Callable[[Env], Json]:
         """Compiled: its value in its own type. Lists and objects are the memory's own, never to be changed in place."""
         return Compiler(self.text).value(self.root)
@@ -80,15 +73,6 @@ class Expression:
     ) -> bool:
         """Whether it holds. `rand` gives numbers in [0, 1); keys that do not exist are added to `missing`."""
         return self.condition(Env(memory, rand, missing))
-
-    def as_number(
-        self,
-        memory: Mapping[str, Json],
-        rand: Callable[[], float] | None = None,
-        missing: MutableSet[str] | None = None,
-    ) -> int | float:
-        """Its number; can be NaN or infinite. A text, null, list or object is an EvaluationError."""
-        return self.number(Env(memory, rand, missing))
 
     def value(
         self,

@@ -12,8 +12,9 @@ from typing import Any, Literal, get_args
 
 from msgspec.structs import replace
 
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source import Source
 from rise_engine.scenario.toml_places import Table, TomlFile, read_toml
@@ -40,7 +41,7 @@ RESERVED = frozenset({"actionID", "waitForActions", "onFailure", "Variants", "Di
 
 @cache
 def core_actions() -> Mapping[str, ActionSpec]:
-    """The actions that every scenario may use (semantics, section 2)."""
+    """The actions that every scenario may use (semantics.md 2.1)."""
     findings = Findings()
     data = Path(__file__).with_name("core_actions.toml").read_bytes()
     file = read_toml(Source("core_actions.toml", data, data.decode()), findings)

@@ -8,15 +8,20 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from rise_engine.errors import RiseError
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import meant, told
 
 
+class ExchangeError(RiseError, ValueError):
+    """What was received is no scenario of this version."""
+
+
 def to_json(scenario: Scenario) -> bytes:
     """The fields of `Scenario`; conditions and assignments as their texts.
 
-    Raises ValueError when there is something in it that JSON cannot carry.
+    Raises UnicodeEncodeError when a text in it is no text (half a character), which JSON cannot carry.
     """
     if told(scenario.folder) != scenario.folder:  # a folder whose name is no text
         scenario = replace(scenario, folder=told(scenario.folder))
@@ -24,11 +29,11 @@ def to_json(scenario: Scenario) -> bytes:
 
 
 def from_json(data: bytes | msgspec.Raw) -> Scenario:
-    """What `to_json` was given. Raises ValueError."""
+    """What `to_json` was given. Raises ExchangeError."""
     try:
         scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
-        raise ValueError(f"this is no scenario of this version: {error}") from None
+        raise ExchangeError(f"this is no scenario of this version: {error}") from None
     folder = meant(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
 

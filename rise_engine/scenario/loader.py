@@ -1,20 +1,22 @@
-"""From a folder to a checked scenario: read whole, checked whole, refused with all findings (semantics, section 1)."""
+"""From a folder to a checked scenario: read whole, checked whole, refused with all findings (reference/scenario.md)."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.nearest_name import few_comparisons
 from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.allow import Silenced, allows_of_memory, read_allows, silence
 from rise_engine.scenario.draft import Draft
-from rise_engine.scenario.findings import Finding, Findings, few_comparisons
+from rise_engine.scenario.findings import Finding, Findings
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory
@@ -22,6 +24,7 @@ from rise_engine.scenario.model import Place, RobotProfile, Scenario
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.settings import Settings
+from rise_engine.scenario.shipped import hint
 from rise_engine.scenario.source import MAX_TOML_BYTES, Files, Source
 from rise_engine.scenario.toml_places import TomlFile, read_toml
 from rise_engine.scenario.xml import XmlFile, read_xml
@@ -64,16 +67,8 @@ def load(
     `robot`, `mode` ("debug" or "real") and `places` (keys `acts`, `rules`, `memory`) take precedence over the file.
     Never raises for what a scenario's author wrote.
     """
-    import gc
-
-    collecting = gc.isenabled()
-    gc.disable()  # nearly all that loading makes is kept; looking for garbage meanwhile costs a fifth of the time
-    try:
-        with few_comparisons():
-            return _Loader(Path(path)).load(robot, mode, places or {})
-    finally:
-        if collecting:
-            gc.enable()
+    with few_comparisons():
+        return _Loader(Path(path)).load(robot, mode, places or {})
 
 
 class _Loader:
@@ -92,8 +87,6 @@ class _Loader:
     def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
         findings, draft = self.findings, self.draft
         if not self.folder.is_dir():
-            from rise_engine.scenario.shipped import hint
-
             findings.error("unreadable", Place(str(self.path)), f"there is no such folder{hint()}")
             return Loaded(None, findings.sorted())
         self.read_settings()
@@ -221,20 +214,8 @@ class _Loader:
 
 def _hash(files: Mapping[str, bytes], robot: str) -> str:
     """Over everything that was read, in a fixed order, wherever it lay."""
-    digest = _sha256()
+    digest = sha256()
     for name, data in [*sorted(files.items()), ("robot", robot.encode())]:
         digest.update(f"{name}\0{len(data)}\0".encode())
         digest.update(data)
-    return str(digest.hexdigest())
-
-
-def _sha256() -> Any:
-    """A SHA-256 without OpenSSL where Python has one of its own: OpenSSL would take 5 % of the time of a check."""
-    from importlib import import_module
-
-    for module in ("_sha2", "_sha256", "hashlib"):
-        try:
-            return import_module(module).sha256()
-        except (ImportError, AttributeError):
-            continue
-    raise RuntimeError("this Python has no SHA-256")
+    return digest.hexdigest()

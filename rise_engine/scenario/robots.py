@@ -6,11 +6,13 @@ import os
 import sys
 from collections.abc import Iterator
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.actions import core_actions, declare, unknown_keys
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place, RobotProfile
 from rise_engine.scenario.source import MAX_TOML_BYTES, Files
 from rise_engine.scenario.toml_places import Table, read_toml
@@ -103,8 +105,6 @@ def _package_folder(package: str) -> Iterator[Path]:
         if (directory / "__init__.py").is_file():
             yield directory
             return
-    from importlib.util import find_spec  # editable installs by import hook, namespace packages
-
     try:
         spec = find_spec(package)
     except (ImportError, ValueError):

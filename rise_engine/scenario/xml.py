@@ -13,19 +13,18 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from lxml import etree
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Source
+from rise_engine.scenario.xml_repair import Mended, mend
+from rise_engine.scenario.xml_syntax import report_syntax
 from rise_engine.text import called
-
-if TYPE_CHECKING:
-    from rise_engine.scenario.xml_repair import Mended
 
 
 class Element(list["Element"]):
@@ -64,7 +63,7 @@ _DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DO
 _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
-class MisnamedError(ValueError):
+class MisnamedError(RiseError, ValueError):
     """What lxml accepts and expat does not: a character that no name can have. `offset` is its place."""
 
     def __init__(self, message: str, offset: int) -> None:
@@ -183,7 +182,7 @@ def _of_text(text: str, at: int) -> _Stretches:
         at = inner.end()
 
 
-class Spot(Struct, frozen=True, gc=False):
+class Spot(Struct, frozen=True):
     """A place that is worked out only when a finding needs it."""
 
     file: XmlFile
@@ -210,23 +209,6 @@ def is_element_name(name: str) -> bool:
         return False
 
 
-def expression_texts(file: XmlFile) -> tuple[list[str], list[str]]:
-    """All conditions and all assignments of a rule file, as written, each once."""
-    conditions: dict[str, None] = {}
-    assignments: dict[str, None] = {}
-    pending = [file.root]
-    while pending:
-        for element in pending.pop():
-            if element:
-                pending.append(element)
-            attributes = element.attributes
-            if "cond" in attributes:
-                conditions[attributes["cond"]] = None
-            elif "assignValue" in attributes:
-                assignments[attributes["assignValue"]] = None
-    return list(conditions), list(assignments)
-
-
 def read_xml(source: Source, findings: Findings) -> XmlFile | None:
     """Parse a file. What is wrong with its form becomes findings; with the common mistakes mended it is read on."""
     text = source.text
@@ -251,8 +233,6 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
         return None
     except etree.XMLSyntaxError as first:
         error = first
-        from rise_engine.scenario.xml_repair import mend
-
         before = findings.errors
         mended = mend(source, findings)
         if findings.errors > before:
@@ -265,8 +245,6 @@ def read_xml(source: Source, findings: Findings) -> XmlFile | None:
                 return None
             except etree.XMLSyntaxError as second:
                 error = second
-        from rise_engine.scenario.xml_syntax import report_syntax
-
         report_syntax(error, mended, findings)
         return None
 

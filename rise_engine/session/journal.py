@@ -46,7 +46,7 @@ class Journal:
         it before; the journal's from now on. Raises OSError, and SessionError when it cannot be locked.
 
         `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block.
-        `now` gives the session's time.
+        `now` gives the session's time in seconds, noted in the file `clock`.
         """
         self.path = path
         self.changed = changed

@@ -379,8 +379,7 @@ def _open_on(name: str, settings: Settings | None, asked: Asked, keys: KeyFile |
 
 def _replay(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_engine.link.replay_client import ReplayClient
-    from rise_engine.session.folder import SessionError
-    from rise_engine.session.reports import find_session
+    from rise_engine.session.folder import SessionError, find_session
     from rise_tui.start.launch_process import process_launcher
     from rise_tui.start.settings import expanded
 

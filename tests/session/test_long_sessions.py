@@ -55,7 +55,7 @@ def peak(work: Callable[[], object]) -> int:
 def test_the_journal_is_never_all_in_memory(made: Made) -> None:
     size = made.journal.stat().st_size
     assert size > 2_000_000
-    records = sum(1 for _ in read_journal(made.journal).placed())
+    records = sum(1 for _ in read_journal(made.journal).read_records())
     assert records == len(made.records) > 10_000
     assert peak(lambda: read_journal(made.journal)) < size / 4
     assert peak(lambda: compare(made.folder)) < size / 4

@@ -10,14 +10,14 @@ from pathlib import Path
 from time import time_ns
 from typing import TypeAlias
 
-import msgspec
-
 from rise_adapters.ros2.face import rosout as rosout_topic
 from rise_adapters.ros2.port import Message, PortError, Publisher, QoS, Transport
+from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 from rise_engine.link.room import Room
-from rise_engine.session.lines import record_bytes, writable
+from rise_engine.session.lines import record_bytes
+from rise_engine.text import told_all
 
 _LOG = logging.getLogger(__name__)
 
@@ -196,7 +196,7 @@ class RecordTopics:
             try:
                 publisher.publish(message)
             except UnicodeEncodeError:  # half a character, as it stands for the bytes of a file name that is no text
-                publisher.publish(writable(message))
+                publisher.publish(told_all(message))
         except PortError as error:
             if not self.trouble:
                 _LOG.warning("what happens in the session could not be published: %s", error)
@@ -214,10 +214,7 @@ def nanoseconds(wall: str) -> int:
 
 def as_json(value: object) -> str:
     """A JSON value as every output writes it. Half characters are written as `\\udcff`."""
-    try:
-        return msgspec.json.encode(value).decode()
-    except UnicodeEncodeError:
-        return msgspec.json.encode(writable(value)).decode()
+    return encode(value).decode()
 
 
 def _header(since_1970: int) -> Message:
