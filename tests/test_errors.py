@@ -1,47 +1,67 @@
-"""One tree of errors: every one is under RiseError, and the drawing in rise_engine/errors.py is the tree there is."""
+"""One tree of errors, and the drawing of it in rise_engine/errors.py is the tree there is.
+
+`python -m tests.test_errors` draws it anew, for whoever adds an error or changes what one says of itself.
+"""
 
 from __future__ import annotations
 
 import ast
+import builtins
 import re
 from pathlib import Path
 
 import rise_engine.errors
 
 ROOT = Path(__file__).parents[1]
+ERRORS = ROOT / "rise_engine" / "errors.py"
 PACKAGES = ("rise_engine", "rise_tui", "adapters/rise_adapters")
-_DRAWN = re.compile(r"^    ( *)([A-Z]\w+)(?:  .*)?$", re.MULTILINE)
+LONGEST = 110
+_DRAWING = re.compile(r"^    RiseError\n(?:     .*\n)*", re.MULTILINE)
 
 
-def bases() -> dict[str, list[str]]:
-    """The names of the bases of every class."""
-    found: dict[str, list[str]] = {}
+def classes() -> dict[str, ast.ClassDef]:
+    """Every public class by its name."""
+    found: dict[str, ast.ClassDef] = {}
     for package in PACKAGES:
-        for file in (ROOT / package).rglob("*.py"):
+        for file in sorted((ROOT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-                if isinstance(node, ast.ClassDef):
-                    found[node.name] = [ast.unparse(base).rpartition(".")[2] for base in node.bases]
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    found.setdefault(node.name, node)
     return found
 
 
-def drawn() -> dict[str, str]:
-    """The parent of each error in the drawing."""
-    parents: dict[str, str] = {}
-    above: list[tuple[int, str]] = []
-    for found in _DRAWN.finditer(rise_engine.errors.__doc__ or ""):
-        depth, name = len(found[1]), found[2]
-        while above and above[-1][0] >= depth:
-            above.pop()
-        if above:
-            parents[name] = above[-1][1]
-        above.append((depth, name))
-    return parents
+def drawing() -> str:
+    """The tree as the sources have it, each error with the beginning of what it says of itself."""
+    known = classes()
+
+    def below(parent: str, depth: int) -> list[str]:
+        lines: list[str] = []
+        for name, node in sorted(known.items()):
+            if parent not in [ast.unparse(base).rpartition(".")[2] for base in node.bases]:
+                continue
+            sentence = re.split(r"[.;:,] | \(|\.$", (ast.get_docstring(node) or "").replace("\n", " "))[0]
+            lines.append(f"{'    ' + '  ' * depth + name:<34}{sentence}"[:LONGEST].rstrip())
+            lines += below(name, depth + 1)
+        return lines
+
+    return "\n".join(["    RiseError", *below("RiseError", 1), ""])
 
 
 def test_the_drawing_is_the_tree() -> None:
-    classes = bases()
-    tree = {"RiseError"}
-    while grown := {name for name, parents in classes.items() if tree & set(parents)} - tree:
-        tree |= grown
-    parents = {name: next(base for base in classes[name] if base in tree) for name in tree - {"RiseError"}}
-    assert {name: parent for name, parent in parents.items() if not name.startswith("_")} == drawn()
+    found = _DRAWING.search(rise_engine.errors.__doc__ or "")
+    assert found is not None and found.group() == drawing(), "give: python -m tests.test_errors"
+
+
+def test_the_engine_raises_nothing_outside_of_the_tree() -> None:
+    """Its own exceptions, that is; a base called so is an exception of Python's."""
+    outside: list[str] = []
+    for file in (ROOT / "rise_engine").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            bases = [ast.unparse(base) for base in node.bases] if isinstance(node, ast.ClassDef) else []
+            if bases and all(hasattr(builtins, base) and base.endswith(("Error", "Exception")) for base in bases):
+                outside.append(f"{file.relative_to(ROOT)}: {bases}")
+    assert outside == ["rise_engine/errors.py: ['Exception']"]
+
+
+if __name__ == "__main__":
+    ERRORS.write_text(_DRAWING.sub(lambda found: drawing(), ERRORS.read_text("utf-8"), count=1), encoding="utf-8")

@@ -29,7 +29,7 @@ _FUNCTIONS = frozenset(NUMERIC) | {"rand"}
 
 
 class RefusedError(RiseError):
-    """The public parser throws here; the message says why in an author's words."""
+    """RISE's own parser would refuse this condition; the message says why in an author's words."""
 
 
 def read(text: str) -> Node:

@@ -64,7 +64,7 @@ _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
 class MisnamedError(RiseError, ValueError):
-    """What lxml accepts and expat does not: a character that no name can have. `offset` is its place."""
+    """A character that no XML name can have, though lxml accepts it. `offset` is its place."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
