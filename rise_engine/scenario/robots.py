@@ -103,6 +103,7 @@ def package_folders() -> Iterator[Path]:
 
 
 def _package_folder(package: str) -> Iterator[Path]:
+    """Looked for on the path first: `find_spec` imports the package around it, and a check needs no adapter."""
     parts = package.split(".")
     for entry in sys.path:
         directory = Path(entry, *parts)
