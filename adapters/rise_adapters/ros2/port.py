@@ -22,6 +22,8 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
+
 Message: TypeAlias = dict[str, Any]
 """A message by field name: numbers, texts and booleans; nested messages as dicts; arrays and sequences as lists, those
 of `uint8` and `byte` as `bytes`. Fields that are left out of one that is sent have their zero value (the default of the
@@ -65,7 +67,7 @@ STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
 
-class PortError(Exception):
+class PortError(RiseError):
     """Something cannot be had from this transport: a type that is not there, a message that does not fit. A sentence
     for a person."""
 
