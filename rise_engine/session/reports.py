@@ -25,7 +25,7 @@ def find_session(text: str) -> Path:
 
     Raises SessionError, with the nearest right name.
     """
-    from rise_engine.scenario.findings import suggestion
+    from rise_engine.nearest_name import suggestion
 
     if not text:
         raise SessionError(f"name a session: its folder, or its name in {sessions_folder()}")
