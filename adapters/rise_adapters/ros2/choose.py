@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from rise_adapters.ros2.port import PortError, Transport
-from rise_adapters.ros2.rclpy_transport import RclpyTransport, rclpy_missing
+from rise_adapters.ros2.transport.rclpy import RclpyTransport, rclpy_missing
 from rise_engine.bridge import BridgeError
 
 Kind = Literal["rclpy", "dds"]
