@@ -50,7 +50,7 @@ async def open_transport(
     try:
         if kind == "rclpy":
             return RclpyTransport(loop, node=node, arguments=arguments)
-        from rise_adapters.ros2.dds import DdsTransport
+        from rise_adapters.ros2.dds import DdsTransport  # imports the wheel, which may not be installed
 
         return DdsTransport(loop, node=node, arguments=arguments, share=share)
     except PortError as error:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from cyclonedds.builtin import (
     BuiltinDataReader,
@@ -24,7 +24,7 @@ from rise_adapters.ros2.dds import graph, names
 from rise_adapters.ros2.dds.entities import Writer, delete, make_reader, policies
 from rise_adapters.ros2.dds.idl import IdlTypes
 from rise_adapters.ros2.dds.reading import Reading
-from rise_adapters.ros2.port import PortError, QoS
+from rise_adapters.ros2.port import Handle, PortError, QoS
 from rise_adapters.ros2.types import Types
 
 _DISCOVERY_TOPIC = "ros_discovery_info"
@@ -34,11 +34,7 @@ _CLOSING_SECONDS = 1.0
 """How long closing waits for the reading thread at most."""
 
 
-class Closable(Protocol):
-    def close(self) -> None: ...
-
-
-_Closable = TypeVar("_Closable", bound=Closable)
+_Kept = TypeVar("_Kept", bound=Handle)
 
 
 class DdsNode:
@@ -73,7 +69,7 @@ class DdsNode:
         self._gid = self._participant.guid.bytes
         self.closed = False
         self._services = 0
-        self._open: dict[Closable, None] = {}
+        self._open: dict[Handle, None] = {}
         """What is to be closed with it."""
         self._reader_gids: dict[bytes, None] = {}
         self._writer_gids: dict[bytes, None] = {}
@@ -85,12 +81,12 @@ class DdsNode:
         self._watch_discovery_info()
         self._announce()
 
-    def keep(self, one: _Closable) -> _Closable:
+    def keep(self, one: _Kept) -> _Kept:
         """Have it closed with this node, unless it is given to `release` before."""
         self._open[one] = None
         return one
 
-    def release(self, one: Closable, writer: Writer | None, reader: DataReader[Any] | None) -> None:
+    def release(self, one: Handle, writer: Writer | None, reader: DataReader[Any] | None) -> None:
         """For what is closed: delete its entities, and tell the others."""
         self._open.pop(one, None)
         if reader is not None:

@@ -28,12 +28,12 @@ _NO_NUMBERS = (struct.error, TypeError, ValueError, OverflowError)
 _COUNT = struct.Struct("<I")
 
 Write: TypeAlias = Callable[[bytearray, Any], None]
-"""Adds a value to the bytes. Raises `_Misfit`."""
+"""Adds a value to the bytes. Raises `_FieldMisfit`."""
 Read: TypeAlias = Callable[[bytes, int], tuple[Any, int]]
 """The value at a place, and the place behind it. Raises struct.error or ValueError when the bytes end before that."""
 
 
-class _Misfit(PortError):
+class _FieldMisfit(PortError):
     """A value that does not fit. Who knows in which field it stands adds that on the way out."""
 
     def __init__(self, sentence: Callable[[str], str]) -> None:
@@ -41,7 +41,7 @@ class _Misfit(PortError):
         self._sentence = sentence
         self._path = ""
 
-    def within(self, field: str) -> _Misfit:
+    def within(self, field: str) -> _FieldMisfit:
         self._path = field + ("." if self._path and self._path[0] != "[" else "") + self._path
         return self
 
@@ -49,11 +49,11 @@ class _Misfit(PortError):
         return self._sentence(self._path)
 
 
-def _takes(what: str) -> _Misfit:
-    return _Misfit(lambda path: f"{f'the field {path!r}' if path else 'the message'} takes {what}")
+def _misfit(what: str) -> _FieldMisfit:
+    return _FieldMisfit(lambda path: f"{f'the field {path!r}' if path else 'the message'} takes {what}")
 
 
-class _Part(NamedTuple):
+class _FieldCodec(NamedTuple):
     """How one field, or one element of a field, is written and read."""
 
     write: Write
@@ -68,7 +68,7 @@ class Codec:
     def __init__(self, type: str, message: Callable[[str], Definition]) -> None:
         """`message` gives definitions; every nested type must be known and none a `wstring`."""
         self.type = type
-        self._whole = _Parts(message).message(type)
+        self._whole = _CodecBuilder(message).codec(type)
 
     def pack(self, message: Mapping[str, Any], head: bytes = b"") -> bytes:
         """The bytes of a message; `head` comes before it, after the CDR header (its length a multiple of 8). Filled up
@@ -92,36 +92,36 @@ class Codec:
         return message  # type: ignore[no-any-return]
 
 
-class _Parts:
+class _CodecBuilder:
     """Puts types together, each one once."""
 
     def __init__(self, message: Callable[[str], Definition]) -> None:
         self._definition = message
-        self._messages: dict[str, _Part] = {}
+        self._messages: dict[str, _FieldCodec] = {}
 
-    def message(self, type: str) -> _Part:
+    def codec(self, type: str) -> _FieldCodec:
         if type not in self._messages:
             fields = self._definition(type).fields
-            self._messages[type] = _message(type, {field.name: self._field(field.type) for field in fields})
+            self._messages[type] = _message_codec(type, {field.name: self._field_codec(field.type) for field in fields})
         return self._messages[type]
 
-    def _field(self, type: FieldType) -> _Part:
+    def _field_codec(self, type: FieldType) -> _FieldCodec:
         text = type.base == "string"
-        one = self.message(type.base) if type.nested else _text(type) if text else _number(type.base)
-        return _several(type, one) if type.many else one
+        one = self.codec(type.base) if type.nested else _text_codec(type) if text else _number_codec(type.base)
+        return _list_codec(type, one) if type.many else one
 
 
-def _message(type: str, fields: dict[str, _Part]) -> _Part:
+def _message_codec(type: str, fields: dict[str, _FieldCodec]) -> _FieldCodec:
     writers = [(name, part.write, part.zero) for name, part in fields.items()]
     readers = [(name, part.read) for name, part in fields.items()]
     known = fields.keys()
 
     def write(out: bytearray, message: Any) -> None:
         if not isinstance(message, Mapping):
-            raise _takes(f"the fields of a {type}, not {message!r:.80}")
+            raise _misfit(f"the fields of a {type}, not {message!r:.80}")
         if not message.keys() <= known:
             wrong = next(name for name in message if name not in known)
-            raise _Misfit(
+            raise _FieldMisfit(
                 lambda path: (
                     f"{type} has no field {wrong!r}{f' ({path})' if path else ''}; it has {', '.join(known) or 'none'}"
                 )
@@ -131,7 +131,7 @@ def _message(type: str, fields: dict[str, _Part]) -> _Part:
         for name, write_field, zero in writers:
             try:
                 write_field(out, message.get(name, zero))
-            except _Misfit as misfit:
+            except _FieldMisfit as misfit:
                 raise misfit.within(name) from None
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
@@ -140,10 +140,10 @@ def _message(type: str, fields: dict[str, _Part]) -> _Part:
             message[name], at = read_field(data, at)
         return message, at if readers else at + 1
 
-    return _Part(write, read, {})
+    return _FieldCodec(write, read, {})
 
 
-def _number(base: str) -> _Part:
+def _number_codec(base: str) -> _FieldCodec:
     form = struct.Struct(f"<{_CODES[base]}")
     pack, unpack, size, mask = form.pack, form.unpack_from, form.size, form.size - 1
     kind = "a number" if base.startswith("float") else "a whole number"
@@ -153,32 +153,32 @@ def _number(base: str) -> _Part:
         try:
             out += pack(value)
         except _NO_NUMBERS:
-            raise _takes(f"{kind} ({base}), not {value!r:.80}") from None
+            raise _misfit(f"{kind} ({base}), not {value!r:.80}") from None
 
     def write_truth(out: bytearray, value: Any) -> None:
         if value not in (True, False):
-            raise _takes(f"true or false, not {value!r:.80}")
+            raise _misfit(f"true or false, not {value!r:.80}")
         out.append(bool(value))
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
         at += -at & mask
         return unpack(data, at)[0], at + size
 
-    return _Part(write_truth if base == "bool" else write, read, 0)
+    return _FieldCodec(write_truth if base == "bool" else write, read, 0)
 
 
-def _text(type: FieldType) -> _Part:
+def _text_codec(type: FieldType) -> _FieldCodec:
     def write(out: bytearray, value: Any) -> None:
         if not isinstance(value, str):
-            raise _takes(f"a text, not {value!r:.80}")
+            raise _misfit(f"a text, not {value!r:.80}")
         if "\0" in value:
-            raise _takes("a text without zero characters")
+            raise _misfit("a text without zero characters")
         try:
             octets = value.encode()
         except UnicodeEncodeError:
-            raise _takes(f"a text that UTF-8 can hold, not {value!r:.80}") from None
+            raise _misfit(f"a text that UTF-8 can hold, not {value!r:.80}") from None
         if type.length and len(octets) > type.length:
-            raise _takes(f"a text of at most {type.length} bytes, not {len(octets)}")
+            raise _misfit(f"a text of at most {type.length} bytes, not {len(octets)}")
         _write_count(out, len(octets) + 1)
         out += octets
         out.append(0)
@@ -188,10 +188,10 @@ def _text(type: FieldType) -> _Part:
         # The length counts the zero at the end; some writers give an empty text as no bytes at all.
         return str(data[at : at + size - 1], "utf-8", "replace") if size else "", at + size
 
-    return _Part(write, read, "")
+    return _FieldCodec(write, read, "")
 
 
-def _several(type: FieldType, one: _Part) -> _Part:
+def _list_codec(type: FieldType, one: _FieldCodec) -> _FieldCodec:
     """An array or a sequence of what `one` writes and reads."""
     code = "" if type.nested else _CODES.get(type.base, "")
     plain = code not in ("", "?")
@@ -200,9 +200,9 @@ def _several(type: FieldType, one: _Part) -> _Part:
 
     def write(out: bytearray, values: Any) -> None:
         if isinstance(values, str) or not hasattr(values, "__len__") or not hasattr(values, "__iter__"):
-            raise _takes(f"a list ({type}), not {values!r:.80}")
+            raise _misfit(f"a list ({type}), not {values!r:.80}")
         if len(values) != fixed if fixed is not None else type.count and len(values) > type.count:
-            raise _takes(f"{'exactly' if fixed is not None else 'at most'} {type.count} values, not {len(values)}")
+            raise _misfit(f"{'exactly' if fixed is not None else 'at most'} {type.count} values, not {len(values)}")
         if fixed is None:
             _write_count(out, len(values))
         if plain and len(values):
@@ -213,7 +213,7 @@ def _several(type: FieldType, one: _Part) -> _Part:
         for index, value in enumerate(values):
             try:
                 one.write(out, value)
-            except _Misfit as misfit:
+            except _FieldMisfit as misfit:
                 raise misfit.within(f"[{index}]") from None
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
@@ -232,7 +232,7 @@ def _several(type: FieldType, one: _Part) -> _Part:
             raise ValueError("a sequence is longer than the message")
         return data[at:end] if code == "B" else list(struct.unpack_from(f"<{count}{code}", data, at)), end
 
-    return _Part(write, read, (one.zero,) * (fixed or 0))
+    return _FieldCodec(write, read, (one.zero,) * (fixed or 0))
 
 
 def _write_count(out: bytearray, count: int) -> None:
