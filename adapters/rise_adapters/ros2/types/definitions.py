@@ -24,7 +24,7 @@ PRIMITIVES = frozenset(
         *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
     }
 )
-_SAME = {"char": "uint8"}
+_ALIASES = {"char": "uint8"}
 """ROS 2 keeps `char` as another name of `uint8`; on the wire and in type hashes there is only the latter."""
 _ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 
@@ -208,7 +208,7 @@ def _read_type(package: str, place: str, text: str) -> FieldType:
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
-    base = _SAME.get(match["base"], match["base"])
+    base = _ALIASES.get(match["base"], match["base"])
     if base in _ROS_1:
         raise PortError(f"{place}: {base!r} is of ROS 1; in ROS 2 it is {_ROS_1[base]}")
     length = int(match["length"] or 0)
