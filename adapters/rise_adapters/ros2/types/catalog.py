@@ -17,7 +17,7 @@ import rise_adapters.ros2
 from rise_adapters.ros2.port import PortError
 from rise_adapters.ros2.types import hashes
 from rise_adapters.ros2.types.cdr import Codec
-from rise_adapters.ros2.types.definitions import Constant, Definition, Field, FieldType, full_name, read, stems
+from rise_adapters.ros2.types.definitions import Definition, Field, FieldType, full_name, read, stems
 from rise_engine.nearest_name import nearest
 
 SHARE = Path(rise_adapters.ros2.__file__).parent / "share"
@@ -69,10 +69,6 @@ class Types:
         self._check_nested(definition, ())
         self._check_has_bytes(definition, definition, ())
         return {field.name: str(field.type) for field in definition.fields}
-
-    def constants(self, type: str) -> dict[str, Constant]:
-        """The constants that a message's definition names."""
-        return dict(self.message(type).constants)
 
     def type_hash(self, type: str) -> str:
         """As `port.Transport.type_hash`; raises PortError when the type or one nested in it is not known."""
@@ -169,15 +165,16 @@ def _standard() -> dict[str, Definition]:
     except ImportError:
         return {}
     return {
-        name: _definition_of_rosbags(name, *parts) for name, parts in ros2_jazzy.FIELDDEFS.items() if "/msg/" in name
+        name: _definition_of_rosbags(name, fields)
+        for name, (_, fields) in ros2_jazzy.FIELDDEFS.items()
+        if "/msg/" in name
     }
 
 
-def _definition_of_rosbags(name: str, constants: Any, fields: Any) -> Definition:
+def _definition_of_rosbags(name: str, fields: Any) -> Definition:
     return Definition(
         name,
         tuple(Field(field, _field_type_of_rosbags(*type)) for field, type in fields if field != hashes.NOTHING),
-        {constant: value for constant, _, value in constants},
         _STANDARD_ORIGIN,
     )
 
