@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from threading import Thread
 from typing import Any
 
@@ -12,7 +13,7 @@ from rise_adapters.ros2.transport.inbox import LIMIT, Inbox
 def filler(inbox: Inbox, heard: list[int], count: int) -> Thread:
     def fill() -> None:
         for number in range(count):
-            inbox.put(heard.append, number)
+            inbox.put(partial(heard.append, number))
 
     thread = Thread(target=fill, daemon=True)
     thread.start()
@@ -46,7 +47,7 @@ async def test_the_loops_own_thread_never_waits() -> None:
     heard: list[int] = []
     inbox = Inbox(asyncio.get_running_loop())
     for number in range(LIMIT + 1):
-        inbox.put(heard.append, number, wait=False)
+        inbox.put(partial(heard.append, number), wait=False)
     async with asyncio.timeout(30):
         while len(heard) <= LIMIT:  # noqa: ASYNC110
             await asyncio.sleep(0)
@@ -56,8 +57,7 @@ async def test_what_cannot_be_dealt_with_is_told_and_keeps_nothing_else() -> Non
     loop, told, heard = asyncio.get_running_loop(), list[dict[str, Any]](), list[int]()
     loop.set_exception_handler(lambda _, context: told.append(context))
     inbox = Inbox(loop)
-    inbox.put(lambda: 1 / 0)
-    inbox.put(heard.append, 1)
+    inbox.put(lambda: 1 / 0, partial(heard.append, 1))
     async with asyncio.timeout(30):
         while not heard:  # noqa: ASYNC110
             await asyncio.sleep(0)

@@ -10,6 +10,7 @@ import asyncio
 import ctypes
 import logging
 from collections.abc import Callable
+from functools import partial
 from threading import Thread
 from typing import Any
 
@@ -117,11 +118,13 @@ class Reading:
             count = wait(waitset, triggered, len(triggered), dds_infinity)
             if count < 0:
                 raise RuntimeError(f"waiting failed with code {count}")
+            came: list[partial[None]] = []
             for index in range(min(count, len(triggered))):
                 source = self._sources.get(triggered[index] or 0)
                 if source is None:
                     continue
                 taken = source.take(source.handle, _MOST_PER_TAKE)
                 if not isinstance(taken, int):
-                    for one in taken:
-                        self._inbox.put(source.deliver, one)
+                    came += [partial(source.deliver, one) for one in taken]
+            if came:
+                self._inbox.put(*came)

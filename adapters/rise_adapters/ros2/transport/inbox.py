@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable
 from threading import Condition
 from time import perf_counter
-from typing import Any
 
 SLICE = 0.0005
 """Seconds that one turn of the loop may be taken: a wizard's key waits for some turns."""
@@ -24,27 +23,28 @@ class Inbox:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._waiting: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._waiting: deque[Callable[[], object]] = deque()
         self._room = Condition()
         self._scheduled = False
         self._closed = False
 
-    def put(self, callback: Callable[..., None], *arguments: Any, wait: bool = True) -> None:
-        """From any thread: have the loop call `callback`. `wait`: until there is room; only for a thread that the loop
-        never waits for."""
+    def put(self, *calls: Callable[[], object], wait: bool = True) -> None:
+        """From any thread: have the loop make these calls, in their order. `wait`: until there is room; only for a
+        thread that the loop never waits for."""
         with self._room:
             if wait and len(self._waiting) >= LIMIT:
                 self._room.wait_for(lambda: self._closed or len(self._waiting) <= LIMIT // 2)
             if self._closed:
                 return
-            self._waiting.append((callback, arguments))
+            self._waiting.extend(calls)
             if self._scheduled:
                 return
             self._scheduled = True
-            try:
-                self._loop.call_soon_threadsafe(self._deliver)
-            except RuntimeError:  # the loop was closed before the transport
-                self._closed = True
+        # Without the lock, which the loop wants as soon as it is woken.
+        try:
+            self._loop.call_soon_threadsafe(self._deliver)
+        except RuntimeError:  # the loop was closed before the transport
+            self._closed = True
 
     def close(self) -> None:
         """Nothing is delivered any more, and nobody waits for room."""
@@ -60,11 +60,11 @@ class Inbox:
                 if not self._waiting or self._closed:
                     self._scheduled = False
                     return
-                callback, arguments = self._waiting.popleft()
+                call = self._waiting.popleft()
                 if len(self._waiting) == LIMIT // 2:
                     self._room.notify_all()
             try:
-                callback(*arguments)
+                call()
             except Exception as error:
                 self._loop.call_exception_handler(
                     {"message": f"what was received from ROS was not dealt with: {error}", "exception": error}

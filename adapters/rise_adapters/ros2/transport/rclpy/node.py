@@ -9,6 +9,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -67,9 +68,9 @@ class SpinningNode:
 
     # --- between the threads --------------------------------------------------------------------------------------
 
-    def call_on_loop(self, callback: Callable[..., None], *arguments: Any) -> None:
+    def call_on_loop(self, callback: Callable[..., object], *arguments: Any) -> None:
         """From any thread."""
-        self._inbox.put(callback, *arguments, wait=threading.current_thread() is self._thread)
+        self._inbox.put(partial(callback, *arguments), wait=threading.current_thread() is self._thread)
 
     def call_on_thread(self, callback: Callable[..., Any], *arguments: Any) -> None:
         """Have it called where the node is spun."""
