@@ -30,7 +30,7 @@ from rise_adapters.ros2 import choose, ends
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, read_carriers, read_options
 from rise_adapters.ros2.port import PortError, Transport
-from rise_adapters.ros2.rclpy_transport import rclpy_missing
+from rise_adapters.ros2.transport.rclpy import rclpy_missing
 from rise_engine.bridge import BridgeError
 from rise_engine.scenario.model import RobotProfile
 
