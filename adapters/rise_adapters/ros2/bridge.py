@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -28,9 +27,6 @@ _LOG = logging.getLogger(__name__)
 
 WATCH_SECONDS = 0.5
 """How often it is looked whether the connection still stands."""
-SWITCH_SECONDS = 0.0001
-"""For which a thread that waits for Python's lock lets another one go on. A wizard's key changes threads three times
-(loop, journal, loop), and Python's own 5 ms would add up while the transport's thread takes a burst of messages."""
 NODE = "rise"
 """What the engine's node is called, unless `__node` says otherwise."""
 FACE_TYPES = (
@@ -150,7 +146,6 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
         return open_transport(wire.transport, arguments, node=NODE, share=share)
 
     transport = await connect()
-    sys.setswitchinterval(SWITCH_SECONDS)
     try:
         neighbours = Neighbours(transport)
         for type in FACE_TYPES:
@@ -224,11 +219,3 @@ def _fields(share: Sequence[str]) -> Fields | None:
     from rise_adapters.ros2.types import Types
 
     return Types(share).fields
-
-
-def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:
-    """What `rise-engine doctor` prints, and its exit status."""
-    from rise_adapters.ros2.doctor import document, examine, status, text
-
-    found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
-    return (document(found) + "\n" if as_json else text(found)), status(found)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rise_adapters.ros2 import ends
+from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
 from rise_adapters.ros2.carriers import Carrier, Deadlines
@@ -60,11 +60,11 @@ class Peer:
         return [msgspec.to_builtins(end) for end in getattr(self._transport, f"{what}_ends")(name)]
 
     def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
-        """What `ends` says about an action."""
+        """What `compatibility` says about an action."""
         made = {part: QoS(**each) for part, each in qos.items()}
         carrier = Carrier("action", name, type, Deadlines(), Group({}), qos=made)
-        found = ends.look(self._transport, carrier)
-        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.all]}
+        found = compatibility.compare(self._transport, carrier)
+        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.misfits]}
 
     def topics(self) -> list[str]:
         return self._transport.topics()

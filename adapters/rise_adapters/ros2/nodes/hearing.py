@@ -7,7 +7,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 
-from rise_adapters.ros2.ends import other_versions
+from rise_adapters.ros2.graph_checks import describe_other_versions
 from rise_adapters.ros2.port import RELIABLE, SENSOR, Message, Subscription, Transport
 
 LOOK = 0.5
@@ -77,7 +77,7 @@ class Heard:
             self._taken(message)
 
     def _compare(self) -> None:
-        self._garbled = other_versions(self._transport, self._topic, self._type)
+        self._garbled = describe_other_versions(self._transport, self._topic, self._type)
         for sentence in self._garbled:
             self._tell(sentence)
 
