@@ -114,16 +114,12 @@ class UnusableMemoryError(ValueError):
 
 def strict_json(text: str) -> Any:
     """The value of a JSON text. Raises ValueError with a sentence, also for a key that is there twice."""
-    from rise_engine.scenario.json_reader import JsonError, plain, read_json
+    from rise_engine.json_codec import JsonError, decode
 
-    twice: list[str] = []
     try:
-        value = plain(read_json(text, lambda key, at, first: twice.append(key)))
+        return decode(text)
     except JsonError as error:
         raise ValueError(f"{error} (column {error.offset + 1})") from None
-    if twice:
-        raise ValueError(f"the key `{twice[0]}` is there twice")
-    return value
 
 
 def read_memory(text: str) -> dict[str, Any]:
@@ -403,13 +399,9 @@ def _print(text: str) -> None:
 def _json(value: Any) -> str:
     import msgspec
 
-    try:
-        encoded = msgspec.json.encode(value)
-    except UnicodeEncodeError:  # a file name that is no text
-        from rise_engine.session.lines import writable
+    from rise_engine.json_codec import encode
 
-        encoded = msgspec.json.encode(writable(value))
-    return msgspec.json.format(encoded, indent=2).decode()
+    return msgspec.json.format(encode(value), indent=2).decode()
 
 
 def _shown(value: Any) -> str:

@@ -13,9 +13,9 @@ from typing import Any, get_args
 
 from msgspec import Struct
 
+from rise_engine.json_codec import JsonError, plain, read_json
 from rise_engine.kernel.inputs import Submit, TaskFunction
-from rise_engine.scenario.findings import suggestion
-from rise_engine.scenario.json_reader import JsonError, plain, read_json
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.model import Scenario
 
 FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rise_engine.scenario.json_reader import JsonArray, JsonError, JsonObject, Member, plain, read_json
+from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, plain, read_json
 from rise_engine.scenario.memory import LIST_KEY
 
 
@@ -71,7 +71,7 @@ def _read(text: str) -> JsonObject:
     return found
 
 
-def _members(document: JsonObject) -> list[Member]:
+def _members(document: JsonObject) -> list[JsonMember]:
     """The memory's keys, in either form. Raises NotEditable."""
     listed = document.get(LIST_KEY)
     if not isinstance(listed, JsonArray):

@@ -9,9 +9,9 @@ from math import isfinite
 from rise_engine.expression.environment import Env, Json, list_index, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, shortened
 from rise_engine.expression.expression import Expression
-from rise_engine.expression.strict_json import read_json
 from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
-from rise_engine.expression.values import MAX_LEVELS, levels, named
+from rise_engine.expression.values import levels, named
+from rise_engine.json_codec import MAX_LEVELS, JsonError, decode
 
 _BLANKS = re.compile(r"\s*")
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
@@ -55,7 +55,7 @@ class Assignment:
             raise ExpressionError(f"the assignment is longer than {MAX_LENGTH:,} characters", text[:200], 1)
         start = _blanks_end(text, 0)
         if text.startswith("{", start):
-            pairs = read_json(text, start)
+            pairs = _read_json(text, start)
             if not pairs:
                 raise ExpressionError("this object has no key", text, start + 1, 'write {"key": value}')
             if "" in pairs:
@@ -198,7 +198,7 @@ def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
     if at == len(text):
         raise ExpressionError("there is no value after the `=`", text, at + 1, 'write `""` for an empty text')
     if text[at] in "[{":
-        return None, read_json(text, at)
+        return None, _read_json(text, at)
     try:
         return Expression.parse(text[at:].rstrip()), None
     except ExpressionError as error:
@@ -206,6 +206,15 @@ def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
         if re.fullmatch(r"[^\W\d]+([ '’\-]+\w+)+[.!?]?", text[at:].strip()):
             hint = f'put a text in quotes: `"{text[at:].strip()}"`'
         raise ExpressionError(error.message, text, error.column + at, hint) from None
+
+
+def _read_json(text: str, start: int) -> Json:
+    """The JSON value that begins at `start` and fills the rest of the text."""
+    try:
+        return decode(text[start:])
+    except JsonError as error:
+        message, _, hint = str(error).partition("; ")
+        raise ExpressionError(f"this is no valid JSON: {message}", text, start + error.offset + 1, hint) from None
 
 
 def _blanks_end(text: str, start: int) -> int:

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from rise_engine.expression.errors import ExpressionError, shortened
 from rise_engine.expression.functions import ARITY, MANY
 from rise_engine.expression.nodes import Compare, explicit
+from rise_engine.expression.signatures import signature
 from rise_engine.expression.tokens import RESERVED, Token
+from rise_engine.nearest_name import nearest
 
 _TEXT_OPERATORS = {
     "startswith": "starts with",
@@ -115,7 +117,7 @@ def stray(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
             return ExpressionError(
                 f"`{before.value} with` needs a value on its left", text, before.start + 1, "write the key before it"
             )
-        near = _nearest(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
+        near = nearest(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
         if near and token.value not in ("with",):
             return ExpressionError(f"`{shown}` is no operator", text, column, f"did you mean `{near}`?")
     if token.kind == "(" and before.kind in ("number", ")"):
@@ -135,14 +137,13 @@ def unknown_function(text: str, token: Token) -> ExpressionError:
         operator = _TEXT_OPERATORS[name.lower()]
         hint = f'`{operator}` stands between two values: `key {operator} "text"`'
     else:
-        near = _nearest(name.lower(), ARITY)
+        near = nearest(name, ARITY)
         hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(ARITY))
     return ExpressionError(f"there is no function `{shortened(name, 40)}`", text, token.start + 1, hint)
 
 
 def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
     """A function with too few or too many arguments."""
-    from rise_engine.expression.signatures import signature  # only for messages
 
     least, most = ARITY[token.value]
     wanted = f"{least} or more" if most == MANY else str(least) if least == most else f"{least} or {most}"
@@ -156,12 +157,3 @@ def wrong_arity(text: str, token: Token, given: int, arguments: Sequence[Token])
     if not hint and (known := signature(token.value)) is not None:
         hint = f"write {known.call}: {known.says.partition(';')[0].partition('. ')[0]}"
     return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)
-
-
-def _nearest(word: str, names: Sequence[str] | dict[str, tuple[int, int]]) -> str | None:
-    if len(word) > 16:  # nothing is called so
-        return None
-    from difflib import get_close_matches  # only for messages
-
-    found = get_close_matches(word, list(names), n=1, cutoff=0.6)
-    return found[0] if found else None

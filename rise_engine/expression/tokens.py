@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from unicodedata import combining, normalize
 
 from rise_engine.expression.errors import ExpressionError
-from rise_engine.expression.values import MAX_LEVELS
+from rise_engine.json_codec import MAX_LEVELS
 
 MAX_LENGTH = 100_000
 """Characters. Longer texts are refused: no author writes them."""

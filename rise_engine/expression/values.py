@@ -6,6 +6,7 @@ import json
 from math import inf
 
 from rise_engine.expression.environment import MISSING, Json
+from rise_engine.json_codec import MAX_LEVELS
 
 
 def truth(value: Json) -> bool:
@@ -15,15 +16,6 @@ def truth(value: Json) -> bool:
     if isinstance(value, (int, float)):
         return value > 0
     return bool(value)
-
-
-MAX_LEVELS = 64
-"""Lists and objects within each other, wherever a value of the memory comes from (docs/reference/scenario.md)."""
-
-
-def is_64_bit(value: int) -> bool:
-    """Whether a whole number fits into a signed integer of 64 bits; the memory holds no other."""
-    return -(2**63) <= value < 2**63
 
 
 def levels(value: Json) -> int:

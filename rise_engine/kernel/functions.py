@@ -16,6 +16,7 @@ from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.speech import cannot_speak
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.kernel.wizard import LONGEST_SPEECH, Wizard
+from rise_engine.nearest_name import nearest
 from rise_engine.scenario.model import normal_topic
 
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
@@ -319,7 +320,5 @@ class Functions:
 
 
 def _near(name: str, known: Iterable[str]) -> str:
-    from difflib import get_close_matches  # only when something is wrong
-
-    close = get_close_matches(name, list(known), 1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    near = nearest(name, known)
+    return f"; did you mean {near!r}?" if near is not None else ""

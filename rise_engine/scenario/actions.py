@@ -12,8 +12,9 @@ from typing import Any, Literal, get_args
 
 from msgspec.structs import replace
 
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source import Source
 from rise_engine.scenario.toml_places import Table, TomlFile, read_toml

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.draft import BareKey, Draft, Mention
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.graph import cycles
 from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
 from rise_engine.scenario.parameters import check_template, convert

@@ -15,7 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from rise_engine.scenario.findings import WARNINGS, Finding, Findings, suggestion
+from rise_engine.nearest_name import suggestion
+from rise_engine.scenario.findings import WARNINGS, Finding, Findings
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Source
 

@@ -6,10 +6,11 @@ from collections.abc import Collection
 from typing import Any, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.acts import no_text
 from rise_engine.scenario.conditions import NEVER, expression_message, note_assignment, note_expression
 from rise_engine.scenario.draft import Draft, Mention
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
 from rise_engine.scenario.xml import Element, Spot, XmlFile
 

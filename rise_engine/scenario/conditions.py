@@ -8,8 +8,8 @@ from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.expression.upstream import differences
 from rise_engine.scenario.draft import Draft, Mention, Where
 from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.typography import sentence_at
 from rise_engine.scenario.xml import Spot, XmlFile, expression_texts
+from rise_engine.typography import sentence_at
 
 _PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
 NEVER = Expression.parse("false")

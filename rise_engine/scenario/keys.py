@@ -165,7 +165,7 @@ def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
         return name
     unknown = [modifier for modifier in modifiers if modifier not in ("ctrl", "shift", "alt", "super", "meta", "cmd")]
     if unknown or plain or not base:
-        from rise_engine.scenario.findings import suggestion
+        from rise_engine.nearest_name import suggestion
 
         known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+f")
         raise KeyRefusedError(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.draft import Draft, Mention
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.paths import MemoryPaths
 
 ACT_ENDINGS = ("_succeeded", "_failed", "_stopped", "_end")

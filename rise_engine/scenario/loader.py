@@ -10,11 +10,12 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.nearest_name import few_comparisons
 from rise_engine.scenario.actions import declare
 from rise_engine.scenario.acts import read_acts
 from rise_engine.scenario.allow import Silenced, allows_of_memory, read_allows, silence
 from rise_engine.scenario.draft import Draft
-from rise_engine.scenario.findings import Finding, Findings, few_comparisons
+from rise_engine.scenario.findings import Finding, Findings
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.links import check_links
 from rise_engine.scenario.memory import read_memory

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from unicodedata import normalize
 
+from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, plain, read_json
 from rise_engine.scenario.draft import Draft
 from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.json_reader import JsonArray, JsonError, JsonObject, Member, plain, read_json
 from rise_engine.scenario.source import Source
 
 LIST_KEY = "WorkingMemory"
@@ -39,7 +39,7 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
         findings.error("memory-form", source.place(0), form)
         draft.unread.add("memory")
         return
-    members: list[Member] = []
+    members: list[JsonMember] = []
     lists = [member for member in value.members if member.key.casefold() == LIST_KEY.casefold()]
     for member in value.members:
         if member.key.casefold() != LIST_KEY.casefold():
@@ -80,9 +80,9 @@ def read_memory(source: Source, draft: Draft, findings: Findings) -> None:
     draft.key_sets.update(draft.memory)
 
 
-def _listed(items: JsonArray, source: Source, findings: Findings) -> list[Member]:
+def _listed(items: JsonArray, source: Source, findings: Findings) -> list[JsonMember]:
     """The entries of RISE's form: a list of objects, each with one key."""
-    members: list[Member] = []
+    members: list[JsonMember] = []
     for item, offset in zip(items, items.items_at, strict=True):
         if not isinstance(item, JsonObject):
             findings.error("memory-form", source.place(offset), 'each entry of the list is an object: {"key": value}')

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from rise_engine.expression.values import is_64_bit
+from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Call, Parameter
 from rise_engine.scenario.template import Template
@@ -191,7 +191,7 @@ def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
     name = value.strip()
     if name in parameter.codes or name in parameter.names or (accepts_any_name(parameter) and name):
         return name
-    from rise_engine.scenario.findings import suggestion
+    from rise_engine.nearest_name import suggestion
 
     near = suggestion(name[:80], known_names(parameter), limit=20)
     raise ValueError(f"{parameter.name} has no name {_shown(name)}{origin}{near}")

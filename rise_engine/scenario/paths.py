@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from rise_engine.expression import lookup
 from rise_engine.expression.environment import list_index
 from rise_engine.expression.values import named
-from rise_engine.scenario.findings import listed, nearest
+from rise_engine.nearest_name import listed, nearest
 from rise_engine.scenario.model import Json
 
 _FEW = 12

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.entries import entries
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.actions import core_actions, declare, unknown_keys
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place, RobotProfile
 from rise_engine.scenario.source import MAX_TOML_BYTES, Files
 from rise_engine.scenario.toml_places import Table, read_toml

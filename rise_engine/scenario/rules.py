@@ -6,12 +6,13 @@ import math
 import re
 from collections.abc import Iterator
 
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.acts import roots
 from rise_engine.scenario.blocks import NONE, BlockReader
 from rise_engine.scenario.conditions import parse_ahead
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.findings import Findings, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.graph import knots, reachable
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, State, Transition, normal_topic
 from rise_engine.scenario.xml import Element, Spot, XmlFile

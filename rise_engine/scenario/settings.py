@@ -6,11 +6,12 @@ from collections import Counter
 from typing import Any
 
 from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.nearest_name import listed, suggestion
 from rise_engine.scenario.actions import unknown_keys
 from rise_engine.scenario.allow import known_code
 from rise_engine.scenario.conditions import expression_message, note_assignment
 from rise_engine.scenario.draft import At, Draft, Mention
-from rise_engine.scenario.findings import Findings, listed, suggestion
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.keys import KeyRefusedError, normal_key
 from rise_engine.scenario.model import ActSettings, FillerSettings, FunctionName, KeyBinding, Mode, Place, normal_topic
 from rise_engine.scenario.toml_places import Table, TomlFile

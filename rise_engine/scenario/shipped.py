@@ -69,7 +69,7 @@ def copy(name: str, to: Path) -> int:
     """Copy a shipped study into a new or empty folder; how many files it has. Raises NotCopied."""
     from shutil import copyfile  # slow to import, for whoever only looks a study up
 
-    from rise_engine.scenario.findings import suggestion
+    from rise_engine.nearest_name import suggestion
 
     studies = shipped()
     if name not in studies:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.scenario.findings import listed, suggestion
+from rise_engine.nearest_name import listed, suggestion
 from rise_engine.scenario.model import Scenario
 
 

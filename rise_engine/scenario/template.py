@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.expression import lookup
-from rise_engine.expression.values import MAX_LEVELS
+from rise_engine.json_codec import MAX_LEVELS
 
 _SLOT = re.compile(
     r"""\{ \s*+ (?:"([^"]*+)" \s*+)? ([^\W\d][\w.]*+) \s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE

@@ -10,11 +10,11 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.expression.values import is_64_bit
+from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Source
-from rise_engine.scenario.typography import sentence_at, unclosed_by
+from rise_engine.typography import sentence_at, unclosed_by
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")

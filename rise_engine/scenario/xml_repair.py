@@ -12,8 +12,8 @@ from bisect import bisect_right
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.source import Source
-from rise_engine.scenario.typography import DOUBLE, SINGLE, plain_quote, sentence_at
 from rise_engine.text import GAP, called, strange
+from rise_engine.typography import DOUBLE, SINGLE, plain_quote, sentence_at
 
 _MARK = re.compile(r"[<&]")
 _REFERENCE = re.compile(r"&(?:(lt|gt|amp|quot|apos)|#[0-9]+|#x[0-9A-Fa-f]+);")

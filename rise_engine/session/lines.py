@@ -17,6 +17,7 @@ from zlib import crc32
 import msgspec
 from msgspec import Struct
 
+from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.text import told_all
@@ -94,10 +95,7 @@ def record_line(record: AnyRecord) -> bytes:
 
 def record_bytes(record: AnyRecord) -> bytes:
     """A record as JSON, as it stands in every output. Half characters are written as `\\udcff`."""
-    try:
-        return _encode(record)
-    except UnicodeEncodeError:
-        return _encode(writable(msgspec.to_builtins(record)))
+    return encode(record)
 
 
 def read_line(data: bytes) -> Line:

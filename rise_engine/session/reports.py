@@ -25,7 +25,7 @@ def find_session(text: str) -> Path:
 
     Raises SessionError, with the nearest right name.
     """
-    from rise_engine.scenario.findings import suggestion
+    from rise_engine.nearest_name import suggestion
 
     if not text:
         raise SessionError(f"name a session: its folder, or its name in {sessions_folder()}")
@@ -150,7 +150,7 @@ def _account(found: Comparison) -> list[str]:
 def _print_json(folder: Path, found: Comparison) -> None:
     import msgspec
 
-    from rise_engine.session.lines import writable
+    from rise_engine.json_codec import encode
 
     document = {
         "session": str(folder),
@@ -163,8 +163,7 @@ def _print_json(folder: Path, found: Comparison) -> None:
         "missing": found.missing,
         "notes": found.notes,
     }
-    encoded = msgspec.json.encode(writable(msgspec.to_builtins(document)))
-    write_json(msgspec.json.format(encoded, indent=2).decode())
+    write_json(msgspec.json.format(encode(document), indent=2).decode())
 
 
 def _is_session(path: Path) -> bool:

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_engine.scenario.findings import Finding, Findings, suggestion
+from rise_engine.nearest_name import suggestion
+from rise_engine.scenario.findings import Finding, Findings
 from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import Place
 from rise_engine.scenario.source import Files

@@ -64,7 +64,7 @@ def test_a_waiting_task_can_be_removed(s: Session) -> None:
 @pytest.mark.parametrize(
     ("function", "behavior", "reason"),
     [
-        ("startCommunicationRobotAct", "a", "there is no act 'a'"),
+        ("startCommunicationRobotAct", "a", "there is no act 'a'; did you mean 'A'?"),
         ("startCommunicationRobotAct", "Lock", "there is no act 'Lock'; did you mean 'Look'?"),
         ("stopCommunicationRobotAct", "A", "A is neither running nor waiting"),
         ("startInteractionRule", "Q", "there is no rule 'Q'"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -106,21 +104,6 @@ def test_windows_line_ends(tmp_path: Path) -> None:
     text = in_state('<if\n cond="a\n &lt; &gt;"/>').replace("\n", "\r\n")
     result = loaded(tmp_path, {"rules/r.xml": text})
     assert [str(f.place) for f in result.findings if f.code == "condition"] == ["rules/r.xml:5:7"]
-
-
-def test_importing_is_cheap() -> None:
-    code = (
-        "import sys, rise_engine.scenario\n"
-        "assert 'lxml' not in sys.modules and 'msgspec' not in sys.modules\n"
-        "from rise_engine.scenario import load\n"
-        "load(sys.argv[1])\n"
-        "slow = {'asyncio', 'dataclasses', 'difflib', 'importlib.metadata', 'textual', 'rise_adapters'}\n"
-        "print(sorted(slow & set(sys.modules)))"
-    )
-    with TemporaryDirectory() as path:
-        folder(Path(path), FILES)
-        done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 SEEDS = {

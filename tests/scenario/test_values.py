@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rise_engine.json_codec import JsonError, plain, read_json
 from rise_engine.scenario import call_parameters, convert, expected_seconds, limit_seconds
 from rise_engine.scenario.actions import core_actions
 from rise_engine.scenario.graph import knots, reachable
-from rise_engine.scenario.json_reader import JsonError, plain, read_json
 from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, normal_key
 from rise_engine.scenario.model import Call, Parameter
 from rise_engine.scenario.template import MissingValue, key_template, parse_template

@@ -23,7 +23,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.names import check_namespace
 from rise_adapters.ros2.port import Handle, Message, PortError, Reply, Transport
-from rise_engine.scenario.findings import suggestion
+from rise_engine.nearest_name import suggestion
 
 Value: TypeAlias = "bool | int | float | str | list[str] | None"
 SIM_TIME = "use_sim_time"

@@ -15,12 +15,12 @@
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from math import isfinite
 from typing import Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
+from rise_engine.nearest_name import nearest
 from rise_engine.scenario.model import RobotProfile
 
 Kind: TypeAlias = Literal["reject", "fail", "slow", "hang"]
@@ -68,8 +68,8 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
     action, kind = match["action"].strip(), match["kind"]
     _check_action(text, action, profile)
     if kind not in KINDS:
-        nearest = get_close_matches(kind, KINDS, 1, 0.5)
-        hint = f"did you mean {nearest[0]!r}?" if nearest else _FORM
+        near = nearest(kind, KINDS)
+        hint = f"did you mean {near!r}?" if near is not None else _FORM
         raise ValueError(f"the fault {text!r} has the unknown kind {kind!r}: {hint}")
     factor = 1.0
     if kind == "slow":
@@ -112,9 +112,8 @@ def _check_action(text: str, action: str, profile: RobotProfile) -> None:
     spec = profile.actions.get(action)
     if spec is None:
         possible = [name for name, spec in profile.actions.items() if spec.supported and not spec.engine]
-        lower = {name.lower(): name for name in possible}
-        nearest = get_close_matches(action.lower(), lower, 1, 0.4)
-        hint = f"did you mean {lower[nearest[0]]!r}?" if nearest else f"it has {', '.join(possible)}"
+        near = nearest(action, possible)
+        hint = f"did you mean {near!r}?" if near is not None else f"it has {', '.join(possible)}"
         raise ValueError(f"the fault {text!r} names an action that {profile.title} does not have: {hint}")
     if spec.engine:
         raise ValueError(f"the fault {text!r} cannot happen: {action} runs in the engine, not on the robot")

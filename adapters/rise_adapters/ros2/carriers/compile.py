@@ -23,7 +23,7 @@ from rise_adapters.ros2.carriers.fill import (
     literal,
 )
 from rise_adapters.ros2.carriers.texts import Slot, conversion, parse_text, seconds, special_fallback
-from rise_engine.scenario.findings import listed, suggestion
+from rise_engine.nearest_name import listed, suggestion
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, convert, known_names
 

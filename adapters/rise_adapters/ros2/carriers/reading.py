@@ -19,8 +19,8 @@ from rise_adapters.ros2.carriers.compile import Compiler, Notes
 from rise_adapters.ros2.carriers.fields import Fields, FieldType, Types
 from rise_adapters.ros2.carriers.fill import Group
 from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, QoS
+from rise_engine.nearest_name import nearest, suggestion
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.findings import nearest, suggestion
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 from rise_engine.scenario.parameters import accepts_any_name, known_names
 

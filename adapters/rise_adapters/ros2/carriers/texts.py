@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.scenario.findings import suggestion
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.model import Parameter
 
 SPECIALS = ("node", "goal", "frame", "parameters")

@@ -10,10 +10,9 @@ from pathlib import Path
 from time import time_ns
 from typing import TypeAlias
 
-import msgspec
-
 from rise_adapters.ros2.face import rosout as rosout_topic
 from rise_adapters.ros2.port import Message, PortError, Publisher, QoS, Transport
+from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 from rise_engine.link.room import Room
@@ -214,10 +213,7 @@ def nanoseconds(wall: str) -> int:
 
 def as_json(value: object) -> str:
     """A JSON value as every output writes it. Half characters are written as `\\udcff`."""
-    try:
-        return msgspec.json.encode(value).decode()
-    except UnicodeEncodeError:
-        return msgspec.json.encode(writable(value)).decode()
+    return encode(value).decode()
 
 
 def _header(since_1970: int) -> Message:

@@ -1,6 +1,7 @@
-"""A strict JSON reader that knows where everything stands (RFC 8259, nothing more).
+"""JSON, strict and in one place: what is read here is RFC 8259 and nothing more, and fits into the memory.
 
-The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and knows no places.
+The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and knows no places. `decode`
+gives the value of a text, `read_json` also where everything in it stands; `encode` writes what every output can hold.
 """
 
 from __future__ import annotations
@@ -9,10 +10,15 @@ import re
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
+import msgspec
 from msgspec import Struct
 
-from rise_engine.expression.values import MAX_LEVELS, is_64_bit
-from rise_engine.scenario.typography import sentence_at, unclosed_by
+from rise_engine.errors import RiseError
+from rise_engine.text import told_all
+from rise_engine.typography import sentence_at, unclosed_by
+
+MAX_LEVELS = 64
+"""Lists and objects within each other, wherever a value of the memory comes from (docs/reference/scenario.md)."""
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 _STRING = re.compile(r'"([^"\\\x00-\x1f]*)"')
@@ -22,10 +28,19 @@ _WORD = re.compile(r"[-+]?\w+|.", re.DOTALL)
 _ESCAPES = {'"': '"', "\\": "\\", "/": "/", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t"}
 _UNCLOSED = "this text has no closing quotation mark"
 _WORDS = {"true": True, "false": False, "null": None}
+_HALF = re.compile("[\ud800-\udfff]")
 
 
-class JsonError(ValueError):
-    """What cannot be read. `offset` counts characters from 0."""
+def is_64_bit(value: int) -> bool:
+    """Whether a whole number fits into a signed integer of 64 bits; the memory holds no other."""
+    return -(2**63) <= value < 2**63
+
+
+class JsonError(RiseError, ValueError):
+    """A text that is no JSON, or that the memory cannot hold; the message is a sentence without a place.
+
+    `offset` counts characters from 0 within the text that was read.
+    """
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -38,7 +53,7 @@ NoNumber: TypeAlias = Callable[[str, int], None]
 """Called with a sentence and an offset for NaN, an infinity or a number that is too large."""
 
 
-class Member(Struct, frozen=True):
+class JsonMember(Struct, frozen=True):
     """One `"key": value` of an object, with the offset of the key and of the value."""
 
     key: str
@@ -50,7 +65,7 @@ class Member(Struct, frozen=True):
 class JsonObject(dict[str, Any]):
     """An object that remembers where its members stand."""
 
-    members: tuple[Member, ...] = ()
+    members: tuple[JsonMember, ...] = ()
     at: int = 0
 
 
@@ -61,12 +76,45 @@ class JsonArray(list[Any]):
     at: int = 0
 
 
+def decode(text: str) -> Any:
+    """The value of a JSON text, in ordinary dicts and lists.
+
+    Raises JsonError for what is not JSON, for a key that an object has twice, for NaN, infinities and whole numbers of
+    more than 64 bits, and for lists and objects more than MAX_LEVELS within each other.
+
+    >>> decode('{"task": 2, "names": ["Ada"]}')
+    {'task': 2, 'names': ['Ada']}
+    """
+
+    def twice(key: str, offset: int, first: int) -> None:
+        raise JsonError(f"the key `{key}` is there twice", offset)
+
+    return plain(read_json(text, twice))
+
+
+def encode(value: Any) -> bytes:
+    """A JSON-like value or a Struct as JSON in UTF-8.
+
+    A byte of a file name that is no text (half a character, which UTF-8 cannot hold) becomes `\\udcff`, as a text.
+
+    >>> encode({"task": 2})
+    b'{"task":2}'
+    """
+    try:
+        return msgspec.json.encode(value)
+    except UnicodeEncodeError:
+        return msgspec.json.encode(told_all(msgspec.to_builtins(value)))
+
+
 def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
     """The value of a JSON text. Objects and arrays know places; `plain` makes ordinary ones.
 
     Keys given twice are reported to `duplicate`, and reading goes on with the first value. Raises JsonError for what is
     not JSON; NaN and infinities are only reported, and read as null, when there is a `no_number`.
     """
+    half = _HALF.search(text)
+    if half is not None:
+        raise JsonError("here stands one half of a character", half.start())
     try:
         return _whole(_Reader(text, duplicate, no_number))
     except JsonError as error:
@@ -203,7 +251,7 @@ class _Reader:
     def object(self, start: int, depth: int) -> tuple[JsonObject, int]:
         result = JsonObject()
         result.at = start
-        members: list[Member] = []
+        members: list[JsonMember] = []
         first: dict[str, int] = {}
         at = self.skip(start + 1)
         if self.text.startswith("}", at):
@@ -225,7 +273,7 @@ class _Reader:
             else:
                 first[key] = key_at
                 result[key] = value
-                members.append(Member(key, value, key_at, value_at))
+                members.append(JsonMember(key, value, key_at, value_at))
             at, ended = self.separator(at, "}", "object", start)
             if ended:
                 result.members = tuple(members)

@@ -1,0 +1,120 @@
+"""The known name that somebody meant who wrote another one: "did you mean ...?", for every part that reads names.
+
+`suggestion` gives the whole end of a sentence, `nearest` the name alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sized
+from contextlib import contextmanager
+from contextvars import ContextVar
+from difflib import get_close_matches
+from itertools import islice
+from unicodedata import combining, normalize
+from unicodedata import name as unicode_name
+
+from rise_engine.text import UNSEEN, called
+
+_COMPARISONS = 20_000
+"""How many names are compared with misspelt ones while one scenario is read: that is slow, and nobody reads more."""
+_LONGEST = 80
+"""Characters of a name that somebody may have misspelt."""
+_left: ContextVar[list[int]] = ContextVar("comparisons that are left")
+
+
+@contextmanager
+def few_comparisons() -> Iterator[None]:
+    """Within it, `nearest` compares at most `_COMPARISONS` names: a file of nothing but mistakes is read as quickly."""
+    token = _left.set([_COMPARISONS])
+    try:
+        yield
+    finally:
+        _left.reset(token)
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
+    left = _left.get([_COMPARISONS])
+    if left[0] <= 0 or len(word) > _LONGEST:
+        return None
+    folded: dict[str, str] = {}
+    for name in islice(known, left[0]):
+        if len(name) <= _LONGEST:
+            folded.setdefault(_folded(name), name)
+    left[0] -= len(folded)
+    matches = get_close_matches(_folded(word), folded, n=1, cutoff=0.6)
+    return folded[matches[0]] if matches else None
+
+
+def suggestion(word: str, known: Iterable[str], *, limit: int = 12) -> str:
+    """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
+    names = known if isinstance(known, Sized) else list(known)
+    near = nearest(word, names)
+    if near is not None:
+        return f"; did you mean `{near}`?{unlike(word, near)}"
+    if 0 < len(names) <= limit:
+        known_names = listed(dict.fromkeys(names))
+        return f"; known: {known_names}" if len(known_names) < 1000 else ""
+    return ""
+
+
+def unlike(word: str, known: str) -> str:
+    """What makes two names different that look the same: a sentence for the end of a message, or empty.
+
+    Names are compared as they are written, and a letter with an accent can be written as one character or as two (file
+    names on macOS and texts out of PDF files have two).
+    """
+    if word.isascii() and known.isascii():
+        return ""
+    pairs = enumerate(zip(word, known, strict=False))
+    at = next((index for index, (here, there) in pairs if here != there), min(len(word), len(known)))
+    if _seen(normalize("NFC", word)) == _seen(normalize("NFC", known)):
+        while at > 0 and any(combining(each) for each in (word[at : at + 1], known[at : at + 1]) if each):
+            at -= 1  # to the letter that the accent belongs to
+    elif not _other_script(word[at : at + 1], known[at : at + 1]):
+        return ""
+    here, there = _letter(word, at), _letter(known, at)
+    if len(here) == len(there) or not here or not there:
+        return f" They look alike, but here stands {_characters(here)}, there {_characters(there)}; copy it from there."
+    return (
+        f" They look alike, but its `{there}` is written as {_characters(here)} here, and as {_characters(there)} "
+        "there; copy the name from there."
+    )
+
+
+def _folded(name: str) -> str:
+    """A name without what readers overlook."""
+    if name.isascii():
+        return name.casefold()
+    return normalize("NFC", name).casefold()
+
+
+def _seen(name: str) -> str:
+    """What of a name can be seen."""
+    return " ".join(UNSEEN.sub("", name).split())
+
+
+def _letter(name: str, at: int) -> str:
+    """The letter that begins at an offset, with its accents."""
+    end = at + 1
+    while end < len(name) and combining(name[end]):
+        end += 1
+    return name[at:end]
+
+
+def _other_script(here: str, there: str) -> bool:
+    """Whether one of two letters is from another alphabet, such as a Cyrillic `а` in a Latin word."""
+    scripts = [unicode_name(each, "").partition(" ")[0] for each in (here, there) if each.isalpha()]
+    return len(set(scripts)) == 2 and set(scripts) <= {"LATIN", "CYRILLIC", "GREEK", "FULLWIDTH"}
+
+
+def _characters(letter: str) -> str:
+    if not letter:
+        return "nothing"
+    written = " and ".join(called(each) for each in letter)
+    return f"two characters, {written}" if len(letter) == 2 else written
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in backquotes, separated by commas."""
+    return ", ".join(f"`{name}`" for name in names)
