@@ -32,7 +32,7 @@ from rise_engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
 from rise_engine.link.places import claim
 from rise_engine.link.room import Room
-from rise_engine.link.server import Server
+from rise_engine.server.server import Server
 from rise_engine.robots import make_robot
 from rise_engine.scenario import load
 from rise_engine.session.folder import create

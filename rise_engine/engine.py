@@ -252,23 +252,6 @@ class Engine:
         if not self._stepping:
             self._drain()
 
-    def catch_up(self) -> None:
-        """Send out what has become durable, if anything has, without waiting for the journal's call."""
-        if self._outgoing and self._journal is not None and self._outgoing[0].position <= self._journal.durable:
-            self.look_at_journal()
-
-    def hasten(self, answer: Answer, prepare: Callable[[list[AnyRecord], Reply], Callable[[], None]]) -> None:
-        """If `answer` waits for the disk, and nothing else does, have it given as early as can be.
-
-        `prepare` gets what will be sent out, and gives what is to be called on the journal's thread as soon as that is
-        durable. Sinks and `answer` are called as always.
-        """
-        outgoing, journal = self._outgoing, self._journal
-        if journal is not None and len(outgoing) == 1 and outgoing[0].answer is answer:
-            journal.hand_over()  # first: the disk is at work while this is prepared
-            step = outgoing[0]
-            journal.promptly(step.position, prepare(step.records, step.reply))
-
     def _accept_while_paused(self, fact: AnyInput, answer: Answer) -> None:
         assert self._journal is not None
         if not (isinstance(fact, Submit) and fact.function == "stopAll"):

@@ -8,7 +8,6 @@ lost terminal sends, is ignored.
 from __future__ import annotations
 
 import asyncio
-import gc
 import logging
 import os
 import signal
@@ -28,13 +27,13 @@ from rise_engine.engine import Engine, Resumption, versions
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.link.places import Claim, PlaceError, claim, session_name
 from rise_engine.link.room import Room
-from rise_engine.link.server import Server
 from rise_engine.link.spawn import Word, Working
 from rise_engine.robot import Robot
 from rise_engine.robots import DriverError, RobotOptionsError, make_robot, open_bridge, warning_for
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
+from rise_engine.server.server import Server
 from rise_engine.session.folder import (
     JOURNAL,
     SessionError,
@@ -385,8 +384,6 @@ class _Serving:
                 recovered=recovered is not None,
             )
         )
-        gc.freeze()
-        gc.enable()
         _tell_systemd("READY=1")
         try:
             await ended.wait()

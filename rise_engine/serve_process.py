@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 
 
 def main() -> None:
-    gc.disable()  # until it serves: nothing of what starting makes is garbage, and to look for some takes 30 ms
     import msgspec
 
     from rise_engine.serve import Order, serve, to_starter

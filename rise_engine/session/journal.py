@@ -67,7 +67,6 @@ class Journal:
         self._retry = retry
         self._size = size
         self._queue: SimpleQueue[list[bytes] | None] = SimpleQueue()
-        self._prompt: tuple[int, Callable[[], None]] | None = None
         self._waiting_since: float | None = None
         self._looked = 0.0
         """When the file was last seen in its place."""
@@ -91,14 +90,6 @@ class Journal:
         elif len(self._appended) == 1:
             self._later(self.hand_over)
         return self.appended
-
-    def promptly(self, position: int, call: Callable[[], None]) -> None:
-        """Call this on the writer's thread before `changed`, once `durable` has reached `position`.
-
-        One call at a time; and none when that is reached already, or when the writer is at this very place: who asks
-        for it looks at `durable` anyway.
-        """
-        self._prompt = (position, call)
 
     def hand_over(self) -> None:
         """Let the writer have what was appended, without waiting for the end of the turn."""
@@ -149,10 +140,6 @@ class Journal:
                 self._beat()
             if batch and self._commit(b"".join(batch)):
                 self.durable += len(batch)
-                prompt = self._prompt
-                if prompt is not None and prompt[0] <= self.durable:
-                    self._prompt = None
-                    prompt[1]()
                 self.changed()
         with suppress(OSError):
             self._stay_in_place()

@@ -12,7 +12,7 @@ import pytest
 from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
 
-from .disks import FailingDisk, FullDisk, StallingDisk
+from .disks import FailingDisk, FullDisk
 
 
 class Watch:
@@ -68,25 +68,6 @@ def test_the_writer_can_be_woken_at_the_end_of_a_turn(tmp_path: Path) -> None:
     assert len(turn) == 1
     assert it.close(), "what no turn has handed over is not left behind"
     assert it.path.read_bytes() == b"".join(LINES[:4])
-
-
-def test_who_waits_for_the_disk_is_told_on_the_writers_thread(tmp_path: Path) -> None:
-    disk = StallingDisk()
-    it, watch = journal(tmp_path / "one", disk)
-    told: list[tuple[str, int]] = []
-
-    def prompt(what: str) -> Callable[[], None]:
-        return lambda: told.append((what, it.durable))
-
-    disk.go.clear()
-    it.promptly(it.append(LINES[0]), prompt("the one before another was asked for"))
-    assert disk.waits.wait(10)
-    it.promptly(it.append(LINES[1]) + 1, prompt("what has not come yet"))
-    disk.go.set()
-    watch.until(lambda: it.durable == 2)
-    assert not told
-    it.append(LINES[2])
-    assert it.close() and told == [("what has not come yet", 3)]
 
 
 def test_an_existing_file_is_gone_on_with_and_never_made_anew(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -113,44 +112,6 @@ async def test_what_went_out_is_on_the_disk(tmp_path: Path) -> None:
         on_disk = [line for line in it.lines() if not hasattr(line, "journal")]
         assert [line for line in on_disk if not isinstance(line, InputLine)][: len(it.records)] == it.records
         assert [line.n for line in on_disk if isinstance(line, InputLine)] == [1, 2, 3]
-
-
-async def test_an_answer_can_be_given_early_and_never_too_early(tmp_path: Path) -> None:
-    """On the journal's thread; whoever then looks finds that all know of it, before the loop was woken."""
-    disk = StallingDisk()
-    async with session(tmp_path, disk) as it:
-        await it.until(lambda: not it.engine._outgoing)
-        prepared: list[tuple[list[AnyRecord], Reply]] = []
-        early: list[bool] = []
-        given = threading.Event()
-
-        def prepare(records: list[AnyRecord], reply: Reply) -> Callable[[], None]:
-            prepared.append((records, reply))
-
-            def give() -> None:
-                early.append(b'"function":"startCommunicationRobotAct"' in it.path.read_bytes())
-                given.set()
-
-            return give
-
-        answer = it.replies.append
-        disk.go.clear()
-        it.engine.hasten(answer, prepare)
-        assert not prepared, "nothing waits for the disk"
-        it.engine.accept(start("Greet"), answer)
-        it.engine.hasten(lambda reply: None, prepare)
-        assert not prepared, "somebody else waits"
-        it.engine.hasten(answer, prepare)
-        [(records, reply)] = prepared
-        it.engine.catch_up()
-        assert reply == Reply(True, "", 1) and not it.replies and it.records[-1:] != records[-1:]
-        assert not given.is_set()
-        disk.go.set()
-        assert given.wait(10) and early == [True]  # the loop stands still
-        it.engine.catch_up()
-        assert it.replies == [reply] and it.records[-len(records) :] == records
-        it.engine.catch_up()
-        assert it.replies == [reply]
 
 
 async def test_nothing_goes_out_while_the_disk_stalls_but_the_loop_goes_on(tmp_path: Path) -> None:

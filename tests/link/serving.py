@@ -15,10 +15,10 @@ from rise_engine.link import places
 from rise_engine.link.client import Arrival, Client, EngineGone, Hello, Journaling, Pulse, Resync
 from rise_engine.link.places import Claim
 from rise_engine.link.room import Room
-from rise_engine.link.server import Server
 from rise_engine.link.socket_client import SocketClient
 from rise_engine.robots import make_robot
 from rise_engine.scenario import load
+from rise_engine.server.server import Server
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL, create
 from rise_engine.session.journal import Journal

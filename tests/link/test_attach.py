@@ -12,12 +12,12 @@ import pytest
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import ActionRecord, TaskRecord
-from rise_engine.link import peer
-from rise_engine.link import server as serving
 from rise_engine.link.client import Client, EngineGone, Journaling, LinkLost
 from rise_engine.link.messages import State, line, state_of, to_client, view_of
 from rise_engine.link.messages import Tasks as TasksMessage
 from rise_engine.link.room import copy_of
+from rise_engine.server import attachment
+from rise_engine.server import server as serving
 from rise_engine.view import TaskView, View
 
 from .serving import FAST, GREETING, Follower, Raw, Served, served
@@ -161,7 +161,7 @@ async def test_a_cut_connection_is_told_from_an_engine_that_has_gone(place: Path
         first, second = await Follower(session.client()).attach(), await Follower(session.client("bob")).attach()
         waiting = asyncio.create_task(first.client.send(Note(text="x")))
         await waiting
-        for peer in tuple(session.server.peers):
+        for peer in tuple(session.server.connections):
             peer.abort()
         assert isinstance(await first.over(), LinkLost)
         with pytest.raises(LinkLost):
@@ -169,7 +169,7 @@ async def test_a_cut_connection_is_told_from_an_engine_that_has_gone(place: Path
         await first.attach()
         await sees(first, "back again", session)
         session.claim.close()  # as the death of the process does
-        for peer in tuple(session.server.peers):
+        for peer in tuple(session.server.connections):
             peer.abort()
         session.server._server.close()  # type: ignore[union-attr]
         error = await first.over()
@@ -201,7 +201,7 @@ async def test_one_that_does_not_read_is_dropped_and_can_come_back(
 
 
 async def test_the_state_is_not_waited_for_without_end(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peer, "STATE_SECONDS", 0.1)
+    monkeypatch.setattr(attachment, "STATE_SECONDS", 0.1)
     async with served(place) as session:
         program = session.client("program", "node")
         await program.attach()

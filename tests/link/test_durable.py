@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.link.peer import MAX_OPEN
+from rise_engine.server.server import MAX_OPEN
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL
 
@@ -63,6 +63,43 @@ async def test_nobody_is_told_what_could_still_be_lost(place: Path) -> None:
         await watching.until(lambda view: view.seq >= late.view.seq)
         assert late.view == watching.view
         await wizard.close()
+
+
+async def test_whoever_goes_before_the_answer_hurts_nobody(place: Path) -> None:
+    disk = Slow()
+    async with served(place, disk=disk) as session:
+        watching = await Follower(session.client("watch", "observer")).attach()
+        await watching.until(lambda view: view.session)
+        for _ in range(20):
+            seq = watching.view.seq
+            asker = await Raw.open(session.path)
+            asker.attach("asker")
+            await asker.until("ready")
+            disk.let.clear()
+            asker.send(type="send", id=1, message={"input": "note", "text": "x"})
+            await asker.close()
+            disk.let.set()
+            await watching.until(lambda view, seq=seq: view.seq > seq)
+        assert watching.error is None
+        await watching.close()
+
+
+async def test_many_who_ask_at_once_get_every_record_once(place: Path) -> None:
+    """`Follower` finds gaps and repetitions."""
+    async with served(place, disk=Disk()) as session:
+        followers = [await Follower(session.client(f"n{number}", "node")).attach() for number in range(5)]
+
+        async def ask(follower: Follower) -> None:
+            for number in range(100):
+                assert (await follower.client.send(Note(text=f"{follower.hello.you} {number}"))).accepted
+                if number % 7 == 0:
+                    await asyncio.sleep(0)
+
+        await asyncio.gather(*map(ask, followers))
+        last = max(follower.view.seq for follower in followers)
+        for follower in followers:
+            await follower.until(lambda view: view.seq >= last)
+            await follower.close()
 
 
 async def test_a_disk_that_fails_is_told_to_everybody(place: Path) -> None:

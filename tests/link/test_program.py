@@ -132,7 +132,7 @@ async def test_a_program_that_is_cut_off_is_told(place: Path) -> None:
         records = session.records()
         with pytest.raises(Rejected, match="cannot end"):
             await session.end()
-        for peer in tuple(running.server.peers):
+        for peer in tuple(running.server.connections):
             peer.abort()
         with pytest.raises(LinkLost):
             await session.until(lambda view: view.ended)

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from rise_engine.kernel.inputs import Submit
-from rise_engine.link import peer as peers
-from rise_engine.link import server as serving
 from rise_engine.link import socket_client
 from rise_engine.link.client import LinkLost, Resync
+from rise_engine.server import attachment
+from rise_engine.server import server as serving
 
 from .serving import GREETING, Follower, Raw, Served, served
 
@@ -23,8 +23,8 @@ def events(session: Served, count: int) -> None:
 
 @pytest.fixture(autouse=True)
 def _little_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "BACKLOG", 20_000)
-    monkeypatch.setattr(peers, "ARRIVAL_BACKLOG", 20_000)
+    monkeypatch.setattr(attachment, "BACKLOG", 20_000)
+    monkeypatch.setattr(attachment, "ARRIVAL_BACKLOG", 20_000)
     monkeypatch.setattr(socket_client, "MANY", 50)
     monkeypatch.setattr(serving, "TASKS_AT_ONCE", 50)
 
@@ -78,9 +78,10 @@ async def test_marks_of_tasks_that_were_over_are_not_lost(place: Path) -> None:
         task = (await console.client.send(Submit(function="startCommunicationRobotAct", behavior=act))).task
         assert task is not None
         await console.until(lambda view: task in view.tasks and view.tasks[task].ended is not None)
-        (peer,) = session.server.peers
+        (console_here,) = session.server.connections.values()
+        assert console_here is not None
         async with asyncio.timeout(30):
-            while peer.behind is None:
+            while console_here.missed is None:
                 events(session, 500)
                 await asyncio.sleep(0)
         session.engine.post(Submit(function="markMistake", behavior=f"{task} late", source="wizard:ben"))
@@ -98,7 +99,7 @@ async def test_who_wants_every_record_is_cut_off_instead(place: Path) -> None:
         await program.until("ready")
         program.writer.transport.pause_reading()  # type: ignore[attr-defined]
         async with asyncio.timeout(30):
-            while session.server.peers:
+            while session.server.connections:
                 events(session, 500)
                 await asyncio.sleep(0)
         await program.close()
@@ -107,14 +108,14 @@ async def test_who_wants_every_record_is_cut_off_instead(place: Path) -> None:
 async def test_one_that_takes_nothing_at_all_is_dropped_in_the_end(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(peers, "BEHIND_SECONDS", 0.2)
+    monkeypatch.setattr(attachment, "BEHIND_SECONDS", 0.2)
     async with served(place, GREETING) as session:
         raw = await Raw.open(session.path)
         raw.send(type="attach", version=1, name="ben", role="observer", resync=True)
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
         async with asyncio.timeout(30):
-            while session.server.peers:
+            while session.server.connections:
                 events(session, 200)
                 await asyncio.sleep(0.01)
         await raw.close()

@@ -14,10 +14,9 @@ from typing import Any
 
 import pytest
 
-from rise_engine.link import peer
-from rise_engine.link import server as serving
-from rise_engine.link.messages import LINE_LIMIT, MESSAGE_LIMIT
+from rise_engine.link.messages import LINE_LIMIT, MESSAGE_LIMIT, Refused, line
 from rise_engine.link.room import Room
+from rise_engine.server import server as serving
 
 from .serving import GREETING, Follower, Raw, served
 
@@ -62,7 +61,7 @@ async def test_a_line_without_bounds_ends_that_connection(place: Path, ended: bo
         await bad.until("ready")
         bad.writer.write(b" " * (LINE_LIMIT + 1) + (b"\n" if ended else b""))
         assert "more than 1,048,576 bytes" in await bad.refused()
-        assert not session.server.peers
+        assert not session.server.connections
 
 
 async def test_a_line_may_come_in_bits_and_many_at_once(place: Path) -> None:
@@ -123,7 +122,7 @@ async def test_a_name_can_be_shown(place: Path, name: str) -> None:
 
 
 async def test_who_does_not_say_who_it_is_is_closed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peer, "ATTACH_SECONDS", 0.05)
+    monkeypatch.setattr(serving, "ATTACH_SECONDS", 0.05)
     async with served(place) as session:
         raw = await Raw.open(session.path)
         assert "not attached within 0.05 seconds" in await raw.refused()
@@ -138,7 +137,7 @@ async def test_who_does_not_say_who_it_is_is_closed(place: Path, monkeypatch: py
 
 
 async def test_there_is_room_for_so_many(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peer, "MAX_CLIENTS", 3)
+    monkeypatch.setattr(serving, "MAX_CLIENTS", 3)
     async with served(place) as session:
         raws = [await Raw.open(session.path) for _ in range(3)]
         for raw in raws:
@@ -152,7 +151,7 @@ async def test_there_is_room_for_so_many(place: Path, monkeypatch: pytest.Monkey
 
 
 async def test_who_does_not_say_who_it_is_makes_room_for_others(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peer, "MAX_CLIENTS", 3)
+    monkeypatch.setattr(serving, "MAX_CLIENTS", 3)
     async with served(place) as session:
         silent = [await Raw.open(session.path) for _ in range(3)]
         raws = []
@@ -192,10 +191,10 @@ async def test_unanswered_messages_are_bounded_but_stop_all_is_not(
         await raw.until("ready")
         with monkeypatch.context() as patch:
             patch.setattr(Room, "send", holds)
-            for id in range(peer.MAX_OPEN + 1):
+            for id in range(serving.MAX_OPEN + 1):
                 raw.send(type="send", id=id, message={"input": "note", "text": "x"})
             reply = await raw.until("reply")
-            assert (reply["id"], reply["accepted"]) == (peer.MAX_OPEN, False) and "not answered" in reply["reason"]
+            assert (reply["id"], reply["accepted"]) == (serving.MAX_OPEN, False) and "not answered" in reply["reason"]
         raw.send(type="send", id=999, message={"input": "submit", "function": "stopAll"})
         reply = await raw.until("reply")
         assert (reply["id"], reply["accepted"]) == (999, True)
@@ -219,7 +218,7 @@ async def test_what_session_is_this(place: Path) -> None:
 
 
 async def test_signs_of_life_come_by_themselves(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, "PULSE_SECONDS", 0.02)
+    monkeypatch.setattr(serving, "HEARTBEAT_SECONDS", 0.02)
     async with served(place, speed=1.0) as session:
         follower = await Follower(session.client()).attach()
         await follower.until(lambda view: len(follower.pulses) > 2)
@@ -285,17 +284,17 @@ async def test_a_connection_that_ends_while_it_is_written_to_ends_once(
         raw.attach()
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
-        (peer,) = session.server.peers
+        (connection,) = session.server.connections
         lost = asyncio.Event()
-        monkeypatch.setattr(session.server, "lost", lambda peer: lost.set())
-        while not peer._queue:
-            peer.push([b'{"type":"nothing","text":"' + b"x" * 50_000 + b'"}\n'])
+        monkeypatch.setattr(session.server, "connection_closed", lambda connection: lost.set())
+        while not connection.waiting:
+            connection.send([b'{"type":"nothing","text":"' + b"x" * 50_000 + b'"}\n'])
             await asyncio.sleep(0)
-        peer.refuse("enough")
+        connection.finish(line(Refused("enough")))
         raw.writer.transport.resume_reading()  # type: ignore[attr-defined]
         assert await raw.refused() == "enough"
         async with asyncio.timeout(10):
             await lost.wait()
         await asyncio.sleep(0)
         assert not failed, failed
-        session.server.peers.clear()
+        session.server.connections.clear()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rise_adapters.ros2.dds import DdsTransport
 
-from rise_engine.link.server import Server
+from rise_engine.server.server import Server
 from rise_engine.session.disk import Disk
 from tests.ros.facing import faced
 

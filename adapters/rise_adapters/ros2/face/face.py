@@ -36,10 +36,10 @@ from rise_engine.clock import RealClock
 from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, TaskRecord
+from rise_engine.lag_meter import LagMeter
 from rise_engine.link import client as link
 from rise_engine.link.messages import MESSAGE_LIMIT
 from rise_engine.link.room import Member, Room
-from rise_engine.link.server import LagMeter
 from rise_engine.view import MemoryView
 
 _LOG = logging.getLogger(__name__)

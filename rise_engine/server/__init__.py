@@ -1,0 +1,1 @@
+"""A running session as others reach it: its socket, who is attached, and its process."""

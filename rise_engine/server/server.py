@@ -1,0 +1,433 @@
+"""The session's socket, in the engine's loop. The engine never waits for a client.
+
+What keeps the loop free, whatever clients do:
+- messages are taken in turn, one of each client, and only so many before the loop goes on; stop-all comes first;
+- records are encoded once, gathered for one turn of the loop, and shared by everybody's queue;
+- a client that leaves more than `attachment.BACKLOG` bytes waiting gets no more records, and the state anew once it has
+  taken those; or, if it does not take that, it is dropped, and attaches again when it can;
+- the state for those who attach goes out in portions, in turn, and only so many before the loop goes on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import socket
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cached_property, partial
+from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
+
+from rise_engine.engine import versions
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import ActionRecord, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.lag_meter import LagMeter
+from rise_engine.link.client import Journaling, Pulse, Reply, Update
+from rise_engine.link.messages import (
+    LINE_LIMIT,
+    MESSAGE_LIMIT,
+    VERSION,
+    About,
+    Answer,
+    AskAbout,
+    Attach,
+    Control,
+    End,
+    Ended,
+    JournalingChanged,
+    PulseTold,
+    Refused,
+    ScenarioTold,
+    Send,
+    Tasks,
+    Welcome,
+    from_client,
+    line,
+    state_of,
+)
+from rise_engine.link.room import Member, NotAdmitted, Room
+from rise_engine.scenario.exchange import to_json
+from rise_engine.server.attachment import Attachment
+from rise_engine.server.connection import LINGER_SECONDS, ClientConnection, split_into_pieces
+from rise_engine.session.lines import record_bytes
+from rise_engine.time_slicer import TimeSlicer
+from rise_engine.view import TaskView
+
+_LOG = logging.getLogger(__name__)
+
+MAX_CLIENTS = 200
+MAX_OPEN = 256
+"""Messages of one client that are not answered yet."""
+ATTACH_SECONDS = 5.0
+"""Within which a connection has to say who it is."""
+TASKS_AT_ONCE = 128
+HEARTBEAT_SECONDS = 1.0
+"""Between two signs of life."""
+TURN_SECONDS = 0.005
+TURN_BYTES = 65_536
+"""For which, and up to which, messages are taken in one turn of the loop: what comes of them has to go out too."""
+
+
+class Server:
+    """Listens for clients of one session. All methods belong to the engine's loop."""
+
+    def __init__(self, room: Room, path: str | os.PathLike[str], *, allowed: frozenset[int] | None = None) -> None:
+        """`allowed`: the users whose programs may connect; without it, this process's own and root."""
+        self.room = room
+        self.path = Path(path)
+        self.allowed = allowed if allowed is not None else frozenset({os.getuid(), 0})
+        self.connections: dict[ClientConnection, Attachment | None] = {}
+        """Every connection, the oldest first; None for one that has not said who it is."""
+        self.lag: LagMeter | None = None
+        self._server: asyncio.AbstractServer | None = None
+        self._attach_timers: dict[ClientConnection, asyncio.TimerHandle] = {}
+        self._attached: set[Attachment] = set()
+        self._behind: set[Attachment] = set()
+        """Those who get no records until they have taken what waits for them."""
+        self._turns: deque[ClientConnection] = deque()
+        """Those who have said something that was not taken yet."""
+        self._messages = TimeSlicer(self._take_message, TURN_SECONDS, most=TURN_BYTES)
+        self._states: deque[Attachment] = deque()
+        """Those who can be sent more of the state."""
+        self._state_portions = TimeSlicer(self._send_state, TURN_SECONDS)
+        self._all_gone = asyncio.Event()
+        self._records: list[bytes] = []
+        """What has happened in this turn of the loop."""
+        self._replies: dict[Attachment, list[bytes]] = {}
+        self._flushing = False
+        room.subscribe(self._update)
+
+    async def start(self) -> None:
+        """Listen. Raises OSError."""
+        self._loop = asyncio.get_running_loop()
+        listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            listening.setblocking(False)
+            listening.bind(str(self.path))
+            self.path.chmod(0o600)
+            # The loop accepts `backlog` connections in one turn, so this is small; the system's own queue is longer.
+            accept = partial(ClientConnection, self)
+            self._server = await self._loop.create_unix_server(accept, sock=listening, backlog=16)
+            listening.listen(512)
+        except BaseException:
+            listening.close()
+            raise
+        self.lag = LagMeter(self._loop)
+        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
+
+    async def close(self) -> None:
+        """Say that the session is over, if it is, and end all connections. Waits a moment for clients that read."""
+        if self._server is None:
+            return
+        self._server.close()
+        with suppress(OSError):
+            self.path.unlink()
+        self._flush()
+        engine = self.room.engine
+        last = b""
+        if engine.failure is not None:
+            reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
+            last = line(Ended(reason, failed=True))
+        elif engine.ended:
+            last = line(Ended(self.room.end_reason))
+        for connection in tuple(self.connections):
+            connection.finish(last)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._all_gone.wait() if self.connections else asyncio.sleep(0), LINGER_SECONDS)
+        for connection in tuple(self.connections):
+            connection.abort()
+        for slicer in (self._messages, self._state_portions):
+            slicer.cancel()
+        if self.lag is not None:
+            self.lag.close()
+        self._heartbeat.cancel()
+        self._server = None
+
+    def about(self) -> About:
+        """What this session is, in a few words."""
+        lag = self.lag
+        assert lag is not None
+        return replace(self.room.about(), program=f"rise-tui {versions()['rise-tui']}", lag=lag.recent, lag_max=lag.max)
+
+    # --- connections ------------------------------------------------------------------------------------------------
+
+    def connection_opened(self, connection: ClientConnection) -> None:
+        self.connections[connection] = None
+        if connection.user is not None and connection.user not in self.allowed:
+            _refuse(connection, "this session belongs to another user")
+        elif len(self.connections) > MAX_CLIENTS and not self._close_idle(connection):
+            _refuse(connection, f"{MAX_CLIENTS} clients are connected to this session already")
+        else:
+            self._attach_timers[connection] = self._loop.call_later(
+                ATTACH_SECONDS, _refuse, connection, f"you have not attached within {ATTACH_SECONDS:g} seconds"
+            )
+
+    def _close_idle(self, newcomer: ClientConnection) -> bool:
+        """Let the oldest connection go that has not said who it is, so that such ones keep no console out."""
+        for connection, attachment in self.connections.items():
+            if attachment is None and not connection.closing and connection is not newcomer:
+                _refuse(connection, "others are waiting to connect, and you have not attached")
+                return True
+        return False
+
+    def connection_drained(self, connection: ClientConnection) -> None:
+        attachment = self.connections.get(connection)
+        if attachment is None:
+            return
+        attachment.go_on()
+        if attachment.getting_state:
+            self._states.append(attachment)
+            self._state_portions.wake()
+        elif attachment.has_caught_up:
+            self._send_state_again(attachment)
+
+    def connection_closed(self, connection: ClientConnection) -> None:
+        self._stop_attach_timer(connection)
+        attachment = self.connections.pop(connection, None)
+        if attachment is not None:
+            attachment.close()
+            self._attached.discard(attachment)
+            self._behind.discard(attachment)
+            self.room.leave(attachment.client)
+        if not self.connections and self._server is not None and not self._server.is_serving():
+            self._all_gone.set()
+
+    def _stop_attach_timer(self, connection: ClientConnection) -> None:
+        timer = self._attach_timers.pop(connection, None)
+        if timer is not None:
+            timer.cancel()
+
+    # --- in: one message of each client in turn ---------------------------------------------------------------------
+
+    def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
+        if urgent:  # whoever waits with a stop-all is not kept behind others who wait with long messages
+            self._turns.appendleft(connection)
+        else:
+            self._turns.append(connection)
+        self._messages.wake()
+
+    def _take_message(self) -> int:
+        """Take one message of the client whose turn it is; gives its length."""
+        if not self._turns:
+            return 0
+        connection = self._turns.popleft()
+        if not connection.has_line:  # it has ended meanwhile
+            return 1
+        data = connection.take_line()
+        try:
+            self._take_line(connection, data)
+        except Exception:  # the engine's own failure ends the session; nothing else may hurt other clients
+            _LOG.exception("a client's message failed")
+            _refuse(connection, "this message could not be handled; the engine's log says why")
+        if connection.has_line:
+            self._turns.append(connection)
+        return len(data) + 1
+
+    def _take_line(self, connection: ClientConnection, data: bytes) -> None:
+        if len(data) > LINE_LIMIT:
+            _refuse(connection, f"a line has more than {LINE_LIMIT:,} bytes")
+            return
+        try:
+            message = from_client(data)
+        except ValueError as problem:
+            _refuse(connection, str(problem))
+            return
+        attachment = self.connections[connection]
+        match message:
+            case Attach():
+                self._attach(connection, message)
+            case AskAbout():
+                connection.finish(line(self.about()))
+            case _ if attachment is not None:
+                self._take_request(attachment, message, len(data))
+            case _:
+                _refuse(connection, "attach first")
+
+    def _take_request(self, attachment: Attachment, message: Send | Control | End, size: int) -> None:
+        client = attachment.client
+        match message:
+            case Send(id=id) if size > MESSAGE_LIMIT:
+                self._reply(attachment, id, Reply(False, f"a message may have {MESSAGE_LIMIT:,} bytes at most"))
+            case Send(id=id, message=input) if attachment.unanswered >= MAX_OPEN and not _is_stop(input):
+                self._reply(attachment, id, Reply(False, f"{MAX_OPEN} of your messages are not answered yet; wait"))
+            case Send(id=id, message=input):
+                attachment.unanswered += 1
+                self.room.send(client, input, partial(self._answer, attachment, id))
+            case Control(id=id, verb=verb):
+                attachment.unanswered += 1
+                self.room.control(client, verb, partial(self._answer, attachment, id))
+            case End(id=id, reason=reason):
+                self.room.end(client, reason, partial(self._reply, attachment, id))
+
+    def _attach(self, connection: ClientConnection, message: Attach) -> None:
+        if message.version != VERSION:
+            _refuse(
+                connection,
+                f"this session speaks version {VERSION} of the protocol, and you speak version {message.version}; "
+                "use the same release of rise-tui for both",
+            )
+            return
+        if self.connections[connection] is not None:
+            _refuse(connection, "you are attached already")
+            return
+        try:
+            client = self.room.attach(message.name, message.role)
+        except NotAdmitted as problem:
+            _refuse(connection, str(problem))
+            return
+        self._stop_attach_timer(connection)
+        self._flush_records()  # the state has them already
+        attachment = self.connections[connection] = Attachment(connection, client, resyncs=message.resync)
+        self._attached.add(attachment)
+        # Everything that can still change is encoded now; the tasks that cannot, some at a time.
+        open, all = self.room.tasks()
+        scenario = self._scenario_line if message.scenario else b""
+        first = line(self._welcome(client)) + scenario + line(Tasks(open))
+        self._begin_state(attachment, first, _in_portions(all, {task.id for task in open}))
+
+    # --- out: everything of one turn together -----------------------------------------------------------------------
+
+    def _update(self, update: Update) -> None:
+        if self._behind and (task := _task_of(update)) is not None:
+            for attachment in self._behind:
+                if attachment.missed is not None:
+                    attachment.missed.add(task)
+        if not self._attached or isinstance(update, Pulse):
+            return
+        if isinstance(update, Journaling):
+            self._flush_records()
+            self._broadcast(line(JournalingChanged(update)))
+        else:
+            self._records.append(record_bytes(update))
+            self._flush_soon()
+
+    def _send_heartbeat(self) -> None:
+        """Signs of life, for those who are attached."""
+        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
+        if self._attached:
+            assert self.lag is not None
+            seen = self.room.engine.robot_seen
+            pulse = Pulse(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
+            self._flush_records()
+            self._broadcast(line(PulseTold(pulse)))
+
+    def _answer(self, attachment: Attachment, id: int, reply: Reply) -> None:
+        attachment.unanswered -= 1
+        self._reply(attachment, id, reply)
+
+    def _reply(self, attachment: Attachment, id: int, reply: Reply) -> None:
+        answer = line(Answer(id, reply.accepted, reply.reason, reply.task))
+        self._replies.setdefault(attachment, []).append(answer)
+        self._flush_soon()
+
+    def _flush_soon(self) -> None:
+        if not self._flushing:
+            self._flushing = True
+            self._loop.call_soon(self._flush)
+
+    def _flush(self) -> None:
+        """Records first: who reads that an input was accepted has seen what came of it."""
+        self._flushing = False
+        self._flush_records()
+        replies, self._replies = self._replies, {}
+        for attachment, lines in replies.items():
+            attachment.send_replies(b"".join(lines))
+
+    def _flush_records(self) -> None:
+        if self._records:
+            records, self._records = self._records, []
+            self._broadcast(b'{"type":"records","records":[' + b",".join(records) + b"]}\n")
+
+    def _broadcast(self, data: bytes) -> None:
+        pieces = split_into_pieces(data)
+        for attachment in self._attached - self._behind:
+            attachment.send(pieces)
+            if attachment.missed is not None:
+                self._behind.add(attachment)
+
+    # --- the state for those who come, and for those who lay behind -------------------------------------------------
+
+    def _begin_state(self, attachment: Attachment, first: bytes, portions: Iterator[list[TaskView]]) -> None:
+        attachment.begin_state(first, portions)
+        self._states.append(attachment)
+        self._state_portions.wake()
+
+    def _send_state(self) -> bool:
+        """A portion for the one whose turn it is."""
+        if not self._states:
+            return False
+        attachment = self._states.popleft()
+        if attachment.send_state():
+            self._states.append(attachment)
+        elif attachment.has_caught_up:  # so much has happened meanwhile that it lay behind at once
+            self._send_state_again(attachment)
+        return True
+
+    def _send_state_again(self, attachment: Attachment) -> None:
+        """The state for one who lay behind, with the tasks that are not over or have changed meanwhile."""
+        self._flush_records()
+        self._behind.discard(attachment)
+        open, _ = self.room.tasks()
+        tasks = self.room.view.tasks
+        missed = (attachment.missed or set()) - {task.id for task in open}
+        more = [tasks[id] for id in sorted(missed) if id in tasks]
+        first = line(self._welcome(attachment.client)) + line(Tasks(open))
+        self._begin_state(attachment, first, _in_portions(more, set()))
+
+    def _welcome(self, client: Member) -> Welcome:
+        room = self.room
+        engine, runs = room.engine, room.engine.scenario
+        return Welcome(
+            version=VERSION,
+            you=client.name,
+            role=client.role,
+            mode=runs.mode,
+            robot=runs.robot.name,
+            seed=engine.seed,
+            scenario_hash=runs.hash,
+            folder=room.folder,
+            replay=room.replay,
+            journaling=engine.journaling,
+            t=max(engine.clock.now(), 0.0),
+            speed=getattr(engine.clock, "speed", 1.0),
+            state=state_of(room.view),
+            tasks=len(room.view.tasks),
+        )
+
+    @cached_property
+    def _scenario_line(self) -> bytes:
+        """Empty when it cannot be sent; then a client reads the copy in the session's folder."""
+        try:
+            return line(ScenarioTold(msgspec.Raw(to_json(self.room.engine.scenario))))
+        except ValueError:
+            return b""
+
+
+def _refuse(connection: ClientConnection, reason: str) -> None:
+    """End a connection with a sentence."""
+    connection.finish(line(Refused(reason)))
+
+
+def _is_stop(message: object) -> bool:
+    return isinstance(message, Submit) and message.function == "stopAll"
+
+
+def _task_of(update: Update) -> int | None:
+    """The task that a record is about."""
+    match update:
+        case TaskRecord(id=task) | ActionRecord(task=task) | MistakeRecord(task=task) | TimingRecord(task=task):
+            return task
+        case _:
+            return None
+
+
+def _in_portions(tasks: list[TaskView], without: set[int]) -> Iterator[list[TaskView]]:
+    for at in range(0, len(tasks), TASKS_AT_ONCE):
+        portion = [task for task in tasks[at : at + TASKS_AT_ONCE] if task.id not in without]
+        if portion:
+            yield portion
