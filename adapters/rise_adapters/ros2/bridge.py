@@ -1,4 +1,4 @@
-"""The session's one connection to ROS 2: its robot, and its face to other nodes (`rise_engine.bridge.Bridge`)."""
+"""The session's one connection to ROS 2: its robot, and what it shows to other nodes (`rise_engine.bridge.Bridge`)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pathlib import Path
 from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
 from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
-from rise_adapters.ros2.face import Face
 from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
 from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
 from rise_adapters.ros2.port import PortError, Transport
 from rise_adapters.ros2.rclpy_types import fields as fields_of_rclpy
 from rise_adapters.ros2.robot import Ros2Robot
+from rise_adapters.ros2.session_node import RosSessionInterface
 from rise_engine.bridge import BridgeError, Wire
 from rise_engine.kernel.inputs import Note
 from rise_engine.link.room import Room
@@ -29,7 +29,7 @@ WATCH_SECONDS = 0.5
 """How often it is looked whether the connection still stands."""
 NODE = "rise"
 """What the engine's node is called, unless `__node` says otherwise."""
-FACE_TYPES = (
+INTERFACE_TYPES = (
     "rise_interfaces/action/DomainTask_Goal",
     "rise_interfaces/srv/GetMemory_Request",
     "rise_interfaces/msg/Record",
@@ -61,7 +61,7 @@ class Ros2Bridge:
         self._rosout = rosout
         self._robot: Ros2Robot | None = None
         self._room: Room | None = None
-        self._face: Face | None = None
+        self._interface: RosSessionInterface | None = None
         self._watching = asyncio.get_running_loop().create_task(self._watch())
 
     def robot(self, clock: Clock) -> Robot:
@@ -76,7 +76,7 @@ class Ros2Bridge:
     def _show(self, neighbours: Neighbours) -> None:
         assert self._room is not None
         self._neighbours = neighbours
-        self._face = Face(self._transport, self._room, neighbours, rosout=self._rosout)
+        self._interface = RosSessionInterface(self._transport, self._room, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(settings_of, self._room))
         neighbours.met = self._met
         neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
@@ -87,8 +87,8 @@ class Ros2Bridge:
     async def close(self) -> None:
         self._watching.cancel()
         self._neighbours.close()
-        if self._face is not None:
-            await self._face.close()
+        if self._interface is not None:
+            await self._interface.close()
         self._transport.close()
 
     async def _watch(self) -> None:
@@ -110,9 +110,9 @@ class Ros2Bridge:
                     self._note(f"the connection to ROS cannot be made anew yet: {said}")
                 continue
             said = ""
-            face, self._face = self._face, None
-            if face is not None:
-                await face.close()
+            interface, self._interface = self._interface, None
+            if interface is not None:
+                await interface.close()
             before, self._transport = self._transport, fresh
             try:
                 if self._robot is not None:
@@ -148,7 +148,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     transport = await connect()
     try:
         neighbours = Neighbours(transport)
-        for type in FACE_TYPES:
+        for type in INTERFACE_TYPES:
             transport.fields(type)
         carriers = read_carriers(profile, transport.fields) if profile is not None else {}
         other = await neighbours.ask()

@@ -31,8 +31,6 @@ RULES_LATCHED = 100
 """Or twice as many as the scenario has rules."""
 BACKLOG = 20_000
 """Records that wait to be published at most; it takes 2 seconds or so to publish them."""
-AT_ONCE = 2
-"""Records that make up one piece of work."""
 
 REPEATED = "repeated"
 """The status of a rule state that is said again only for those who subscribe later: nothing has happened."""
@@ -42,7 +40,7 @@ _Waiting: TypeAlias = "AnyRecord | Message"
 
 
 class RecordTopics:
-    """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_some`."""
+    """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_next`."""
 
     def __init__(self, transport: Transport, room: Room, source: str, *, rosout: bool = True) -> None:
         """`source`: of tasks whose `ref` is the id of a DomainTask goal. Raises PortError."""
@@ -96,17 +94,16 @@ class RecordTopics:
             }
         )
 
-    def publish_some(self) -> bool:
-        """Publish some of what waits; false when nothing did."""
-        for done in range(AT_ONCE):
-            if not self._waiting:
-                return done > 0
-            each = self._waiting.popleft()
-            if isinstance(each, dict):
-                self._publish(self._tasks, each)
-                self._log(rosout_topic.of_refused(each), each["header"])
-            else:
-                self._publish_record(each)
+    def publish_next(self) -> bool:
+        """Publish one of those that wait; false when nothing did."""
+        if not self._waiting:
+            return False
+        each = self._waiting.popleft()
+        if isinstance(each, dict):
+            self._publish(self._tasks, each)
+            self._log(rosout_topic.of_refused(each), each["header"])
+        else:
+            self._publish_record(each)
         return True
 
     def close(self) -> None:
