@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.mapping import read_carriers
 from rise_adapters.ros2.robot import Ros2Robot
 
 from rise_engine.clock import RealClock

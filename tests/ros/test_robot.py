@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.mapping import read_carriers
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
 

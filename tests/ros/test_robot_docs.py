@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.action_server import RESULT_TIMEOUT
-from rise_adapters.ros2.carriers import Carrier, Options, read_carriers, read_options
+from rise_adapters.ros2.mapping import Carrier, Options, read_carriers, read_options
 from rise_adapters.ros2.types import Types
 
 from rise_engine.scenario import Loaded, load

@@ -8,9 +8,9 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
 from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
+from rise_adapters.ros2.mapping import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
 from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
 from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
 from rise_adapters.ros2.port import PortError, Transport

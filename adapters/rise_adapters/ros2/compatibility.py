@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 
 from rise_adapters.ros2 import vendors
-from rise_adapters.ros2.carriers import Carrier
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import (
     CANCEL_GOAL,
     FEEDBACK,

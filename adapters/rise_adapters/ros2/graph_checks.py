@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from rise_adapters.ros2 import vendors
-from rise_adapters.ros2.carriers import Carrier
 from rise_adapters.ros2.compatibility import (
     SAME_RELEASE,
     describe_node,
@@ -13,6 +12,7 @@ from rise_adapters.ros2.compatibility import (
     ros_type,
     same_middleware_remedy,
 )
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import FEEDBACK, Transport, action_topic
 
 

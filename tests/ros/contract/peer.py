@@ -18,9 +18,9 @@ import msgspec
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
-from rise_adapters.ros2.carriers import Carrier, Deadlines
 from rise_adapters.ros2.carriers.fill import Group
 from rise_adapters.ros2.choose import open_transport
+from rise_adapters.ros2.mapping import Carrier, Deadlines
 from rise_adapters.ros2.nodes.hearing import hear
 from rise_adapters.ros2.parameters import ParameterServices, Setting
 from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport

@@ -9,8 +9,8 @@ from typing import Any
 
 from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.carriers import Carrier, CarrierErrors, read_carriers, read_options
 from rise_adapters.ros2.doctor.finding import Finding
+from rise_adapters.ros2.mapping import Carrier, CarrierErrors, read_carriers, read_options
 from rise_adapters.ros2.port import PortError, Transport
 from rise_engine.scenario.model import RobotProfile
 

@@ -9,7 +9,7 @@ from math import inf
 from typing import Any, Literal, TypeAlias
 
 from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
-from rise_adapters.ros2.carriers import Carrier
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.nodes.goal_reader import GoalReader
 from rise_adapters.ros2.port import Message, Transport
 from rise_adapters.simulated.faults import ActionFault

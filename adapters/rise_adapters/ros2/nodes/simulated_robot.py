@@ -21,7 +21,7 @@ from functools import partial
 from math import inf
 from pathlib import Path
 
-from rise_adapters.ros2.carriers import CarrierErrors, read_carriers, written_out
+from rise_adapters.ros2.mapping import CarrierErrors, read_carriers, written_out
 from rise_adapters.ros2.nodes.cuttable import CuttableTransport
 from rise_adapters.ros2.nodes.goal_reader import GoalReader
 from rise_adapters.ros2.nodes.running import NodeError, forever, node_parser, run_node

@@ -28,7 +28,7 @@ from rise_adapters.ros2.action_client import (
     UNKNOWN,
     CancelAnswer,
 )
-from rise_adapters.ros2.carriers import Carrier
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import Message, PortError
 from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.cancellation import MAX_TRIES, Cancellation

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.carriers import Carrier
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, several_servers
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import Message
 from rise_adapters.ros2.robot.cancellation import Cancellation
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint

@@ -10,8 +10,8 @@ from typing import Literal, TypeAlias
 
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.carriers import Carrier
 from rise_adapters.ros2.compatibility import NOT_COMPARED
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import Message, PortError, Publisher, Transport
 from rise_adapters.ros2.robot.presence import ServerPresence
 from rise_engine.robot import Clock

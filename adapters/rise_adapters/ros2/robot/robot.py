@@ -13,8 +13,8 @@ from math import inf
 from typing import TypeAlias
 
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.carriers import Carrier
 from rise_adapters.ros2.compatibility import describe_uncompared
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import Message, PortError, Transport
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal

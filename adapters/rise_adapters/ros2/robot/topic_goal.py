@@ -5,7 +5,7 @@ Nobody answers on a topic. That something listens counts as acceptance, that the
 
 from __future__ import annotations
 
-from rise_adapters.ros2.carriers import Carrier
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.port import Message, PortError
 from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import TopicEndpoint
