@@ -216,6 +216,6 @@ def _fields(share: Sequence[str]) -> Fields | None:
         return fields_of_rclpy
     if missing["dds"]:
         return None
-    from rise_adapters.ros2.types import Types
+    from rise_adapters.ros2.types import Types  # needs rosbags, which is an extra
 
     return Types(share).fields

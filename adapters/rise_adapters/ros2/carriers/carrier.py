@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.carriers.fill import Filling, Group
 from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, Message, QoS
+from rise_engine.errors import RiseError
 
 NO_QOS: Mapping[str, QoS] = {}
 """Nothing but what is usual."""
@@ -45,7 +46,7 @@ class Options(Struct, frozen=True):
     """Folders with the definitions of further interface packages, for the transport without ROS."""
 
 
-class CarrierErrors(ValueError):
+class CarrierErrors(RiseError):
     """What is wrong with a profile's options and carriers: all of it, each a sentence for a person."""
 
     def __init__(self, robot: str, mistakes: list[str]) -> None:

@@ -29,6 +29,7 @@ from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, Va
 from rise_adapters.ros2.port import PortError, Transport
 from rise_engine.arguments import split_ros_args
 from rise_engine.bridge import BridgeError
+from rise_engine.errors import RiseError
 from rise_engine.terminal import guarded
 
 T = TypeVar("T")
@@ -38,7 +39,7 @@ FAILED, USAGE = 1, 2
 _LOOK_SECONDS: Final = 0.5
 
 
-class NodeError(Exception):
+class NodeError(RiseError):
     """The node cannot do what it is for; a sentence for a person."""
 
 

@@ -21,6 +21,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.port import Message, Transport
+from rise_engine.errors import RiseError
 
 T = TypeVar("T")
 
@@ -29,7 +30,7 @@ _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}
 _LOOK_SECONDS = 0.5
 
 
-class SessionGoneError(Exception):
+class SessionGoneError(RiseError):
     """No session answers; a sentence that says what was not there."""
 
 

@@ -31,7 +31,10 @@ from rise_adapters.simulated.faults import ActionFault, Vanish, parse_fault
 from rise_engine.clock import RealClock
 from rise_engine.robot import Clock, Timer
 from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Place, RobotProfile
+from rise_engine.scenario.robots import find_profile, read_profile, read_robot
+from rise_engine.scenario.source import Files
 
 
 class SimulatedRobot:
@@ -115,10 +118,6 @@ def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
 
     Raises NodeError with everything that is wrong with it.
     """
-    from rise_engine.scenario.loader import load
-    from rise_engine.scenario.robots import find_profile, read_profile, read_robot
-    from rise_engine.scenario.source import Files
-
     folder = Path() if scenario is None else scenario.parent if scenario.is_file() else scenario
     findings = Findings()
     if robot is None or (scenario is not None and find_profile(robot, folder) is not None):
