@@ -27,6 +27,11 @@ from pathlib import Path
 from time import perf_counter
 
 from measure import Report
+from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.choose import open_transport
+
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.link.socket_client import SocketClient
 
 HERE = Path(__file__).parent
 ROUNDS, GOALS, KEYS = 7, 60, 600
@@ -95,9 +100,6 @@ class Ours:
 
     @classmethod
     async def make(cls, choice: str) -> Ours:
-        from rise_adapters.ros2.action_client import ActionClient
-        from rise_adapters.ros2.choose import open_transport
-
         it = cls()
         it.transport = await open_transport(choice, node="bench_client")
         it.tasks = ActionClient(it.transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
@@ -179,8 +181,6 @@ class Wizard:
     """Presses a key 100 times a second."""
 
     def __init__(self, socket: Path) -> None:
-        from rise_engine.link.socket_client import SocketClient
-
         self._loop = asyncio.new_event_loop()
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
         self._client = SocketClient(socket, "anna")
@@ -199,16 +199,12 @@ class Wizard:
         self._following = asyncio.get_running_loop().create_task(follow())
 
     def send(self, function: str, behavior: str) -> None:
-        from rise_engine.kernel.inputs import Submit
-
         assert self._await(self._client.send(Submit(function=function, behavior=behavior)))
 
     def p99(self) -> float:
         return statistics.quantiles(self._await(self._keys()), n=100)[98]  # type: ignore[arg-type]
 
     async def _keys(self) -> list[float]:
-        from rise_engine.kernel.inputs import Note
-
         took = []
         for _ in range(KEYS):
             began = perf_counter()

@@ -7,7 +7,7 @@ import sys
 import time
 
 from rise_adapters.ros2.dds import DdsTransport
-from rise_adapters.ros2.dds.transport import DdsPublisher
+from rise_adapters.ros2.dds.topics import DdsPublisher
 from rise_adapters.ros2.port import QoS
 
 TEXT = "std_msgs/msg/String"

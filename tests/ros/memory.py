@@ -20,10 +20,10 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from fnmatch import fnmatchcase
 from functools import cache, partial
-from importlib import import_module
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, End, Message, PortError, QoS, Reply
+from rise_adapters.ros2.types import Types
 
 from rise_engine.robot import Clock
 
@@ -498,7 +498,7 @@ class Definitions:
 
     def __init__(self, given: Mapping[str, Mapping[str, str]]) -> None:
         self._given = {**_BASIC, **{name: dict(fields) for name, fields in given.items()}}
-        self._known: Any = _shipped_types()
+        self._known = _shipped_types()
         self._unknown: set[str] = set()
 
     def fields(self, type: str) -> Mapping[str, str]:
@@ -509,7 +509,7 @@ class Definitions:
 
     def hash(self, type: str) -> str:
         try:
-            return str(self._known.type_hash(type)) if self._known is not None else f"RIHS01_{type}"
+            return self._known.type_hash(type)
         except PortError:
             return f"RIHS01_{type}"
 
@@ -526,7 +526,7 @@ class Definitions:
     def _find(self, type: str) -> Mapping[str, str] | None:
         if type in self._given:
             return self._given[type]
-        if self._known is not None and type not in self._unknown:
+        if type not in self._unknown:
             try:
                 fields: Mapping[str, str] = self._known.fields(type)
                 return fields
@@ -588,11 +588,6 @@ def _implied(type: str) -> list[tuple[str, dict[str, str]]]:
 
 
 @cache
-def _shipped_types() -> Any:
-    """What `rise_adapters.ros2.types` knows, where its dependency (rosbags) is installed."""
-    try:
-        types = import_module("rise_adapters.ros2.types")
-    except ImportError:
-        return None
-    make = getattr(types, "Types", None)
-    return make() if make is not None else None
+def _shipped_types() -> Types:
+    """Shared by all nodes: nothing of it changes."""
+    return Types()

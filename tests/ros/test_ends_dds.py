@@ -52,7 +52,7 @@ class Arm:
     def __init__(self, transport: DdsTransport) -> None:
         self.transport = transport
         self.received: list[Message] = []
-        clock = RealClock(transport.loop, 1.0, 0.0)
+        clock = RealClock(asyncio.get_running_loop(), 1.0, 0.0)
         self.server = ActionServer(transport, "/arm/wave", WAVE, self.asked, clock=clock)
 
     def asked(self, goal: ServerGoal) -> None:
@@ -72,7 +72,7 @@ async def test_e1_two_builds_of_one_interface_package(tmp_path: Path) -> None:
     which = RobotProfile(
         "arm", "Arm", "ros2", {"Emotion": replace(core_actions()["Emotion"], carrier=carrier)}, patient
     )
-    clock = RealClock(transport.loop, 1.0, 0.0)
+    clock = RealClock(asyncio.get_running_loop(), 1.0, 0.0)
     robot = Ros2Robot(which, clock, transport, read_carriers(which, transport.fields))
     reports: list[RobotReport] = []
     robot.connect(reports.append)

@@ -76,7 +76,7 @@ def goals(loaded: Loaded, act: str, types: Types) -> dict[str, Any]:
         frame = read_options(robot).frame
         made[carrier.name] = carrier.message(parameters, node="/rise", goal="4/1", frame=frame)
         type = f"{carrier.type}_Goal" if carrier.kind == "action" else carrier.type
-        assert types.codec(type).problem(made[carrier.name]) == ""
+        types.codec(type).pack(made[carrier.name])  # raises when it does not fit
     return made
 
 

@@ -14,9 +14,9 @@ from rise_adapters.ros2.mapping import Carrier, CarrierErrors, profile_findings,
 from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
 from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
 from rise_adapters.ros2.port import PortError, Transport
-from rise_adapters.ros2.rclpy_types import fields as fields_of_rclpy
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
+from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 from rise_engine.bridge import BridgeError, Wire
 from rise_engine.kernel.inputs import Note
 from rise_engine.link.room import Room
@@ -213,7 +213,7 @@ def _fields(share: Sequence[str]) -> Fields | None:
     """The types as the transport has them that a session would use here; None: there is none."""
     missing = available()
     if not missing["rclpy"]:
-        return fields_of_rclpy
+        return InstalledTypes().fields
     if missing["dds"]:
         return None
     from rise_adapters.ros2.types import Types  # needs rosbags, which is an extra

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from rise_adapters.ros2.port import PortError, Transport
-from rise_adapters.ros2.rclpy_transport import RclpyTransport, rclpy_missing
+from rise_adapters.ros2.transport.rclpy import RclpyTransport, rclpy_missing
 from rise_engine.bridge import BridgeError
 
 Kind = Literal["rclpy", "dds"]
@@ -50,7 +50,7 @@ async def open_transport(
     try:
         if kind == "rclpy":
             return RclpyTransport(loop, node=node, arguments=arguments)
-        from rise_adapters.ros2.dds import DdsTransport
+        from rise_adapters.ros2.dds import DdsTransport  # imports the wheel, which may not be installed
 
         return DdsTransport(loop, node=node, arguments=arguments, share=share)
     except PortError as error:

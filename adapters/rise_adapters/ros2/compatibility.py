@@ -62,7 +62,7 @@ class Misfit(Struct, frozen=True):
         return f"{self.name} {self.statement}"
 
 
-class Comparison(Struct, frozen=True):
+class EndpointComparison(Struct, frozen=True):
     """What was found of the other side of one action of a profile."""
 
     unusable: tuple[Misfit, ...] = ()
@@ -82,13 +82,13 @@ class Comparison(Struct, frozen=True):
         return self.unusable + self.unheard
 
 
-NOT_COMPARED = Comparison()
+NOT_COMPARED = EndpointComparison()
 
 
-def compare(transport: Transport, mapping: Carrier) -> Comparison:
+def compare(transport: Transport, mapping: Carrier) -> EndpointComparison:
     """Compare what is there now with what the profile says of one action."""
     found = _compare_action(transport, mapping) if mapping.kind == "action" else _compare_topic(transport, mapping)
-    return Comparison(
+    return EndpointComparison(
         tuple(dict.fromkeys(found.unusable)),
         tuple(dict.fromkeys(found.unheard)),
         tuple(map(describe_node, found.nodes)),
@@ -97,7 +97,7 @@ def compare(transport: Transport, mapping: Carrier) -> Comparison:
     )
 
 
-def describe_absence(comparison: Comparison, mapping: Carrier, full: str) -> str:
+def describe_absence(comparison: EndpointComparison, mapping: Carrier, full: str) -> str:
     """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
     if comparison.seen:
         return f"{full} is seen at {_join(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"

@@ -22,6 +22,8 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
+
 Message: TypeAlias = dict[str, Any]
 """A message by field name: numbers, texts and booleans; nested messages as dicts; arrays and sequences as lists, those
 of `uint8` and `byte` as `bytes`. Fields that are left out of one that is sent have their zero value (the default of the
@@ -65,7 +67,7 @@ STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
 
-class PortError(Exception):
+class PortError(RiseError):
     """Something cannot be had from this transport: a type that is not there, a message that does not fit. A sentence
     for a person."""
 
@@ -122,18 +124,28 @@ class Transport(Protocol):
     """Whose software carries its messages, as in `End`; empty when that says nothing about who can talk to whom."""
 
     def resolve(self, name: str) -> str:
-        """The full name that `name` (of a topic, service or action) has after namespace and remappings."""
+        """The full name that `name` (of a topic, service or action) has after namespace and remappings. Raises
+        PortError for one that cannot be."""
         ...
 
-    def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher: ...
+    def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher:
+        """Publish messages of `type` on `topic`, until it is closed. Raises PortError: the name or the type cannot be,
+        the middleware refuses, or the transport is closed. The same holds for the next three."""
+        ...
 
-    def subscribe(
-        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
-    ) -> Subscription: ...
+    def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Subscription:
+        """Have `taken` called with each message of `type` that comes on `topic`, until what is returned is closed. One
+        that cannot be read is reported (to the loop's exception handler) and left out."""
+        ...
 
-    def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle: ...
+    def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> Handle:
+        """Offer the service `name` of `type`, `PKG/srv/NAME`, until what is returned is closed: `asked` gets each
+        request, and with what to answer it, at once or later."""
+        ...
 
-    def client(self, name: str, type: str) -> Client: ...
+    def client(self, name: str, type: str) -> Client:
+        """Use the service `name` of `type`."""
+        ...
 
     def fields(self, type: str) -> Mapping[str, str]:
         """A message type's fields and their types as ROS writes them (`string`, `float64[3]`,

@@ -6,7 +6,7 @@ The rclpy transport leaves this to rclpy; this is for the transport that does wi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
@@ -79,11 +79,11 @@ def parse(arguments: Sequence[str], node: str = "") -> RosArgs:
     return RosArgs(tuple(remaps), namespace, special.get("__node", ""), tuple(ignored))
 
 
-def _value(option: str, rest: object) -> str:
-    value = next(rest, None)  # type: ignore[call-overload]
+def _value(option: str, rest: Iterator[str]) -> str:
+    value = next(rest, None)
     if value is None:
         raise PortError(f"--ros-args: something must follow {option}")
-    return str(value)
+    return value
 
 
 def _remap(rule: str) -> Remap:

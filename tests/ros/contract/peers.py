@@ -40,7 +40,7 @@ def missing(kind: str) -> str:
     if kind == "dds":
         absent = [name for name in ("cyclonedds", "rosbags") if find_spec(name) is None]
         return f"{' and '.join(absent)} not installed" if absent else ""
-    from rise_adapters.ros2.rclpy_transport import rclpy_missing
+    from rise_adapters.ros2.transport.rclpy import rclpy_missing
 
     return rclpy_missing()
 

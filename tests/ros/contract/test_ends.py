@@ -1,4 +1,4 @@
-"""What the one node finds out about what the other one has (`rise_adapters.ros2.ends`), on the real wire."""
+"""What the one node finds out about what the other one has (`rise_adapters.ros2.compatibility`), on the real wire."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Reading from DDS in a thread of its own, and handing over what came to the asyncio loop.
+"""Reading from DDS in a thread of its own, and handing over what came to the asyncio loop (`transport.inbox`).
 
-The thread does nothing but wait, take and hand over. A burst reaches the loop in one piece, is worked off there in
-slices of `SLICE` seconds with everything else between them, and no more than `LIMIT` messages wait: the rest stays in
+The thread does nothing but wait, take and hand over. When the loop is far behind it takes no more: the rest stays in
 DDS, whose quality of service says what becomes of it.
 """
 
@@ -10,10 +9,8 @@ from __future__ import annotations
 import asyncio
 import ctypes
 import logging
-from collections import deque
 from collections.abc import Callable
-from threading import Event, Thread
-from time import perf_counter
+from threading import Thread
 from typing import Any
 
 from cyclonedds import _clayer
@@ -23,11 +20,8 @@ from cyclonedds.internal import dds_infinity
 from cyclonedds.sub import DataReader
 
 from rise_adapters.ros2.dds.entities import delete
+from rise_adapters.ros2.transport.inbox import Inbox
 
-LIMIT = 2000
-"""Messages that may wait for the loop."""
-SLICE = 0.0005
-"""Seconds that one turn of the loop may be taken for them."""
 _AT_ONCE = 500
 """Messages that are taken from DDS in one call."""
 _FRESH = ViewState.Any | InstanceState.Any | SampleState.NotRead
@@ -56,6 +50,11 @@ class Source:
         self.handle = int(reader._ref)
         self.open = True
 
+    def deliver(self, one: Any) -> None:
+        """On the loop."""
+        if self.open:
+            self.taken(one)
+
 
 class Reading:
     """The thread. Its methods belong to the loop's thread."""
@@ -63,17 +62,13 @@ class Reading:
     def __init__(self, loop: asyncio.AbstractEventLoop, participant: DomainParticipant, name: str) -> None:
         self.failed = ""
         """Why nothing is read any more; empty while all is well."""
-        self._loop = loop
+        self._inbox = Inbox(loop)
         self._waitset = WaitSet(participant)
         self._guard = GuardCondition(participant)
         self._guard_key = 0
         self._sources: dict[int, Source] = {}
         self._next = 1
-        self._inbox: deque[tuple[Source, Any]] = deque()
-        self._scheduled = False
         self._closing = False
-        self._room = Event()
-        self._room.set()
         self._waitset._waitset_attach(self._waitset._ref, self._guard._ref, self._guard_key)
         self._thread = Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
@@ -99,9 +94,8 @@ class Reading:
         for source in self._sources.values():
             source.open = False
         self._guard.set(True)
-        self._room.set()
+        self._inbox.close()
         self._thread.join(wait)
-        self._inbox.clear()
         for entity in (*(source.condition for source in self._sources.values()), self._guard, self._waitset):
             delete(entity)
         self._sources.clear()
@@ -123,51 +117,11 @@ class Reading:
             count = wait(waitset, triggered, len(triggered), dds_infinity)
             if count < 0:
                 raise RuntimeError(f"waiting failed with code {count}")
-            came: list[tuple[Source, Any]] = []
             for index in range(min(count, len(triggered))):
                 source = self._sources.get(triggered[index] or 0)
                 if source is None:
                     continue
                 taken = source.take(source.handle, _AT_ONCE)
                 if not isinstance(taken, int):
-                    came += [(source, one) for one in taken]
-            if came:
-                self._hand_over(came)
-
-    def _hand_over(self, came: list[tuple[Source, Any]]) -> None:
-        self._inbox.extend(came)
-        if not self._scheduled:
-            self._scheduled = True
-            try:
-                self._loop.call_soon_threadsafe(self._deliver)
-            except RuntimeError:
-                self._closing = True  # The loop is closed, and nobody closed the transport.
-        if len(self._inbox) > LIMIT:
-            self._room.clear()
-            # Again, because the loop may have made room just before.
-            if len(self._inbox) > LIMIT and not self._closing:
-                self._room.wait()
-
-    # --- the loop -----------------------------------------------------------------------------------------------
-
-    def _deliver(self) -> None:
-        inbox = self._inbox
-        until = perf_counter() + SLICE
-        while inbox:
-            source, one = inbox.popleft()
-            if source.open:
-                try:
-                    source.taken(one)
-                except Exception as error:
-                    self._loop.call_exception_handler({"message": "a message could not be handled", "exception": error})
-            if perf_counter() > until:
-                break
-        if len(inbox) <= LIMIT // 2:
-            self._room.set()
-        if inbox and not self._closing:
-            self._loop.call_soon(self._deliver)
-            return
-        self._scheduled = False
-        if inbox and not self._scheduled and not self._closing:  # Something came between the two lines above.
-            self._scheduled = True
-            self._loop.call_soon(self._deliver)
+                    for one in taken:
+                        self._inbox.put(source.deliver, one)

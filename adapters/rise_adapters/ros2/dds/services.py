@@ -7,20 +7,17 @@ from __future__ import annotations
 import logging
 import struct
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from cyclonedds.sub import DataReader
-
-from rise_adapters.ros2.dds import graph
-from rise_adapters.ros2.dds.entities import Writer
-from rise_adapters.ros2.port import Message, PortError, Reply
+from rise_adapters.ros2.dds import graph, names
+from rise_adapters.ros2.dds.node import DdsNode
+from rise_adapters.ros2.port import Message, PortError, QoS, Reply
 from rise_adapters.ros2.types import Codec
-
-if TYPE_CHECKING:
-    from rise_adapters.ros2.dds.transport import DdsTransport
 
 _HEADER = struct.Struct("<Qq")
 _BODY = 4 + _HEADER.size
+_QOS = QoS(depth=1000)
+"""Of requests and replies. ROS has a depth of 10; only this side's own memory is meant."""
 _UNANSWERED = 10_000
 """Requests whose answers are waited for; with more, the oldest is forgotten."""
 _PATIENCE = 1.0
@@ -32,19 +29,13 @@ _LOG = logging.getLogger(__name__)
 class DdsClient:
     """Implements `port.Client`."""
 
-    def __init__(
-        self,
-        transport: DdsTransport,
-        name: str,
-        writer: Writer,
-        reader: DataReader[Any],
-        request: Codec,
-        response: Codec,
-    ) -> None:
-        self._transport = transport
+    def __init__(self, node: DdsNode, name: str, request: Codec, response: Codec) -> None:
+        """`name`: the full name. Raises PortError as `DdsNode.writer`."""
+        self._node = node
         self._name = name
-        self._writer = writer
-        self._reader = reader
+        id = {"clientid": node.new_service_id()}
+        self._reader = node.reader(names.reply(name), response.type, _QOS, id, headed=True)
+        self._writer = node.writer(names.request(name), request.type, _QOS, id, headed=True)
         self._request = request
         self._response = response
         self._waiting: dict[int, Callable[[Message], None]] = {}
@@ -53,7 +44,7 @@ class DdsClient:
         self._matched: tuple[list[int], list[int]] | None = None
         """The other ends when they were looked at last, and all of them were known."""
         self._count = 0
-        self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
+        self._remove: Callable[[], None] | None = node.reading.add(self._reader, self._taken)
 
     def servers(self) -> int:
         asked, answering = self._writer.readers(), self._reader.get_matched_publications()
@@ -94,7 +85,7 @@ class DdsClient:
             self._remove()
             self._remove = None
             self._waiting.clear()
-            self._transport.forget(self, self._writer, self._reader)
+            self._node.release(self, self._writer, self._reader)
 
     def _taken(self, one: tuple[bytes, Any]) -> None:
         data, info = one
@@ -119,30 +110,30 @@ class DdsServer:
 
     def __init__(
         self,
-        transport: DdsTransport,
+        node: DdsNode,
         name: str,
-        reader: DataReader[Any],
-        writer: Writer,
         request: Codec,
         response: Codec,
         asked: Callable[[Message, Reply], None],
     ) -> None:
-        self._transport = transport
+        """`name`: the full name. Raises PortError as `DdsNode.writer`."""
+        self._node = node
         self._name = name
-        self._reader = reader
-        self._writer = writer
+        id = {"serviceid": node.new_service_id()}
+        self._writer = node.writer(names.reply(name), response.type, _QOS, id, headed=True)
+        self._reader = node.reader(names.request(name), request.type, _QOS, id, headed=True)
         self._request = request
         self._response = response
         self._asked = asked
         self._reachable: set[int] = set()
         """Writers of requests (by handle) whose readers of replies have been seen."""
-        self._remove: Callable[[], None] | None = transport.reading.add(reader, self._taken)
+        self._remove: Callable[[], None] | None = node.reading.add(self._reader, self._taken)
 
     def close(self) -> None:
         if self._remove is not None:
             self._remove()
             self._remove = None
-            self._transport.forget(self, self._writer, self._reader)
+            self._node.release(self, self._writer, self._reader)
 
     def _taken(self, one: tuple[bytes, Any]) -> None:
         data, info = one
@@ -161,7 +152,7 @@ class DdsServer:
             if not answered and self._remove is not None:
                 answer = self._response.pack(response, head)
                 answered = True
-                self._answer(client, answer, self._transport.loop.time() + _PATIENCE)
+                self._answer(client, answer, self._node.loop.time() + _PATIENCE)
 
         self._asked(message, reply)
 
@@ -173,8 +164,8 @@ class DdsServer:
             there = self._sees(client)
             if there is None:
                 return
-            if not there and self._transport.loop.time() < until:
-                self._transport.loop.call_later(_AGAIN, self._answer, client, data, until)
+            if not there and self._node.loop.time() < until:
+                self._node.loop.call_later(_AGAIN, self._answer, client, data, until)
                 return
             if not there:
                 _LOG.warning("%s: an answer could not be sent: the client is not seen to listen", self._name)

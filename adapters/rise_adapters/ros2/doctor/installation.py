@@ -16,7 +16,7 @@ from rise_adapters.ros2.doctor.environment import (
     sourced_prefixes,
 )
 from rise_adapters.ros2.doctor.finding import Finding, Level
-from rise_adapters.ros2.rclpy_transport import rclpy_missing
+from rise_adapters.ros2.transport.rclpy import rclpy_missing
 from rise_engine.bridge import BridgeError
 
 _INSTALLED = Path("/opt/ros")

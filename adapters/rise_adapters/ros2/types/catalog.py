@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import rise_adapters.ros2
 from rise_adapters.ros2.port import PortError
 from rise_adapters.ros2.types import hashes
 from rise_adapters.ros2.types.cdr import Codec
 from rise_adapters.ros2.types.definitions import Constant, Definition, Field, FieldType, full_name, read, stems
+from rise_engine.nearest_name import nearest
 
-SHARE = Path(__file__).parent.parent / "share"
+SHARE = Path(rise_adapters.ros2.__file__).parent / "share"
 """The definitions that travel with this program."""
 _KINDS = ("msg", "srv", "action")
 _STANDARD = "the standard definitions of ROS 2 Jazzy"
@@ -145,15 +146,15 @@ class Types:
         names = self.names()
         if not any(known.startswith(f"{package}/") for known in names):
             packages = {known.split("/")[0] for known in names}
-            near = get_close_matches(package, packages, 1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
+            near = nearest(package, packages)
+            hint = f" (did you mean {near}?)" if near else ""
             return (
                 f"the type {type} is not known: there are no definitions of the package {package}{hint}. Source the "
                 "ROS workspace that has it, or name the folder of its definitions (share)"
             )
         *_, stem = stems(kind, name)
-        near = get_close_matches(f"{package}/{kind}/{stem}", names, 1)
-        hint = f". Did you mean {near[0]}?" if near else ""
+        near = nearest(f"{package}/{kind}/{stem}", names)
+        hint = f". Did you mean {near}?" if near else ""
         where = next((str(folder / package) for folder in self.folders if (folder / package).is_dir()), _STANDARD)
         return f"the type {type} is not known: there is no {kind}/{stem}.{kind} in {where}{hint}"
 

@@ -1,0 +1,132 @@
+"""Who is there, as rclpy lists it: the nodes of others, and what they have on topics and services."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable
+from typing import Any
+
+from rise_adapters.ros2.port import End
+from rise_adapters.ros2.transport.rclpy.installation import first_line
+from rise_adapters.ros2.transport.rclpy.node import SpinningNode
+
+_log = logging.getLogger(__name__)
+
+_UNKNOWN = "_UNKNOWN_"
+"""Within the name of a node that ROS does not know (yet): `_NODE_NAME_UNKNOWN_`."""
+
+
+class RclpyGraph:
+    """Names are full ones. Nothing is there once the node has ended."""
+
+    def __init__(self, node: SpinningNode, vendor: str) -> None:
+        """`vendor`: whose software carries this node, as in `End`."""
+        self._spinning = node
+        self._node: Any = node.rclpy_node
+        self._vendor = vendor
+
+    def publishers(self, topic: str) -> list[End]:
+        return self._ends(self._node.get_publishers_info_by_topic, topic)
+
+    def subscribers(self, topic: str) -> list[End]:
+        return self._ends(self._node.get_subscriptions_info_by_topic, topic)
+
+    def servers(self, service: str) -> list[End]:
+        # RMWs on DDS carry a service on two topics: what reads the one and writes the other are the servers.
+        found = [
+            *self._ends(self._node.get_subscriptions_info_by_topic, f"rq{service}Request", no_mangle=True),
+            *self._ends(self._node.get_publishers_info_by_topic, f"rr{service}Reply", no_mangle=True),
+        ]
+        return found or self._servers_by_node(service)
+
+    def clients(self, service: str) -> list[str]:
+        """The nodes that call a service."""
+        if self._spinning.ended():
+            return []
+        # As in `servers`: on DDS, who writes this topic calls the service.
+        infos = self._node.get_publishers_info_by_topic(f"rq{service}Request", no_mangle=True)
+        return sorted({_node_of(info) for info in infos if not self._is_own(info)})
+
+    def topics(self) -> list[str]:
+        if self._spinning.ended():
+            return []
+        return [
+            name
+            for name, _ in self._node.get_topic_names_and_types()
+            if self.publishers(name) or self.subscribers(name)
+        ]
+
+    def nodes(self) -> list[str]:
+        return [] if self._spinning.ended() else list(self._node.get_fully_qualified_node_names())
+
+    def strangers(self) -> list[tuple[str, str]]:
+        """As `port.Transport.strangers`."""
+        if not self._vendor or self._spinning.ended():
+            return []
+        # By what they have: what a program is carried by is nowhere else to be seen.
+        found = {
+            (end.node, end.vendor)
+            for name, _ in self._node.get_topic_names_and_types(no_demangle=True)
+            for list_infos in (self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic)
+            for end in self._ends(list_infos, name, no_mangle=True)
+            if end.vendor != self._vendor
+        }
+        named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
+        return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
+
+    def _ends(self, list_infos: Callable[..., Any], name: str, **more: Any) -> list[End]:
+        """What others have under a name."""
+        if self._spinning.ended():
+            return []
+        try:
+            found = list_infos(name, **more)
+        except Exception as error:
+            _log.debug("%s cannot be looked up: %s", name, first_line(error))
+            return []
+        return [self._end(info) for info in found if not self._is_own(info)]
+
+    def _end(self, info: Any) -> End:
+        node = _node_of(info)
+        return End(
+            "" if _UNKNOWN in node else node,
+            _plain_type(info.topic_type),
+            _hash_text(info.topic_type_hash),
+            bytes(info.endpoint_gid[:2]).hex() if self._vendor else "",
+            self._spinning.qos_of(info.qos_profile),
+        )
+
+    def _is_own(self, info: Any) -> bool:
+        return _node_of(info) == self._spinning.name
+
+    def _servers_by_node(self, service: str) -> list[End]:
+        """The service of that name as far as other nodes, each by itself, are known to offer it."""
+        found: list[End] = []
+        if self._spinning.ended():
+            return found
+        for name, namespace in self._node.get_node_names_and_namespaces():
+            node = f"{namespace.rstrip('/')}/{name}"
+            if node == self._spinning.name:
+                continue
+            try:
+                offered = self._node.get_service_names_and_types_by_node(name, namespace)
+            except Exception:  # the node went away meanwhile
+                continue
+            found += [End(node, f"{type}_Request") for full, types in offered if full == service for type in types]
+        return found
+
+
+def _node_of(info: Any) -> str:
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _hash_text(value: Any) -> str:
+    """A type hash of an endpoint; `INVALID` when the endpoint does not say."""
+    text = "" if value is None else str(value)
+    return text if text.startswith("RIHS") else ""
+
+
+def _plain_type(name: str) -> str:
+    """`std_srvs::srv::dds_::Trigger_Request_` -> `std_srvs/srv/Trigger_Request`."""
+    match = re.fullmatch(r"(\w+)::(\w+)::dds_::(\w+)_", name)
+    return "/".join(match.groups()) if match else name

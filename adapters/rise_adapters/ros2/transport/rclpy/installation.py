@@ -1,0 +1,62 @@
+"""rclpy, where it is installed. It belongs to ROS and not to this program: it is imported here, when it is wanted."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from rise_adapters.ros2.port import PortError
+
+
+class Rclpy(NamedTuple):
+    """The parts of rclpy that are used."""
+
+    Context: Any
+    Node: Any
+    executors: Any
+    events: Any
+    qos: Any
+    rmw: str
+    """Which RMW carries it: `rmw_cyclonedds_cpp`."""
+
+
+def load_rclpy() -> Rclpy:
+    """Raises PortError when it cannot be used here."""
+    why = rclpy_missing()
+    if why:
+        raise PortError(why)
+    return Rclpy(
+        import_module("rclpy.context").Context,
+        import_module("rclpy.node").Node,
+        import_module("rclpy.executors"),
+        import_module("rclpy.event_handler"),
+        import_module("rclpy.qos"),
+        import_module("rclpy").get_rmw_implementation_identifier(),
+    )
+
+
+def rclpy_missing() -> str:
+    """Why rclpy cannot be used here, as a sentence; empty when it can."""
+    try:
+        rclpy = import_module("rclpy")
+        import_module("rclpy.node")  # loads the compiled part, which fails under another Python
+        rclpy.get_rmw_implementation_identifier()
+    except ImportError as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == "rclpy":
+            return (
+                "rclpy cannot be imported: ROS 2 is not installed, or not sourced (`. /opt/ros/jazzy/setup.sh`), or "
+                "this Python is not the one it was made for."
+            )
+        return f"rclpy is here, but it cannot be loaded: {first_line(error)}"
+    except Exception as error:  # an RMW that is asked for but not installed
+        return f"rclpy is here, but it does not start: {first_line(error)}"
+    return ""
+
+
+def first_line(error: BaseException) -> str:
+    """rclpy's messages end in places of C files; the first line says it."""
+    if type(error).__name__ == "UnknownROSArgsError":
+        return f"it does not know the arguments {error}"
+    text = str(error).strip() or type(error).__name__
+    return re.sub(r",? at .*\.(c|cpp):\d+.*$", "", text.splitlines()[0]).strip()

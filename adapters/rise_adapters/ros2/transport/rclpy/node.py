@@ -1,0 +1,207 @@
+"""One node of rclpy and the thread that spins it for its life, on a context of its own, so that other users of rclpy in
+the same process are not disturbed."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any
+
+from rise_adapters.ros2.port import PortError, QoS
+from rise_adapters.ros2.transport.inbox import Inbox
+from rise_adapters.ros2.transport.rclpy.installation import Rclpy, first_line, load_rclpy
+
+_log = logging.getLogger(__name__)
+
+_JOIN_SECONDS = 2.0
+_CLOSED_KEPT = 256
+"""Closed publishers, subscriptions, services and clients that are kept from being reused."""
+_MOST_FAILURES = 20
+"""Failures of the executor, one after the other, after which it is given up."""
+
+
+class SpinningNode:
+    """All methods belong to the loop's thread."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        node: str,
+        namespace: str = "",
+        arguments: Sequence[str] = (),
+        domain: int | None = None,
+    ) -> None:
+        """Make the node and begin to spin. Arguments as for `RclpyTransport`. Raises PortError when rclpy cannot be
+        used or refuses them."""
+        self._rclpy = load_rclpy()
+        self._context: Any = self._rclpy.Context()
+        try:
+            self._context.init(_ros_arguments(arguments), domain_id=domain)
+            self.rclpy_node: Any = self._rclpy.Node(
+                node,
+                context=self._context,
+                namespace=namespace,
+                start_parameter_services=False,  # ours are the same on both transports (parameters.py)
+            )
+        except Exception as error:
+            self._context.try_shutdown()
+            raise PortError(f"ROS does not start the node {node!r}: {first_line(error)}") from error
+        self.name: str = self.rclpy_node.get_fully_qualified_name()
+        self.rmw = self._rclpy.rmw
+        self.domain: int = self._context.get_domain_id()
+        self._inbox = Inbox(loop)
+        self._lost = ""
+        self._closed = False
+        self._closed_things: deque[Any] = deque(maxlen=_CLOSED_KEPT)
+        self._executor, self.spins_on = _executor(self._context, self._rclpy)
+        self._executor.add_node(self.rclpy_node)
+        self._thread = threading.Thread(target=self._spin, name=f"rclpy {self.name}", daemon=True)
+        self._thread.start()
+        # A thread that is inside of rclpy while the interpreter ends would abort the process.
+        atexit.register(self.close)
+
+    # --- between the threads --------------------------------------------------------------------------------------
+
+    def call_on_loop(self, callback: Callable[..., None], *arguments: Any) -> None:
+        """From any thread."""
+        self._inbox.put(callback, *arguments, wait=threading.current_thread() is self._thread)
+
+    def call_on_thread(self, callback: Callable[..., Any], *arguments: Any) -> None:
+        """Have it called where the node is spun."""
+        self._executor.create_task(callback, *arguments)
+
+    def destroy(self, destroy: Callable[[Any], Any], thing: Any) -> None:
+        """Destroy it in the spinning thread, which may be in the middle of looking at it.
+
+        The executor may still hold events for it that name it by its address only, so it is kept for a while.
+        """
+        self._closed_things.append(thing)
+        if not self.ended():
+            self.call_on_thread(destroy, thing)
+
+    # --- what rclpy wants -----------------------------------------------------------------------------------------
+
+    def create(self, what: str, create: Callable[..., Any], type: Any, name: str, qos: QoS, **more: Any) -> Any:
+        """Create something of the node's; rclpy's manifold complaints become one sentence. `what`: for it. Raises
+        PortError."""
+        try:
+            return create(type, name, qos_profile=self._profile(qos), **more)
+        except Exception as error:
+            raise PortError(f"The {what} cannot be made: {first_line(error)}") from error
+
+    def publisher_events(self) -> Any:
+        """rclpy's own callbacks for events would only write log lines, and each makes every turn of the executor
+        longer."""
+        return self._rclpy.events.PublisherEventCallbacks(use_default_callbacks=False)
+
+    def subscription_events(self) -> Any:
+        """As `publisher_events`."""
+        return self._rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
+
+    def qos_of(self, profile: Any) -> QoS | None:
+        """What a quality of service of rclpy means; None: the middleware does not say."""
+        of = self._rclpy.qos
+        reliable = {of.ReliabilityPolicy.RELIABLE: True, of.ReliabilityPolicy.BEST_EFFORT: False}
+        latched = {of.DurabilityPolicy.TRANSIENT_LOCAL: True, of.DurabilityPolicy.VOLATILE: False}
+        try:
+            return QoS(reliable=reliable[profile.reliability], latched=latched[profile.durability])
+        except KeyError:
+            return None
+
+    def _profile(self, qos: QoS) -> Any:
+        of = self._rclpy.qos
+        return of.QoSProfile(
+            history=of.HistoryPolicy.KEEP_LAST,
+            depth=qos.depth,
+            reliability=of.ReliabilityPolicy.RELIABLE if qos.reliable else of.ReliabilityPolicy.BEST_EFFORT,
+            durability=of.DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else of.DurabilityPolicy.VOLATILE,
+        )
+
+    # --- its end --------------------------------------------------------------------------------------------------
+
+    def lost(self) -> str:
+        """Why it works no more; empty while it does."""
+        if not self._lost and not self._context.ok():
+            self._lost = "the ROS context was shut down"
+        return self._lost
+
+    def ended(self) -> bool:
+        return self._closed or bool(self.lost())
+
+    def known_to_have_ended(self) -> bool:
+        """As `ended`, as far as it is known already: asking ROS costs as much as a third of a small message."""
+        return self._closed or bool(self._lost)
+
+    def check(self) -> None:
+        """Raises PortError when it has ended."""
+        if self.ended():
+            raise PortError(f"The ROS node {self.name} can be used no more: {self.lost()}.")
+
+    def close(self) -> None:
+        """End the thread and wait for it, shortly."""
+        if self._closed:
+            return
+        self._closed = True
+        self._lost = self._lost or "it was closed"
+        atexit.unregister(self.close)
+        self._inbox.close()
+        if self.spins_on:
+            self._executor.shutdown(timeout_sec=_JOIN_SECONDS)
+        elif self._context.ok():
+            self._executor.create_task(_nothing)  # wakes the thread, which then sees that it is to end
+        self._thread.join(_JOIN_SECONDS)
+        if self._thread.is_alive():
+            _log.warning("the thread of the ROS node %s did not end", self.name)
+            self._context.try_shutdown()
+            return
+        for step in (self._executor.shutdown, self.rclpy_node.destroy_node, self._context.try_shutdown):
+            try:
+                step()
+            except Exception as error:
+                _log.warning("closing the ROS node %s: %s", self.name, first_line(error))
+
+    def _spin(self) -> None:
+        spin = self._executor.spin if self.spins_on else self._executor.spin_once
+        failures = 0
+        while not self._closed and self._context.ok():
+            try:
+                spin()
+                failures = 0
+            except self._rclpy.executors.ExternalShutdownException:
+                break
+            except Exception as error:
+                # One bad message or one entity that was closed meanwhile; what else is ready comes in the next turn.
+                failures += 1
+                _log.warning("the executor of the ROS node %s failed: %s", self.name, first_line(error))
+                if failures >= _MOST_FAILURES:
+                    self._lost = f"rclpy's executor fails again and again: {first_line(error)}"
+                    break
+
+
+def _executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
+    """What waits for the middleware, and whether its `spin` goes on until `shutdown` and may be ended by it.
+
+    rclpy's executor of events costs the same for a node with a hundred endpoints as for one with three, 0.5 ms for a
+    call that comes and is answered; the usual one looks at all of them again for each message, 2 to 3 ms with the
+    thirty endpoints of a robot with six actions. It is there from rclpy 7.1.4 on.
+    """
+    try:
+        events = import_module("rclpy.experimental.events_executor")
+        return events.EventsExecutor(context=context), True
+    except Exception as error:
+        _log.info("rclpy's executor of events cannot be used (%s); the usual one is", first_line(error))
+        return rclpy.executors.SingleThreadedExecutor(context=context), False
+
+
+def _ros_arguments(arguments: Sequence[str]) -> list[str]:
+    given = list(arguments)
+    return ["--ros-args", *given] if given and "--ros-args" not in given else given
+
+
+def _nothing() -> None:
+    pass

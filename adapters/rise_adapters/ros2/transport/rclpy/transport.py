@@ -1,0 +1,113 @@
+"""The port over rclpy (Jazzy, 7.1 or newer), with any RMW: for machines on which ROS is installed.
+
+One thread spins the node (`node`). It takes messages, turns them into plain values (`conversion`), and hands them to
+the asyncio loop (`inbox`). Sending, making and looking is done on the loop's thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+from rise_adapters.ros2 import vendors
+from rise_adapters.ros2.port import RELIABLE, End, Message, PortError, QoS, Reply
+from rise_adapters.ros2.transport.rclpy.graph import RclpyGraph
+from rise_adapters.ros2.transport.rclpy.installation import first_line
+from rise_adapters.ros2.transport.rclpy.node import SpinningNode
+from rise_adapters.ros2.transport.rclpy.services import RclpyClient, RclpyServer
+from rise_adapters.ros2.transport.rclpy.topics import RclpyPublisher, RclpySubscription
+from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
+
+
+class RclpyTransport:
+    """Implements `port.Transport`."""
+
+    kind: Literal["rclpy", "dds", "memory"] = "rclpy"
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        *,
+        node: str,
+        namespace: str = "",
+        arguments: Sequence[str] = (),
+        domain: int | None = None,
+    ) -> None:
+        """Make the node `node` and begin to spin. Must be called on the thread of `loop`.
+
+        `arguments` are those of `--ros-args` (remappings, parameters, enclave, log levels), with or without the flag
+        itself. `domain` None: what ROS_DOMAIN_ID says. Raises PortError when rclpy cannot be used or refuses them.
+        """
+        self._node = SpinningNode(loop, node, namespace, arguments, domain)
+        self._types = InstalledTypes()
+        self.node = self._node.name
+        self.vendor = vendors.of_rmw(self._node.rmw)
+        self.about = f"rclpy, {self._node.rmw}, domain {self._node.domain}"
+        self._graph = RclpyGraph(self._node, self.vendor)
+
+    # --- topics and services --------------------------------------------------------------------------------------
+
+    def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> RclpyPublisher:
+        self._node.check()
+        return RclpyPublisher(self._node, topic, *self._types.message(type), qos)
+
+    def subscribe(
+        self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
+    ) -> RclpySubscription:
+        self._node.check()
+        return RclpySubscription(self._node, topic, *self._types.message(type), taken, qos)
+
+    def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> RclpyServer:
+        self._node.check()
+        return RclpyServer(self._node, name, type, *self._types.service(type), asked)
+
+    def client(self, name: str, type: str) -> RclpyClient:
+        self._node.check()
+        return RclpyClient(self._node, name, type, *self._types.service(type))
+
+    # --- what is known --------------------------------------------------------------------------------------------
+
+    def resolve(self, name: str) -> str:
+        # A rule for topics only (`rostopic://a:=b`) or services only names the other kind not at all, so the first one
+        # that applies is meant. An action's name is resolved before `/_action/...` is added, so all its parts follow.
+        node = self._node.rclpy_node
+        try:
+            plain: str = node.resolve_topic_name(name, only_expand=True)
+            topic: str = node.resolve_topic_name(name)
+            return topic if topic != plain else str(node.resolve_service_name(name))
+        except Exception as error:
+            raise PortError(f"{name!r} cannot be the name of a topic or service: {first_line(error)}") from error
+
+    def fields(self, type: str) -> Mapping[str, str]:
+        return self._types.fields(type)
+
+    def type_hash(self, type: str) -> str:
+        return self._types.hash(type)
+
+    def publisher_ends(self, topic: str) -> list[End]:
+        return self._graph.publishers(self.resolve(topic))
+
+    def subscriber_ends(self, topic: str) -> list[End]:
+        return self._graph.subscribers(self.resolve(topic))
+
+    def server_ends(self, service: str) -> list[End]:
+        return self._graph.servers(self.resolve(service))
+
+    def topics(self) -> list[str]:
+        return self._graph.topics()
+
+    def strangers(self) -> list[tuple[str, str]]:
+        return self._graph.strangers()
+
+    def nodes(self) -> list[str]:
+        return self._graph.nodes()
+
+    def clients_of(self, service: str) -> list[str]:
+        return self._graph.clients(self.resolve(service))
+
+    def lost(self) -> str:
+        return self._node.lost()
+
+    def close(self) -> None:
+        self._node.close()
