@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from rise_adapters.ros2 import bridge as bridges
 from rise_adapters.ros2 import neighbours
-from rise_adapters.ros2.action_server import ActionServer, ServerGoal
+from rise_adapters.ros2.actions.server import ActionServer
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.bridge import Ros2Bridge
 from rise_adapters.ros2.port import QoS, Transport
 

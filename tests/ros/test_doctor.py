@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2 import choose
-from rise_adapters.ros2.action_server import ActionServer
+from rise_adapters.ros2.actions.server import ActionServer
 from rise_adapters.ros2.doctor import Finding, as_json, as_text, examine, exit_status, installation, interfaces
 from rise_adapters.ros2.doctor import robot as doctor_robot
 from rise_adapters.ros2.doctor.network import check_network

@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2 import bridge as bridges
 from rise_adapters.ros2 import choose, compatibility, doctor, vendors
-from rise_adapters.ros2.action_server import ActionServer
+from rise_adapters.ros2.actions.server import ActionServer
 from rise_adapters.ros2.bridge import Ros2Bridge, check_profile
 from rise_adapters.ros2.mapping import Carrier, read_carriers
 from rise_adapters.ros2.port import FEEDBACK, STATUS_TOPIC, End, QoS, Transport, action_types

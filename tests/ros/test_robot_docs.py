@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from rise_adapters.ros2.action_server import RESULT_TIMEOUT
+from rise_adapters.ros2.actions.server import RESULT_TIMEOUT
 from rise_adapters.ros2.mapping import Carrier, Options, read_carriers, read_options
 from rise_adapters.ros2.types import Types
 

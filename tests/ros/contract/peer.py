@@ -17,7 +17,8 @@ from typing import Any
 import msgspec
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
+from rise_adapters.ros2.actions.server import ActionServer, Decide
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.carriers.fill import Group
 from rise_adapters.ros2.choose import open_transport
 from rise_adapters.ros2.mapping import Carrier, Deadlines

@@ -8,7 +8,8 @@ from functools import partial
 from math import inf
 from typing import Any, Literal, TypeAlias
 
-from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
+from rise_adapters.ros2.actions.server import ActionServer, Decide
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.nodes.goal_reader import GoalReader
 from rise_adapters.ros2.port import Message, Transport

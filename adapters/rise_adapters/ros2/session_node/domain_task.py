@@ -15,7 +15,8 @@ from typing import cast
 
 from msgspec import Struct, field
 
-from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
+from rise_adapters.ros2.actions.server import ActionServer, Decide
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.face.record_topics import RecordTopics
 from rise_adapters.ros2.port import SEND_GOAL, PortError, Transport, action_topic
 from rise_engine.clock import RealClock
