@@ -46,23 +46,23 @@ class Ros2Bridge:
         profile: RobotProfile | None,
         carriers: Mapping[str, Carrier],
         neighbours: Neighbours,
-        again: Callable[[], Awaitable[Transport]],
+        reconnect: Callable[[], Awaitable[Transport]],
         *,
         rosout: bool = True,
     ) -> None:
-        """`again` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
+        """`reconnect` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
         whether what happens is told on /rosout, too."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
         self._carriers = carriers
         self._neighbours = neighbours
-        self._again = again
+        self._reconnect = reconnect
         self._rosout = rosout
         self._robot: Ros2Robot | None = None
         self._room: Room | None = None
         self._interface: RosSessionInterface | None = None
-        self._watching = asyncio.get_running_loop().create_task(self._watch())
+        self._watching = asyncio.get_running_loop().create_task(self._watch_connection())
 
     def robot(self, clock: Clock) -> Robot:
         assert self._profile is not None, "the bridge was opened without a robot"
@@ -71,17 +71,17 @@ class Ros2Bridge:
 
     def join(self, room: Room) -> None:
         self._room = room
-        self._show(self._neighbours)
+        self._open_interface(self._neighbours)
 
-    def _show(self, neighbours: Neighbours) -> None:
+    def _open_interface(self, neighbours: Neighbours) -> None:
         assert self._room is not None
         self._neighbours = neighbours
         self._interface = RosSessionInterface(self._transport, self._room, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(settings_of, self._room))
-        neighbours.met = self._met
+        neighbours.met = self._note_other_session
         neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
 
-    def _met(self, other: Session) -> None:
+    def _note_other_session(self, other: Session) -> None:
         self._note(meeting(other))
 
     async def close(self) -> None:
@@ -91,7 +91,7 @@ class Ros2Bridge:
             await self._interface.close()
         self._transport.close()
 
-    async def _watch(self) -> None:
+    async def _watch_connection(self) -> None:
         """A middleware that was shut down under the session is started again; the robot has noticed by itself."""
         said = ""
         while True:
@@ -103,7 +103,7 @@ class Ros2Bridge:
                 self._note(f"the connection to ROS is lost: {why}")
                 said = why
             try:
-                fresh = await self._again()
+                fresh = await self._reconnect()
             except BridgeError as error:
                 if str(error) != said:
                     said = str(error)
@@ -118,7 +118,7 @@ class Ros2Bridge:
                 if self._robot is not None:
                     self._robot.use(fresh)
                 if self._room is not None and not self._room.engine.ended:
-                    self._show(Neighbours(fresh, self._neighbours.me))
+                    self._open_interface(Neighbours(fresh, self._neighbours.me))
                 self._note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
                 self._note(f"the new connection to ROS cannot be used: {error}")
@@ -201,7 +201,7 @@ def check_profile(profile: RobotProfile) -> list[str]:
     """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
     same that a session, which takes the types from where the check takes them, is refused for."""
     try:
-        fields = _fields(read_options(profile).share)
+        fields = _field_reader(read_options(profile).share)
     except CarrierErrors:
         return profile_findings(profile)
     except PortError as error:
@@ -209,7 +209,7 @@ def check_profile(profile: RobotProfile) -> list[str]:
     return profile_findings(profile, fields)
 
 
-def _fields(share: Sequence[str]) -> Fields | None:
+def _field_reader(share: Sequence[str]) -> Fields | None:
     """The types as the transport has them that a session would use here; None: there is none."""
     missing = available()
     if not missing["rclpy"]:

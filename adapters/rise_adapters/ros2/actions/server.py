@@ -151,9 +151,25 @@ class ActionServer:
                 self.end(goal, ABORTED, result)
             else:
                 self.reject(goal)
+        self._status.close()
+        self._release()
+
+    def vanish(self) -> None:
+        """Be gone as a program that was killed: nobody is answered, nothing is published, and goals are forgotten."""
+        if self._closed:
+            return
+        self._closed = True
+        for goal in self.goals:
+            goal.status, goal.reply = ABORTED, None
+            goal.result_requests.clear()
+            goal.cancel_requests.clear()
+        self._goals.clear()
+        self._status.close(silently=True)
+        self._release()
+
+    def _release(self) -> None:
         if self._expiry is not None:
             self._expiry.cancel()
-        self._status.close()
         for handle in (*self._services, self._feedback):
             handle.close()
 

@@ -33,12 +33,13 @@ class StatusPublisher:
         if self._timer is None and not self._closed:
             self._timer = self._clock.call_at(max(self._clock.now(), self._next_at), self._publish)
 
-    def close(self) -> None:
-        """Publish how all stands at the end, and nothing any more."""
+    def close(self, *, silently: bool = False) -> None:
+        """Publish how all stands at the end (unless `silently`), and nothing any more."""
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()
-        self._publish()
+        if not silently:
+            self._publish()
         self._publisher.close()
 
     def _publish(self) -> None:

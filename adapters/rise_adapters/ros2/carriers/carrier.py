@@ -124,7 +124,7 @@ class Verdict(Struct, frozen=True):
         said = self.said(result)
         if not self.code:
             return said
-        code = _at(result, self.code)
+        code = _field_at(result, self.code)
         if code is None or code == self.ok:
             return ""
         if isinstance(code, bool):
@@ -133,11 +133,11 @@ class Verdict(Struct, frozen=True):
         return f"{means} (error code {code})" if means else f"error code {code}"
 
     def said(self, result: Message) -> str:
-        text = _at(result, self.text) if self.text else None
+        text = _field_at(result, self.text) if self.text else None
         return " ".join(text.split()) if isinstance(text, str) else ""
 
 
-def _at(message: Any, path: tuple[str, ...]) -> Any:
+def _field_at(message: Any, path: tuple[str, ...]) -> Any:
     for name in path:
         message = message.get(name) if isinstance(message, dict) else None
     return message
