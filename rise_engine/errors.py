@@ -1,4 +1,23 @@
-"""The base of every error that the packages of rise-tui raise on purpose."""
+"""The errors that rise-tui raises on purpose: one tree under `RiseError` (a test compares this drawing with the code).
+
+    RiseError
+      LanguageError               an expression or an assignment, see `rise_engine.expression`
+        ExpressionError           it cannot be read; with the column and a remedy
+        EvaluationError           it cannot be evaluated with the memory of this moment
+      RefusedError                RISE's own parser would refuse a condition
+      JsonError                   a text that is no JSON, or that the memory cannot hold
+      MisnamedError               a character that no XML name can have
+      TemplateError               a parameter text whose braces cannot be read
+      MissingValue                a memory key without value was needed to fill a parameter
+      ParameterError              a value that an action's parameter cannot take
+        OutOfRangeError           a number beyond its smallest or largest
+      KeyRefusedError             a key that a scenario cannot bind
+      NotCopied                   a shipped study could not be copied
+      ScenarioDecodeError         what was received is no scenario of this version
+
+What is wrong with the files of a scenario is no error but a list of findings (`rise_engine.scenario.load`). Most are a
+ValueError, too, for callers who catch that.
+"""
 
 
 class RiseError(Exception):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from typing import Any
+from unicodedata import name
 
 _UNSEEN = (
     "\x00-\x1f\x7f-\x9f"  # controls
@@ -29,6 +30,7 @@ BLANKS = " \t\r\n"
 """What XML and JSON take as a blank, and nothing else."""
 GAP = rf"[{_UNSEEN}\s]"
 """A pattern for one character that leaves a gap: a blank of any kind, or one that is not seen."""
+_GAP = re.compile(GAP)
 _NAMES = {"\x85": "NEXT LINE", "\x1b": "ESCAPE", "\x00": "NULL"}
 
 
@@ -63,8 +65,7 @@ def seen_json(text: str) -> str:
 
 def strange(text: str, start: int = 0, end: int | None = None) -> int:
     """Where the first blank stands that XML and JSON do not know, or the first unseen character; -1: nowhere."""
-    gap = re.compile(GAP)  # when it is first needed; `re` remembers it
-    for found in gap.finditer(text, start, len(text) if end is None else end):
+    for found in _GAP.finditer(text, start, len(text) if end is None else end):
         if found[0] not in BLANKS:
             return found.start()
     return -1
@@ -72,8 +73,6 @@ def strange(text: str, start: int = 0, end: int | None = None) -> int:
 
 def called(character: str) -> str:
     """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
-    from unicodedata import name  # only for messages
-
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
 

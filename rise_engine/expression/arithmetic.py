@@ -13,8 +13,6 @@ Number: TypeAlias = Callable[[Env], float]
 
 def chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
     """A sum or a product, from left to right."""
-    if len(rest) == 1:
-        return _pair(first, *rest[0])
     steps = [(_STEPS[operator], operand) for operator, operand in rest]
 
     def run(env: Env) -> float:
@@ -24,18 +22,6 @@ def chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
         return total
 
     return run
-
-
-def _pair(left: Number, operator: str, right: Number) -> Number:
-    match operator:
-        case "+":
-            return lambda env: left(env) + right(env)
-        case "-":
-            return lambda env: left(env) - right(env)
-        case "*":
-            return lambda env: left(env) * right(env)
-        case _:
-            return lambda env: divide(left(env), right(env))
 
 
 def raised(base: Number, exponent: Number) -> Number:
@@ -50,12 +36,6 @@ def negative(operand: Number) -> Number:
 
 def call(function: Callable[..., float], arguments: list[Number]) -> Number:
     """A function of numbers."""
-    if len(arguments) == 1:
-        (only,) = arguments
-        return lambda env: function(only(env))
-    if len(arguments) == 2:
-        first, second = arguments
-        return lambda env: function(first(env), second(env))
     return lambda env: function(*[argument(env) for argument in arguments])
 
 

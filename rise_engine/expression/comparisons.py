@@ -1,4 +1,4 @@
-"""Compiled comparisons. The common form, a key against a literal, has closures of its own: guards are hot."""
+"""Compiled comparisons: equality, order, beginnings and ends of texts, and what contains what."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from rise_engine.expression.environment import MISSING, Env, Json
-from rise_engine.expression.values import absent_equals, contains, equal
+from rise_engine.expression.logic import Condition
+from rise_engine.expression.values import contains, equal
 
-Condition: TypeAlias = Callable[[Env], bool]
 Operand: TypeAlias = Callable[[Env], Json]
 Refuse: TypeAlias = Callable[[Json, Json], Exception]
 """Makes the error for two operands that do not fit."""
@@ -23,91 +23,11 @@ _ORDERINGS: dict[str, Callable[[Any, Any], bool]] = {
 _AFFIXES: dict[str, Callable[[str, str], bool]] = {"starts with": str.startswith, "ends with": str.endswith}
 
 
-def key_equals(key: str, literal: Json, negate: bool) -> Condition:
-    """`key == literal`, `key != literal`."""
-    if_absent = absent_equals(literal) is not negate
-
-    def equals(env: Env) -> bool:
-        try:
-            result: bool = env.memory[key] == literal
-            return result
-        except KeyError:
-            value = env.absent(key, MISSING)
-            return if_absent if value is MISSING else bool(value == literal)
-
-    def differs(env: Env) -> bool:
-        try:
-            result: bool = env.memory[key] != literal
-            return result
-        except KeyError:
-            value = env.absent(key, MISSING)
-            return if_absent if value is MISSING else bool(value != literal)
-
-    return differs if negate else equals
-
-
 def equals(left: Operand, right: Operand, negate: bool) -> Condition:
     """`==` and `!=` of anything."""
     if negate:
         return lambda env: not equal(left(env), right(env))
     return lambda env: equal(left(env), right(env))
-
-
-def key_order(symbol: str, key: str, literal: int | float | str, refuse: Refuse) -> Condition:
-    """`key > literal` and its like. A key that does not exist is 0, or "" against a text.
-
-    Python itself refuses to order JSON values of different types, so the check costs nothing while it passes.
-    """
-    empty: int | str = "" if isinstance(literal, str) else 0
-
-    def value_of(env: Env) -> Any:
-        return env.absent(key, empty)
-
-    def greater(env: Env) -> bool:
-        try:
-            value = env.memory[key]
-        except KeyError:
-            value = value_of(env)
-        try:
-            result: bool = value > literal
-            return result
-        except TypeError:
-            raise refuse(value, literal) from None
-
-    def less(env: Env) -> bool:
-        try:
-            value = env.memory[key]
-        except KeyError:
-            value = value_of(env)
-        try:
-            result: bool = value < literal
-            return result
-        except TypeError:
-            raise refuse(value, literal) from None
-
-    def at_least(env: Env) -> bool:
-        try:
-            value = env.memory[key]
-        except KeyError:
-            value = value_of(env)
-        try:
-            result: bool = value >= literal
-            return result
-        except TypeError:
-            raise refuse(value, literal) from None
-
-    def at_most(env: Env) -> bool:
-        try:
-            value = env.memory[key]
-        except KeyError:
-            value = value_of(env)
-        try:
-            result: bool = value <= literal
-            return result
-        except TypeError:
-            raise refuse(value, literal) from None
-
-    return {">": greater, "<": less, ">=": at_least, "<=": at_most}[symbol]
 
 
 def order(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Condition:
@@ -128,35 +48,6 @@ def order(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Conditi
             raise refuse(a, b) from None
 
     return ordered
-
-
-def key_affix(symbol: str, key: str, literal: str, refuse: Refuse) -> Condition:
-    """`key starts with "text"`, `key ends with "text"`."""
-    if symbol == "starts with":
-
-        def starts(env: Env) -> bool:
-            try:
-                value = env.memory[key]
-            except KeyError:
-                value = env.absent(key, "")
-            if value.__class__ is str:
-                result: bool = value.startswith(literal)
-                return result
-            raise refuse(value, literal)
-
-        return starts
-
-    def ends(env: Env) -> bool:
-        try:
-            value = env.memory[key]
-        except KeyError:
-            value = env.absent(key, "")
-        if value.__class__ is str:
-            result: bool = value.endswith(literal)
-            return result
-        raise refuse(value, literal)
-
-    return ends
 
 
 def affix(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Condition:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from rise_engine.expression import arithmetic, comparisons, logic
 from rise_engine.expression.arithmetic import Number
-from rise_engine.expression.comparisons import Condition, Operand, Refuse
+from rise_engine.expression.comparisons import Operand, Refuse
 from rise_engine.expression.environment import MISSING, Env, Json, lookup
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC
+from rise_engine.expression.logic import Condition
 from rise_engine.expression.nodes import (
     Call,
     Chain,
@@ -43,12 +44,8 @@ class Compiler:
         match node:
             case Logic(operator, operands):
                 return logic.combine(operator, [self.condition(operand) for operand in operands])
-            case Key(name):
-                return logic.key_truth(name)
             case Compare():
                 return self.comparison(node)
-            case Not(Key(name)):
-                return logic.key_falsehood(name)
             case Not(operand):
                 return logic.negation(self.condition(operand))
             case Literal(value):
@@ -64,16 +61,7 @@ class Compiler:
                 return lambda env: truth(read(env))
 
     def comparison(self, node: Compare) -> Condition:
-        """The fastest closure for a comparison."""
         operator, left, right = node
-        if isinstance(left, Key) and isinstance(right, Literal):
-            literal = right.value
-            if operator == "==" or operator == "!=":
-                return comparisons.key_equals(left.name, literal, operator == "!=")
-            if operator in ("starts with", "ends with") and isinstance(literal, str):
-                return comparisons.key_affix(operator, left.name, literal, self.refuse(node))
-            if operator in ("<", "<=", ">", ">=") and literal is not None:
-                return comparisons.key_order(operator, left.name, literal, self.refuse(node))
         a, b = self.operand(left), self.operand(right)
         if operator == "==" or operator == "!=":
             return comparisons.equals(a, b, operator == "!=")

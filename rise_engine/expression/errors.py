@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from rise_engine.errors import RiseError
 
-class LanguageError(ValueError):
+
+class LanguageError(RiseError, ValueError):
     """Base of both. `message` says what is wrong in one sentence without the remedy; `text` is the source."""
 
     def __init__(self, message: str, text: str) -> None:

@@ -9,13 +9,12 @@ from rise_engine.expression import nodes
 from rise_engine.expression.compiler import Compiler
 from rise_engine.expression.environment import Env, Json
 from rise_engine.expression.parser import parse
-from rise_engine.expression.values import native_number
 
 
 class Expression:
     """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is.
 
-    `condition`, `number` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
+    `condition` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
     `Env` and calls them directly. They raise EvaluationError when a value does not fit, and nothing else.
     """
 
@@ -37,7 +36,15 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str) -> Expression:
-        """Read a text. Raises ExpressionError with the column and a remedy."""
+        """Read a text. Raises ExpressionError with the column and a remedy.
+
+        >>> Expression.parse("task > 2 and not finished").as_condition({"task": 3, "finished": False})
+        True
+        >>> Expression.parse("task >")
+        Traceback (most recent call last):
+        ...
+        rise_engine.expression.errors.ExpressionError: something is missing after `>` (column 7)
+        """
         parsed = parse(text)
         return cls(text, parsed.root, frozenset(parsed.keys), frozenset(parsed.constants))
 
@@ -45,12 +52,6 @@ class Expression:
     def condition(self) -> Callable[[Env], bool]:
         """Compiled: whether it holds."""
         return Compiler(self.text).condition(self.root)
-
-    @cached_property
-    def number(self) -> Callable[[Env], int | float]:
-        """Compiled: its number. Booleans are 1 and 0; whole numbers are integers."""
-        double = Compiler(self.text).number(self.root)
-        return lambda env: native_number(double(env))
 
     @cached_property
     def native(self) -> Callable[[Env], Json]:
@@ -78,17 +79,12 @@ class Expression:
         rand: Callable[[], float] | None = None,
         missing: MutableSet[str] | None = None,
     ) -> bool:
-        """Whether it holds. `rand` gives numbers in [0, 1); keys that do not exist are added to `missing`."""
-        return self.condition(Env(memory, rand, missing))
+        """Whether it holds, with these memory values by key. Raises EvaluationError when a value does not fit.
 
-    def as_number(
-        self,
-        memory: Mapping[str, Json],
-        rand: Callable[[], float] | None = None,
-        missing: MutableSet[str] | None = None,
-    ) -> int | float:
-        """Its number; can be NaN or infinite. A text, null, list or object is an EvaluationError."""
-        return self.number(Env(memory, rand, missing))
+        `rand` gives numbers in [0, 1) (without it, `rand(...)` is an EvaluationError); keys that do not exist are added
+        to `missing`.
+        """
+        return self.condition(Env(memory, rand, missing))
 
     def value(
         self,
@@ -96,7 +92,11 @@ class Expression:
         rand: Callable[[], float] | None = None,
         missing: MutableSet[str] | None = None,
     ) -> Json:
-        """Its value in its own type. A bare key that does not exist gives null."""
+        """Its value in its own type, as `as_condition` gets it. A bare key that does not exist gives null.
+
+        >>> Expression.parse("n / 2 + 1").value({"n": 3})
+        2.5
+        """
         return self.native(Env(memory, rand, missing))
 
     def __eq__(self, other: object) -> bool:

@@ -1,7 +1,6 @@
 """What each function of the language takes and gives, in words.
 
 For `rise-engine eval --functions`, for messages, and for docs/reference/conditions.md, which a test compares with this.
-Imported only when somebody asks.
 """
 
 from __future__ import annotations
@@ -71,9 +70,3 @@ SIGNATURES: tuple[Signature, ...] = (
 def signature(name: str) -> Signature | None:
     """The function of that name."""
     return next((each for each in SIGNATURES if each.name == name), None)
-
-
-def as_table() -> str:
-    """The table of docs/reference/conditions.md."""
-    rows = [f"| {each.call} | {each.says} | `{each.example}` | `{each.result}` |" for each in SIGNATURES]
-    return "\n".join(("| function | gives | example | result |", "|---|---|---|---|", *rows))

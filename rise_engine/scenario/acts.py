@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
 from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.draft import BareKey, Draft, Mention
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.graph import cycles
 from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
-from rise_engine.scenario.parameters import check_template, convert
+from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml_checks import check_no_text, top_elements
 from rise_engine.text import BLANKS, called, strange
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
@@ -26,7 +26,7 @@ _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 def read_acts(file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findings) -> None:
     """Read every act of a file into `draft`."""
     usable = (*(spec.name for spec in robot.actions.values() if spec.supported), "Variants")
-    for element in roots(file, "Dialog", WRAPPERS, findings):
+    for element in top_elements(file, "Dialog", WRAPPERS, findings):
         reader = _ActReader(file, robot, usable, draft, findings)
         act = reader.act(element)
         if act is None:
@@ -40,52 +40,6 @@ def read_acts(file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findin
             )
         else:
             draft.acts[act.name] = act
-
-
-def roots(file: XmlFile, tag: str, wrappers: tuple[str, ...], findings: Findings) -> Iterator[Element]:
-    """The elements called `tag`: the outermost element itself, or the children of a wrapper."""
-    root = file.root
-    if root.tag == tag:
-        yield root
-        return
-    if root.tag not in wrappers:
-        findings.error(
-            "unknown-element",
-            file.place(root),
-            f"`<{root.tag}>` cannot be the outermost element here{suggestion(root.tag, (tag, *wrappers))}",
-        )
-        return
-    for name in root.attributes:
-        findings.error("unknown-attribute", file.attribute_place(root, name), f"`<{root.tag}>` has no attributes")
-    no_text(file, root, findings)
-    for child in root:
-        if child.tag == tag:
-            yield child
-        else:
-            findings.error(
-                "unknown-element",
-                file.place(child),
-                f"`<{child.tag}>` cannot stand here; `<{root.tag}>` holds `<{tag}>`",
-            )
-
-
-def no_text(file: XmlFile, element: Element, findings: Findings) -> None:
-    """A finding for text between the children of an element that holds only elements."""
-    stray, behind = element.text.strip(BLANKS), None
-    if not stray:
-        for behind in element:
-            if behind.tail and (stray := behind.tail.strip(BLANKS)):
-                break
-        else:
-            return
-    whole = element.text if behind is None else behind.tail
-    index = len(whole) - len(whole.lstrip(BLANKS))
-    place = file.text_place(element, index) if behind is None else file.tail_place(behind, index)
-    if strange(stray) == 0:
-        message = f"the character {called(stray[0])} cannot stand here; delete it, or write an ordinary blank"
-    else:
-        message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
-    findings.error("unexpected-text", place, message)
 
 
 class _ActReader:
@@ -106,7 +60,7 @@ class _ActReader:
 
     def act(self, element: Element) -> Act | None:
         self.attributes(element, ("name",))
-        no_text(self.file, element, self.findings)
+        check_no_text(self.file, element, self.findings)
         name = (element.get("name") or "").strip()
         if not name:
             self.error("missing-attribute", element, 'an act needs a name: <Dialog name="...">')
@@ -171,7 +125,7 @@ class _ActReader:
 
     def variants(self, element: Element) -> Action | None:
         self.attributes(element, ())
-        no_text(self.file, element, self.findings)
+        check_no_text(self.file, element, self.findings)
         common: dict[object, Element] = {}
         calls: list[Call] = []
         first: str | None = None
@@ -262,7 +216,7 @@ class _ActReader:
         return element.text.strip()
 
     def call(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> Call:
-        no_text(self.file, element, self.findings)
+        check_no_text(self.file, element, self.findings)
         parameters: dict[str, Template] = {}
         seen: dict[str, Element] = {}
         for child in element:
@@ -319,7 +273,7 @@ class _ActReader:
                 (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(mention)
             try:
                 check_template(parameter, template)
-            except ValueError as error:
+            except ParameterError as error:
                 place = self.file.text_place(element, _raw_index(element.text, 0))
                 self.findings.error(_code(parameter, error), place, str(error))
             return template
@@ -327,7 +281,7 @@ class _ActReader:
             return template
         try:
             convert(parameter, constant)
-        except ValueError as error:
+        except ParameterError as error:
             where = Spot(self.file, element, None, _raw_index(element.text, 0))
             if parameter.type != "name" and _KEY.match(constant):
                 self.draft.bare_keys.append(BareKey(constant, where, str(error)))
@@ -351,10 +305,10 @@ class _ActReader:
             self.findings.error("unknown-attribute", self.file.attribute_place(element, name), message)
 
 
-def _code(parameter: Parameter, error: ValueError) -> str:
+def _code(parameter: Parameter, error: ParameterError) -> str:
     if parameter.type == "name":
         return "unknown-name"
-    return "out-of-range" if "outside" in str(error) else "wrong-type"
+    return "out-of-range" if isinstance(error, OutOfRangeError) else "wrong-type"
 
 
 def _explained(parameter: Parameter) -> str:

@@ -7,12 +7,12 @@ from typing import Any, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.nearest_name import suggestion
-from rise_engine.scenario.acts import no_text
 from rise_engine.scenario.conditions import NEVER, expression_message, note_assignment, note_expression
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
 from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml_checks import check_no_text
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
@@ -48,7 +48,7 @@ class BlockReader:
     def no_text(self, element: Element) -> None:
         """A finding for text inside an element; rules have none anywhere."""
         if self.has_text:
-            no_text(self.file, element, self.findings)
+            check_no_text(self.file, element, self.findings)
 
     def error(self, code: str, element: Element, message: str) -> None:
         self.findings.error(code, self.file.place(element), message)

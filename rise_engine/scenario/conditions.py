@@ -8,32 +8,12 @@ from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.expression.upstream import differences
 from rise_engine.scenario.draft import Draft, Mention, Where
 from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.xml import Spot, XmlFile, expression_texts
+from rise_engine.scenario.xml import Spot
 from rise_engine.typography import sentence_at
 
 _PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
 NEVER = Expression.parse("false")
 """Stands for a condition that could not be read; a scenario with one is refused anyway."""
-
-
-def parse_ahead(file: XmlFile, draft: Draft) -> None:
-    """Parse everything that a rule file has to parse in one go: a third faster than each in its turn.
-
-    What cannot be parsed is left for its turn, when its place is known.
-    """
-    conditions, assignments = expression_texts(file)
-    for text in conditions:
-        if text not in draft.expressions:
-            try:  # noqa: SIM105  # quicker than suppress()
-                draft.expressions[text] = Expression.parse(text)
-            except ExpressionError:
-                pass
-    for text in assignments:
-        if text not in draft.assignments:
-            try:  # noqa: SIM105  # quicker than suppress()
-                draft.assignments[text] = Assignment.parse(text)
-            except ExpressionError:
-                pass
 
 
 def expression_message(error: ExpressionError) -> str:
@@ -44,7 +24,7 @@ def expression_message(error: ExpressionError) -> str:
 def note_expression(expression: Expression, where: Where, draft: Draft, findings: Findings) -> None:
     """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
     _note_reads(expression, where, draft)
-    blank = _foreign_blank(expression.text)
+    blank = _find_odd_blank(expression.text)
     if blank >= 0:
         place = (
             Spot(where.file, where.element, where.attribute, blank).place if isinstance(where, Spot) else where.place
@@ -57,7 +37,7 @@ def note_expression(expression: Expression, where: Where, draft: Draft, findings
         findings.warning("reads-differently", where.place, difference)
 
 
-def _foreign_blank(text: str) -> int:
+def _find_odd_blank(text: str) -> int:
     """Where the first blank stands, outside of texts, that only looks like one; -1: nowhere."""
     if text.isascii():
         return -1

@@ -17,13 +17,13 @@ class Where(Protocol):
     def place(self) -> Place: ...
 
 
-class At(Struct, frozen=True, gc=False):
+class At(Struct, frozen=True):
     """A place that is known already."""
 
     place: Place
 
 
-class Mention(Struct, frozen=True, gc=False):
+class Mention(Struct, frozen=True):
     """A name and where it stands."""
 
     name: str
@@ -31,7 +31,7 @@ class Mention(Struct, frozen=True, gc=False):
     """A `Where`. (msgspec wants a class here, and would look into a protocol.)"""
 
 
-class BareKey(Struct, frozen=True, gc=False):
+class BareKey(Struct, frozen=True):
     """A parameter value that can only be meant as a memory key."""
 
     key: str

@@ -8,15 +8,20 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from rise_engine.errors import RiseError
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import meant, told
 
 
+class ScenarioDecodeError(RiseError, ValueError):
+    """What was received is no scenario of this version."""
+
+
 def to_json(scenario: Scenario) -> bytes:
     """The fields of `Scenario`; conditions and assignments as their texts.
 
-    Raises ValueError when there is something in it that JSON cannot carry.
+    Raises UnicodeEncodeError when a text in it is no text (half a character), which JSON cannot carry.
     """
     if told(scenario.folder) != scenario.folder:  # a folder whose name is no text
         scenario = replace(scenario, folder=told(scenario.folder))
@@ -24,33 +29,33 @@ def to_json(scenario: Scenario) -> bytes:
 
 
 def from_json(data: bytes | msgspec.Raw) -> Scenario:
-    """What `to_json` was given. Raises ValueError."""
+    """What `to_json` was given. Raises ScenarioDecodeError."""
     try:
         scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
-        raise ValueError(f"this is no scenario of this version: {error}") from None
+        raise ScenarioDecodeError(f"this is no scenario of this version: {error}") from None
     folder = meant(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
 
 
 @cache
 def _encoder() -> msgspec.json.Encoder:
-    return msgspec.json.Encoder(enc_hook=_plain)
+    return msgspec.json.Encoder(enc_hook=_encode_text)
 
 
 @cache
 def _decoder() -> msgspec.json.Decoder[Scenario]:
     """Made when it is first used: it takes a few milliseconds."""
-    return msgspec.json.Decoder(Scenario, dec_hook=_own)
+    return msgspec.json.Decoder(Scenario, dec_hook=_decode_text)
 
 
-def _plain(value: Any) -> Any:
+def _encode_text(value: Any) -> Any:
     if isinstance(value, Expression | Assignment):
         return value.text
     raise TypeError(f"a scenario holds no {type(value).__name__}")
 
 
-def _own(kind: type, value: Any) -> Any:
+def _decode_text(kind: type, value: Any) -> Any:
     if kind is Expression:
         return Expression.parse(value)
     if kind is Assignment:

@@ -6,6 +6,11 @@ for it. What terminals, tmux, macOS or editors swallow or confuse is refused, wi
 
 from __future__ import annotations
 
+from unicodedata import name as unicode_name
+
+from rise_engine.errors import RiseError
+from rise_engine.nearest_name import suggestion
+
 PUNCTUATION = {
     "!": "exclamation_mark",
     '"': "quotation_mark",
@@ -110,7 +115,7 @@ _REFUSED = {
 _SHIFTED = "write the character that the key types instead: `N`, `#`"
 
 
-class KeyRefusedError(ValueError):
+class KeyRefusedError(RiseError, ValueError):
     """A key that a scenario cannot bind; says why. `taken` is true when the console has it."""
 
     def __init__(self, message: str, taken: bool = False) -> None:
@@ -148,9 +153,7 @@ def _character(character: str) -> str:
         return PUNCTUATION[character]
     if character in _ALIASES:
         return _ALIASES[character]
-    from unicodedata import name
-
-    known = name(character, "")
+    known = unicode_name(character, "")
     if not known or not character.isprintable():
         raise KeyRefusedError("a key is a letter, a digit, a punctuation mark or a name such as `f5`")
     return known.lower().replace("-", "_").replace(" ", "_")
@@ -165,8 +168,6 @@ def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
         return name
     unknown = [modifier for modifier in modifiers if modifier not in ("ctrl", "shift", "alt", "super", "meta", "cmd")]
     if unknown or plain or not base:
-        from rise_engine.nearest_name import suggestion
-
         known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+f")
         raise KeyRefusedError(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")
     if modifiers == ["shift"] and name == "tab":

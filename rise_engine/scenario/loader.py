@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from rise_engine.scenario.model import Place, RobotProfile, Scenario
 from rise_engine.scenario.robots import DEFAULT, read_robot
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.settings import Settings
+from rise_engine.scenario.shipped import hint
 from rise_engine.scenario.source import MAX_TOML_BYTES, Files, Source
 from rise_engine.scenario.toml_places import TomlFile, read_toml
 from rise_engine.scenario.xml import XmlFile, read_xml
@@ -60,21 +62,28 @@ def load(
     mode: str | None = None,
     places: Mapping[str, str] | None = None,
 ) -> Loaded:
-    """Read and check a scenario: a folder, or its `scenario.toml`.
+    """Read and check a scenario.
 
-    `robot`, `mode` ("debug" or "real") and `places` (keys `acts`, `rules`, `memory`) take precedence over the file.
-    Never raises for what a scenario's author wrote.
+    Arguments:
+        path: its folder, or the `scenario.toml` in it.
+        robot: the name of a profile (docs/reference/robots.md), instead of the one that the file names.
+        mode: "debug" or "real", instead of what the file says.
+        places: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
+            `acts`, `rules` and `memory`.
+
+    Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
+    column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
+
+    >>> loaded = load("scenarios/greeting")
+    >>> loaded.scenario.title, "person_name" in loaded.scenario.memory
+    ('Greeting a visitor', True)
+    >>> loaded.findings
+    []
+    >>> str(load("scenarios/greetings").findings[0]).partition(";")[0]
+    'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
-    import gc
-
-    collecting = gc.isenabled()
-    gc.disable()  # nearly all that loading makes is kept; looking for garbage meanwhile costs a fifth of the time
-    try:
-        with few_comparisons():
-            return _Loader(Path(path)).load(robot, mode, places or {})
-    finally:
-        if collecting:
-            gc.enable()
+    with few_comparisons():
+        return _Loader(Path(path)).load(robot, mode, places or {})
 
 
 class _Loader:
@@ -93,8 +102,6 @@ class _Loader:
     def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
         findings, draft = self.findings, self.draft
         if not self.folder.is_dir():
-            from rise_engine.scenario.shipped import hint
-
             findings.error("unreadable", Place(str(self.path)), f"there is no such folder{hint()}")
             return Loaded(None, findings.sorted())
         self.read_settings()
@@ -119,7 +126,7 @@ class _Loader:
             found, silenced = silence(found, allows, findings, complete=not findings.errors)
         if findings.errors:
             return Loaded(None, found, silenced=silenced)
-        files = self.canonical(paths)
+        files = self.by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
@@ -171,7 +178,7 @@ class _Loader:
         paths = [path]
         if path.is_dir():
             try:
-                names = sorted(os.listdir(path))  # noqa: PTH208  # one system call
+                names = sorted(each.name for each in path.iterdir())
             except OSError as error:
                 self.findings.error(
                     "unreadable", Place(place), f"this folder cannot be read: {error.strerror or error}"
@@ -199,7 +206,7 @@ class _Loader:
             self.draft.unread.add(kind)
         return False
 
-    def canonical(self, paths: Mapping[str, str]) -> dict[str, bytes]:
+    def by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""
         settings = {NAME, self.path.name}
         acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))
@@ -222,20 +229,8 @@ class _Loader:
 
 def _hash(files: Mapping[str, bytes], robot: str) -> str:
     """Over everything that was read, in a fixed order, wherever it lay."""
-    digest = _sha256()
+    digest = sha256()
     for name, data in [*sorted(files.items()), ("robot", robot.encode())]:
         digest.update(f"{name}\0{len(data)}\0".encode())
         digest.update(data)
-    return str(digest.hexdigest())
-
-
-def _sha256() -> Any:
-    """A SHA-256 without OpenSSL where Python has one of its own: OpenSSL would take 5 % of the time of a check."""
-    from importlib import import_module
-
-    for module in ("_sha2", "_sha256", "hashlib"):
-        try:
-            return import_module(module).sha256()
-        except (ImportError, AttributeError):
-            continue
-    raise RuntimeError("this Python has no SHA-256")
+    return digest.hexdigest()

@@ -7,10 +7,12 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from rise_engine.errors import RiseError
 from rise_engine.json_codec import is_64_bit
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Call, Parameter
-from rise_engine.scenario.template import Template
+from rise_engine.scenario.template import Template, as_text
 
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII)
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)
@@ -22,18 +24,35 @@ ANY_NAME = "*"
 """Among the names of a `name` parameter: any other name is accepted too."""
 
 
+class ParameterError(RiseError, ValueError):
+    """A value that an action's parameter cannot take: a sentence that begins with the parameter's name."""
+
+
+class OutOfRangeError(ParameterError):
+    """A number beyond the smallest or the largest that a parameter can have."""
+
+
 def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
     """The value that a robot gets: of the declared type, within the range, a known name.
 
-    `value` is the author's text or a memory value; `origin` says in messages where it comes from. A number stays an
-    integer when it is written as one; a `name` stays a number when its code was written. Raises ValueError with a
-    sentence that begins with the parameter's name, and nothing else, whatever the value is.
+    Arguments:
+        parameter: its declaration; `parameter.unit` is the unit of both numbers, the given and the returned one.
+        value: the author's text, or a memory value of any JSON type.
+        origin: the end of a message, saying where the value comes from.
+
+    Returns a str, int, float or bool. A number stays an integer when it is written as one; a `name` stays a number when
+    its code was written. Raises ParameterError, and nothing else, whatever the value is.
+
+    >>> convert(Parameter("duration", "integer", unit="ms", maximum=5000), "1500")
+    1500
+    >>> convert(Parameter("duration", "integer", unit="ms", maximum=5000), "6000")
+    Traceback (most recent call last):
+    ...
+    rise_engine.scenario.parameters.OutOfRangeError: duration is at most 5000 (ms); 6000 is outside
     """
     try:
         match parameter.type:
             case "text":
-                from rise_engine.scenario.template import as_text
-
                 return as_text(value)
             case "number":
                 return _in_range(parameter, _number(parameter, value, origin), origin)
@@ -41,7 +60,7 @@ def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
                 number = _number(parameter, value, origin)
                 if isinstance(number, float):
                     if not number.is_integer():
-                        raise ValueError(f"{parameter.name} is a whole number; {_shown(value)}{origin} is not")
+                        raise ParameterError(f"{parameter.name} is a whole number; {_shown(value)}{origin} is not")
                     number = _whole(parameter, int(number), origin)
                 return _in_range(parameter, number, origin)
             case "boolean":
@@ -49,14 +68,26 @@ def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
             case "name":
                 return _name(parameter, value, origin)
     except (OverflowError, RecursionError):  # lists within lists without end, as a text
-        raise ValueError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
+        raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
 
 
 def call_parameters(call: Call, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
     """The parameters of an action that starts now: memory filled in, converted, those left out absent.
 
-    Raises MissingValue for a memory key without value or fallback, ValueError for a value that the action cannot take
-    (with the memory keys that it was made of), and nothing else, whatever the memory holds.
+    Arguments:
+        call: the action as its act has it.
+        spec: its declaration (`scenario.robot.actions[call.type]`), with the unit of each parameter.
+        memory: the values of this moment, by key.
+
+    Returns the values by parameter. Raises MissingValue for a memory key without value or fallback, ParameterError for
+    a value that the action cannot take (with the memory keys that it was made of), and nothing else, whatever the
+    memory holds.
+
+    >>> from rise_engine.scenario import load
+    >>> scenario = load("scenarios/greeting").scenario
+    >>> call = scenario.acts["R_FollowGaze"].actions[0].calls[0]
+    >>> call_parameters(call, scenario.robot.actions["LookAt"], {"person_x": 1.2, "person_y": 0, "person_z": 0.4})
+    {'pointx': 1.2, 'pointy': 0, 'pointz': 0.4, 'duration': 500}
     """
     result: dict[str, Any] = {}
     for name, template in call.parameters.items():
@@ -67,17 +98,17 @@ def call_parameters(call: Call, spec: ActionSpec, memory: Mapping[str, Any]) -> 
             else:
                 result[name] = convert(parameter, template.fill_value(memory), _origin(template))
         except (OverflowError, RecursionError):
-            raise ValueError(f"{name} cannot be made of a value of this size{_origin(template)}") from None
+            raise ParameterError(f"{name} cannot be made of a value of this size{_origin(template)}") from None
     return result
 
 
 def check_template(parameter: Parameter, template: Template) -> None:
-    """Raises ValueError when no memory value at all can make a value of the parameter out of a template with slots."""
+    """Raises ParameterError when no memory value at all can make the parameter's value out of a template with slots."""
     if parameter.type == "text":
         return
     slots = [part for part in template.parts if not isinstance(part, str)]
     if any(slot.before or slot.after for slot in slots):
-        raise ValueError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
+        raise ParameterError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
     if all(slot.fallback is not None for slot in slots):
         convert(parameter, template.fill({}), " (without a memory value)")
     if len(template.parts) == 1 or (parameter.type == "name" and accepts_any_name(parameter)):
@@ -85,17 +116,19 @@ def check_template(parameter: Parameter, template: Template) -> None:
     if parameter.type in ("number", "integer"):
         for part in template.parts:
             if isinstance(part, str) and _NO_PART.search(part):
-                raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{template.text}` can never be one")
+                raise ParameterError(
+                    f"{parameter.name} is a number{_unit(parameter)}; `{template.text}` can never be one"
+                )
         return
     known = ["true", "false"]
     if parameter.type == "name":
         known = [*known_names(parameter), *map(str, parameter.codes.values())]
-    if not any(_can_be(template, name) for name in known):
+    if not any(_could_spell(template, name) for name in known):
         what = "true or false" if parameter.type == "boolean" else "a name"
-        raise ValueError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
+        raise ParameterError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
 
 
-def _can_be(template: Template, name: str) -> bool:
+def _could_spell(template: Template, name: str) -> bool:
     """Whether some memory values make a template this name: its literal parts stand in it in their order."""
     parts = template.parts
     first, last = parts[0] if isinstance(parts[0], str) else "", parts[-1] if isinstance(parts[-1], str) else ""
@@ -130,20 +163,22 @@ def _number(parameter: Parameter, value: Any, origin: str) -> int | float:
             value = float(text)
         elif re.fullmatch(r"[-+]?\d+,\d+", text):
             point = _shown(text.replace(",", ".")).strip("`")
-            raise ValueError(f"{parameter.name} is a number; write {point} with a point{origin}")
+            raise ParameterError(f"{parameter.name} is a number; write {point} with a point{origin}")
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; {_shown(value)}{origin} is not")
+        raise ParameterError(f"{parameter.name} is a number{_unit(parameter)}; {_shown(value)}{origin} is not")
     if isinstance(value, int):
         return _whole(parameter, value, origin)
     if not math.isfinite(value):
-        raise ValueError(f"{parameter.name} is a number{_unit(parameter)}; `{value}`{origin} cannot be sent to a robot")
+        raise ParameterError(
+            f"{parameter.name} is a number{_unit(parameter)}; `{value}`{origin} cannot be sent to a robot"
+        )
     return value
 
 
 def _whole(parameter: Parameter, value: int, origin: str) -> int:
     if is_64_bit(value):
         return value
-    raise ValueError(
+    raise ParameterError(
         f"{parameter.name} is a number{_unit(parameter)}; a whole number of more than 64 bits{origin} cannot be sent "
         "to a robot"
     )
@@ -159,7 +194,7 @@ def _in_range(parameter: Parameter, number: int | float, origin: str) -> int | f
             allowed = f"from {low:.15g} to {high:.15g}"
         else:
             allowed = f"at least {low:.15g}" if low is not None else f"at most {high:.15g}"
-        raise ValueError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
+        raise OutOfRangeError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
     return number
 
 
@@ -170,7 +205,7 @@ def _boolean(parameter: Parameter, value: Any, origin: str) -> bool:
         return value.strip() == "true"
     if isinstance(value, int | float) and value in (0, 1):
         return bool(value)
-    raise ValueError(f"{parameter.name} is true or false; {_shown(value)}{origin} is neither")
+    raise ParameterError(f"{parameter.name} is true or false; {_shown(value)}{origin} is neither")
 
 
 def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
@@ -185,16 +220,16 @@ def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
             return _whole(parameter, value, origin)
         codes = ", ".join(f"{code} {name}" for name, code in parameter.codes.items())
         number = value if is_64_bit(value) else "of that size"
-        raise ValueError(f"{parameter.name} has no number {number}{origin}" + (f"; known: {codes}" if codes else ""))
+        raise ParameterError(
+            f"{parameter.name} has no number {number}{origin}" + (f"; known: {codes}" if codes else "")
+        )
     if not isinstance(value, str):
-        raise ValueError(f"{parameter.name} is a name; {_shown(value)}{origin} is not")
+        raise ParameterError(f"{parameter.name} is a name; {_shown(value)}{origin} is not")
     name = value.strip()
     if name in parameter.codes or name in parameter.names or (accepts_any_name(parameter) and name):
         return name
-    from rise_engine.nearest_name import suggestion
-
     near = suggestion(name[:80], known_names(parameter), limit=20)
-    raise ValueError(f"{parameter.name} has no name {_shown(name)}{origin}{near}")
+    raise ParameterError(f"{parameter.name} has no name {_shown(name)}{origin}{near}")
 
 
 def _origin(template: Template) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,11 @@ def find_profile(name: str, folder: Path) -> Path | None:
 
 
 def robot_names(folder: Path) -> list[str]:
-    """The names of all profiles that a scenario in `folder` can pick, sorted."""
+    """The names of all profiles that a scenario in `folder` can pick, sorted.
+
+    >>> "pepper" in robot_names(Path("scenarios/greeting"))
+    True
+    """
     names = {DEFAULT}
     for directory in profile_folders(folder):
         if directory.is_dir():
@@ -104,8 +109,6 @@ def _package_folder(package: str) -> Iterator[Path]:
         if (directory / "__init__.py").is_file():
             yield directory
             return
-    from importlib.util import find_spec  # editable installs by import hook, namespace packages
-
     try:
         spec = find_spec(package)
     except (ImportError, ValueError):

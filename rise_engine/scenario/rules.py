@@ -7,15 +7,14 @@ import re
 from collections.abc import Iterator
 
 from rise_engine.nearest_name import suggestion
-from rise_engine.scenario.acts import roots
 from rise_engine.scenario.blocks import NONE, BlockReader
-from rise_engine.scenario.conditions import parse_ahead
 from rise_engine.scenario.draft import Draft, Mention
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.graph import knots, reachable
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, State, Transition, normal_topic
 from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml_checks import top_elements
 
 WRAPPERS = ("InteractionRules",)
 _AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
@@ -33,8 +32,7 @@ _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 def read_rules(file: XmlFile, draft: Draft, findings: Findings) -> None:
     """Read every rule of a file into `draft`."""
-    parse_ahead(file, draft)
-    for element in roots(file, "InteractionRule", WRAPPERS, findings):
+    for element in top_elements(file, "InteractionRule", WRAPPERS, findings):
         rule = _RuleReader(file, draft, findings).rule(element)
         if rule is None:
             continue

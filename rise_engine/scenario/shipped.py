@@ -6,14 +6,18 @@ Where it is installed they lie in this package; in a checkout they are the folde
 from __future__ import annotations
 
 import os
+import tomllib
 from pathlib import Path
+from shutil import copyfile
 
+from rise_engine.errors import RiseError
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.layout import NAME
 
 _PACKAGE = Path(__file__).parents[1]
 
 
-class NotCopied(Exception):
+class NotCopied(RiseError):
     """A study could not be copied; the message is a sentence for a person."""
 
 
@@ -43,8 +47,6 @@ def is_shipped(folder: str | os.PathLike[str]) -> str:
 
 def title_of(folder: Path) -> str:
     """What a study calls itself."""
-    import tomllib
-
     try:
         title = tomllib.loads((folder / NAME).read_text(encoding="utf-8")).get("title")
     except (OSError, ValueError):
@@ -67,10 +69,6 @@ def hint() -> str:
 
 def copy(name: str, to: Path) -> int:
     """Copy a shipped study into a new or empty folder; how many files it has. Raises NotCopied."""
-    from shutil import copyfile  # slow to import, for whoever only looks a study up
-
-    from rise_engine.nearest_name import suggestion
-
     studies = shipped()
     if name not in studies:
         raise NotCopied(f"no study `{name}` is shipped with the program{suggestion(name, studies)}")

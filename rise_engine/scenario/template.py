@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from json import dumps
 from typing import Any
 
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
 from rise_engine.expression import lookup
 from rise_engine.json_codec import MAX_LEVELS
 
@@ -21,7 +23,7 @@ _SLOT = re.compile(
 _TYPOGRAPHIC = re.compile("[“”„‟«»″]")
 
 
-class TemplateError(ValueError):
+class TemplateError(RiseError, ValueError):
     """A template that cannot be read. `column` counts from 1 within the text."""
 
     def __init__(self, message: str, column: int) -> None:
@@ -29,7 +31,7 @@ class TemplateError(ValueError):
         self.column = column
 
 
-class MissingValue(Exception):
+class MissingValue(RiseError):
     """A memory key without value was needed to fill a template."""
 
     def __init__(self, key: str) -> None:
@@ -155,8 +157,6 @@ def as_text(value: Any) -> str:
         return str(int(value))
     if isinstance(value, str | int | float):
         return str(value)
-    from json import dumps  # only for arrays and objects, which are rare in a parameter
-
     return dumps(value, ensure_ascii=False)
 
 

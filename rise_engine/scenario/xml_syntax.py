@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+
+from lxml import etree
 
 from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.xml_repair import Mended
-
-if TYPE_CHECKING:
-    from lxml import etree
 
 _POSITION = re.compile(r", line \d+, column \d+.*\Z", re.DOTALL)
 _MISMATCH = re.compile(r"tag mismatch: (\S+) line (\d+) and (\S+)")

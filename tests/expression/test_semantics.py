@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from rise_engine.expression import Env, EvaluationError, Expression, lookup
+from tests.expression.numbers import as_number
 
 MEMORY: dict[str, Any] = {
     "t": True,
@@ -233,7 +234,7 @@ NUMBERS = {
 
 @pytest.mark.parametrize(("text", "expected"), NUMBERS.items())
 def test_number(text: str, expected: float) -> None:
-    result = Expression.parse(text).as_number(MEMORY, rand=lambda: 0.25)
+    result = as_number(text, MEMORY, rand=lambda: 0.25)
     assert result == pytest.approx(expected, rel=1e-15)
     assert type(result) is type(expected)
 
@@ -254,7 +255,7 @@ def test_number(text: str, expected: float) -> None:
     ],
 )
 def test_no_number(text: str) -> None:
-    assert math.isnan(Expression.parse(text).as_number(MEMORY))
+    assert math.isnan(as_number(text, MEMORY))
 
 
 VALUES: dict[str, Any] = {
@@ -326,7 +327,7 @@ def test_values_that_do_not_fit(text: str, named: str) -> None:
 @pytest.mark.parametrize("text", ["name", "nothing", "list", "lower(name)"])
 def test_what_has_no_number(text: str) -> None:
     with pytest.raises(EvaluationError):
-        Expression.parse(text).as_number(MEMORY)
+        as_number(text, MEMORY)
 
 
 def test_constants_are_hidden_by_keys() -> None:
@@ -355,7 +356,7 @@ def test_missing_keys_are_reported_as_they_are_met() -> None:
 
 def test_rand_draws_once_for_each_call() -> None:
     draws = iter([0.5, 0.25])
-    assert Expression.parse("rand(2) + rand(10, 20)").as_number({}, rand=lambda: next(draws)) == 13.5
+    assert as_number("rand(2) + rand(10, 20)", {}, rand=lambda: next(draws)) == 13.5
     assert next(draws, None) is None
 
 
@@ -422,8 +423,8 @@ def test_long_chains_are_shallow() -> None:
     assert Expression.parse(" or ".join(["f"] * 10_000 + ["t"])).as_condition(MEMORY) is True
     assert Expression.parse(" xor ".join(["t"] * 9_999)).as_condition(MEMORY) is True
     assert Expression.parse(" and ".join(["t"] * 9_999 + ["f"])).as_condition(MEMORY) is False
-    assert Expression.parse("+".join(["1"] * 10_000)).as_number({}) == 10_000
-    assert Expression.parse("1" + "*2/2" * 5_000).as_number({}) == 1
+    assert as_number("+".join(["1"] * 10_000), {}) == 10_000
+    assert as_number("1" + "*2/2" * 5_000, {}) == 1
 
 
 def test_lists_nested_beyond_reason_do_not_crash() -> None:

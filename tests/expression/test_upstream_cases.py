@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from rise_engine.expression import Expression, ExpressionError
+from tests.expression.numbers import as_number
 
 _FILE = Path(__file__).parent / "data" / "upstream-cases.tsv"
 ROWS = [line.split("\t") for line in _FILE.read_text(encoding="utf-8").splitlines()[1:]]
@@ -27,7 +28,9 @@ def test_same_as_upstream(text: str, memory: str, read_as: str, value: str) -> N
         return
     expression = Expression.parse(expression_text)
     result: Any = (
-        expression.as_condition(values) if read_as == "condition" else expression.as_number(values, rand=lambda: 0.5)
+        expression.as_condition(values)
+        if read_as == "condition"
+        else as_number(expression_text, values, rand=lambda: 0.5)
     )
     expected = json.loads(value)
     assert result == pytest.approx(expected, rel=1e-15, abs=0)

@@ -28,8 +28,8 @@ from lxml import etree
 from msgspec import Struct
 
 from rise_engine.scenario import load
+from rise_engine.scenario.editor_schemas import act_schema_text, rule_schema_text
 from rise_engine.scenario.exchange import from_json, to_json
-from rise_engine.scenario.relaxng import act_schema_text, rule_schema
 from tests.fuzz.mutations import mutate
 
 ROOT = Path(__file__).parents[2]
@@ -118,7 +118,7 @@ def _check(folder: Path, case: Case) -> None:
         raise AssertionError("it is accepted with errors, or refused without one")
     if loaded.scenario is not None and case.file.endswith(".xml"):
         rules = "/rules/" in f"/{case.file}"
-        schema = rule_schema() if rules else _act_schema(act_schema_text(loaded.scenario.robot.actions))
+        schema = _schema(rule_schema_text() if rules else act_schema_text(loaded.scenario.robot.actions))
         if not schema.validate(etree.fromstring(case.content, _PARSER)):
             raise AssertionError(f"the schema for editors refuses it: {schema.error_log[0].message}")
     if loaded.scenario is not None and from_json(to_json(loaded.scenario)) != loaded.scenario:
@@ -126,7 +126,7 @@ def _check(folder: Path, case: Case) -> None:
 
 
 @cache
-def _act_schema(text: str) -> etree.RelaxNG:
+def _schema(text: str) -> etree.RelaxNG:
     return etree.RelaxNG(etree.fromstring(text.encode()))
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
 from itertools import permutations
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
-from rise_engine.scenario import load
+from rise_engine.scenario import blocks, load, rules
 from rise_engine.scenario.actions import core_actions
-from rise_engine.scenario.relaxng import FOLDER, act_schema, act_schema_text, rule_schema, rule_schema_text
+from rise_engine.scenario.editor_schemas import FOLDER, act_schema_text, rule_schema_text
+from rise_engine.scenario.model import ActionSpec
 from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
 from tests.scenario.test_findings import ACTS, RULES
 
@@ -21,17 +24,62 @@ BEYOND = (
     "short-loop",
 )
 """Codes of what a schema cannot see: names, references, values, conditions."""
+STUDIES = sorted(path.parent for path in (Path(__file__).parents[2] / "scenarios").glob("*/scenario.toml"))
 SHIPPED = Path(__file__).parents[2] / "scenarios" / "greeting"
 _BEYOND = {code for line in BEYOND for code in line.split()}
+
+
+def compiled(text: str) -> etree.RelaxNG:
+    return etree.RelaxNG(etree.fromstring(text.encode()))
+
+
+def act_schema(actions: Mapping[str, ActionSpec]) -> etree.RelaxNG:
+    return compiled(act_schema_text(actions))
+
+
+@cache
+def rule_schema() -> etree.RelaxNG:
+    return compiled(rule_schema_text())
 
 
 def codes(expected: list[str]) -> set[str]:
     return {each.split()[1] for each in expected}
 
 
-def test_the_files_are_what_the_functions_give() -> None:
+def test_the_shipped_schema_of_acts_has_the_core_actions() -> None:
     assert (FOLDER / "cra.rng").read_text("utf-8") == act_schema_text(core_actions())
-    assert (FOLDER / "rules.rng").read_text("utf-8") == rule_schema_text()
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_every_shipped_study_is_valid(study: Path) -> None:
+    """In lxml's own eyes, with the schema that `rise-engine schema DIR` writes."""
+    scenario = load(study).scenario
+    acts, rules = act_schema(scenario.robot.actions), rule_schema()
+    for kind, schema in (("acts", acts), ("rules", rules)):
+        place = study / scenario.paths[kind]
+        files = sorted(place.glob("*.xml")) if place.is_dir() else [place]
+        assert files
+        for file in files:
+            assert schema.validate(etree.parse(file)), f"{file}: {schema.error_log}"
+
+
+def names(text: str, what: str) -> set[str]:
+    return set(etree.fromstring(text.encode()).xpath(f"//*[local-name()='{what}']/@name"))
+
+
+def test_the_reader_and_the_schemas_have_the_same_words() -> None:
+    """No element and no attribute that only the schemas know, and none that only the reader knows."""
+    known = {*rules._RULE, *rules._STATE, *rules._TRANSITION, *blocks._COND, *blocks.FUNCTIONS}
+    assert names(rule_schema_text(), "attribute") == known
+    assert names(rule_schema_text(), "element") == {"InteractionRules", *blocks._PLACES}
+    core = core_actions()
+    assert names(act_schema_text(core), "attribute") == {"name"}
+    assert names(act_schema_text(core), "element") == {
+        *("Dialogs", "AgentDialogs", "CommunicationRobotActs", "Dialog", "Variants"),
+        *("actionID", "waitForActions", "onFailure"),
+        *core,
+        *(parameter for spec in core.values() for parameter in spec.parameters),
+    }
 
 
 @pytest.mark.parametrize("name", ACTS)
