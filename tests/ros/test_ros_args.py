@@ -28,7 +28,6 @@ def test_remappings_namespace_and_node() -> None:
     assert given.node == "rise2"
     assert given.names("rise2") == {"a": "b", "c": "/d"}
     assert given.names("x") == {"a": "b", "e": "f"}
-    assert given.ignored == ()
 
 
 def test_nothing_is_given() -> None:
@@ -47,16 +46,11 @@ def test_a_rule_for_the_namespace_of_another_node_does_not_count() -> None:
     assert parse(["-r", "__name:=wizard"]).node == "wizard"
 
 
-def test_what_means_nothing_here_is_named() -> None:
+def test_what_means_nothing_here_is_passed_over() -> None:
     given = parse(
         ["-p", "use_sim_time:=true", "--log-level", "debug", "--disable-rosout-logs", "--params-file", "x.yaml"]
     )
-    assert given.ignored == (
-        "-p use_sim_time:=true",
-        "--log-level debug",
-        "--disable-rosout-logs",
-        "--params-file x.yaml",
-    )
+    assert given == RosArgs()
 
 
 @pytest.mark.parametrize(

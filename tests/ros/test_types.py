@@ -63,7 +63,6 @@ def test_comments_constants_and_defaults_do_not_count(tmp_path: Path) -> None:
     )
     assert len(types.type_hash("lab/msg/A")) == len("RIHS01_") + 64
     assert types.fields("lab/msg/A") == types.fields("lab/msg/B") == {"level": "uint8", "names": "string<=5[<=2]"}
-    assert types.constants("lab/msg/A") == {"LOW": 1}
 
 
 def test_char_is_another_name_of_uint8(types: Types, tmp_path: Path) -> None:
@@ -353,17 +352,12 @@ def test_parts_that_are_missing_are_counted(tmp_path: Path) -> None:
         types.fields("lab/srv/Ask_Request")
 
 
-def test_constants_as_they_are_written(tmp_path: Path) -> None:
+def test_constants_are_no_fields(tmp_path: Path) -> None:
     types = share(
-        tmp_path, A='int8 HEX=0x1f\nbool YES=true\nfloat32 HALF=.5\nstring WORD="a = b"\nstring BARE=two words\n'
+        tmp_path,
+        A='int8 HEX=0x1f\nbool YES=true\nfloat32 HALF=.5\nstring WORD="a = b"\nstring BARE=two words\nint8 field 3\n',
     )
-    assert types.constants("lab/msg/A") == {
-        "HEX": 31,
-        "YES": True,
-        "HALF": 0.5,
-        "WORD": "a = b",
-        "BARE": "two words",
-    }
+    assert types.fields("lab/msg/A") == {"field": "int8"}
 
 
 def test_texts_of_two_bytes_a_letter_have_a_hash_but_no_bytes(tmp_path: Path) -> None:

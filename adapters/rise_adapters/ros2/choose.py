@@ -19,7 +19,7 @@ Kind = Literal["rclpy", "dds"]
 
 def available() -> dict[Kind, str]:
     """The transports, and why each cannot be used here; an empty text: it can."""
-    return {"rclpy": _without_rclpy(), "dds": _without_dds()}
+    return {"rclpy": _why_no_rclpy(), "dds": _why_no_dds()}
 
 
 def choose(choice: str) -> Kind:
@@ -57,7 +57,7 @@ async def open_transport(
         raise BridgeError([str(error)]) from error
 
 
-def _without_rclpy() -> str:
+def _why_no_rclpy() -> str:
     why = rclpy_missing()
     if why and find_spec("rclpy") is None and "AMENT_PREFIX_PATH" in os.environ:
         return (
@@ -67,7 +67,7 @@ def _without_rclpy() -> str:
     return why
 
 
-def _without_dds() -> str:
+def _why_no_dds() -> str:
     missing = [name for name in ("cyclonedds", "rosbags") if find_spec(name) is None]
     if not missing:
         return ""

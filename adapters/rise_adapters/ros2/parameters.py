@@ -60,7 +60,7 @@ class Option(Struct, frozen=True):
 def split(arguments: Sequence[str], node: str) -> tuple[list[Given], tuple[str, ...]]:
     """The parameters among ROS's arguments that are meant for `node` (its name, without namespace), in the order in
     which they count, the last most; and the other arguments. Raises PortError."""
-    own, namespace = _node(arguments, node)
+    own, namespace = _node_and_namespace(arguments, node)
     full = f"{namespace.rstrip('/')}/{own}"
     given: list[Given] = []
     others: list[str] = []
@@ -73,13 +73,13 @@ def split(arguments: Sequence[str], node: str) -> tuple[list[Given], tuple[str, 
         if value is None:
             raise PortError(f"--ros-args: something must follow {argument}")
         if argument == _FILE:
-            given += _of_file(Path(value), full)
+            given += _read_file(Path(value), full)
             continue
         name, separator, text = value.partition(":=")
-        whose, _, name = name.rpartition(":")
+        of_node, _, name = name.rpartition(":")
         if not separator or not name:
             raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
-        if whose in ("", own, full):
+        if of_node in ("", own, full):
             read = _yaml(text, f"{argument} {value}")
             given.append(Given(name, "" if read is None else read))
     return given, tuple(others)
@@ -109,23 +109,23 @@ def as_options(
     flags = {word.partition("=")[0] for word in written}
     words: list[str] = []
     for name, value in chosen.items():
-        made = list(_words(name, options[name], value))
+        made = list(_option_words(name, options[name], value))
         if not (options[name].many and options[name].flag in flags):
             words += made
     return words, others
 
 
 def _no_sim_time(value: Any) -> None:
-    if _truth(value) is not False:
+    if _read_truth(value) is not False:
         raise PortError(
             f"the parameter {SIM_TIME} is {value}, and this program does not follow /clock: people take part, "
             "and the record is in their time; leave it out (`--speed` makes a rehearsal faster)"
         )
 
 
-def _words(name: str, option: Option, value: Any) -> Iterator[str]:
+def _option_words(name: str, option: Option, value: Any) -> Iterator[str]:
     if option.switch:
-        truth = _truth(value)
+        truth = _read_truth(value)
         if truth is None:
             raise PortError(f"the parameter {name} is true or false, not {value!r}")
         if truth:
@@ -140,26 +140,26 @@ def _words(name: str, option: Option, value: Any) -> Iterator[str]:
         yield f"{option.flag}={each}"
 
 
-def _truth(value: Any) -> bool | None:
+def _read_truth(value: Any) -> bool | None:
     """As YAML 1.1, which ROS reads."""
     word = value.casefold() if isinstance(value, str) else ""
     return True if word in ("true", "yes", "on", "y") else False if word in ("false", "no", "off", "n") else None
 
 
-def _node(arguments: Sequence[str], node: str) -> tuple[str, str]:
+def _node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
     """The name of the node and its namespace, after the rules that are among the arguments."""
     found: dict[str, str] = {}
     rest = iter(arguments)
     for argument in rest:
         if argument in ("-r", "--remap"):
             source, _, target = (next(rest, None) or "").partition(":=")
-            whose, _, name = source.rpartition(":")
-            if whose in ("", node) and name in ("__ns", "__node", "__name"):
+            of_node, _, name = source.rpartition(":")
+            if of_node in ("", node) and name in ("__ns", "__node", "__name"):
                 found.setdefault("__node" if name == "__name" else name, target)
     return found.get("__node", node), check_namespace(found.get("__ns", "/"))
 
 
-def _of_file(path: Path, full: str) -> Iterator[Given]:
+def _read_file(path: Path, full: str) -> Iterator[Given]:
     try:
         read = _yaml(path.read_text("utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
@@ -170,7 +170,7 @@ def _of_file(path: Path, full: str) -> Iterator[Given]:
     # What is said of this node counts more than what is said of all.
     for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
         if _matches(pattern, full):
-            for name, value in _flat(section, ""):
+            for name, value in _flatten(section, ""):
                 yield Given(name, value, for_all="*" in pattern)
 
 
@@ -193,10 +193,10 @@ def _matches(pattern: str, full: str) -> bool:
     return re.fullmatch("".join(parts), full) is not None
 
 
-def _flat(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def _flatten(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     for name, value in table.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from _flatten(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", value
 

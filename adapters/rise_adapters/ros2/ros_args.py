@@ -12,6 +12,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.port import PortError
 
+# What is right for ROS and means nothing here: logging, and parameters, which `parameters` has read before.
 _WITH_VALUE = {"--params-file", "--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave"}
 _FLAGS = {
     *("--disable-stdout-logs", "--enable-stdout-logs", "--disable-rosout-logs", "--enable-rosout-logs"),
@@ -33,8 +34,6 @@ class RosArgs(Struct, frozen=True):
     """Of topics, services and actions."""
     namespace: str = ""
     node: str = ""
-    ignored: tuple[str, ...] = ()
-    """Arguments that are right for ROS but mean nothing here: parameters, logging."""
 
     def names(self, node: str) -> dict[str, str]:
         """The remappings that hold for the node of that name, by what they replace, in the order that counts."""
@@ -49,15 +48,12 @@ def parse(arguments: Sequence[str], node: str = "") -> RosArgs:
     """Read the arguments, with or without a leading `--ros-args` and a closing `--`; `node` is the program's own name
     for its node, for rules such as `rise:__ns:=/lab`. Raises PortError with a sentence."""
     remaps: list[Remap] = []
-    ignored: list[str] = []
     special: dict[str, str] = {}
     rest = iter(arguments)
     for argument in rest:
-        if argument in ("--ros-args", "--"):
+        if argument in ("--ros-args", "--", *_FLAGS):
             continue
-        if argument in _FLAGS:
-            ignored.append(argument)
-        elif argument in ("-r", "--remap"):
+        if argument in ("-r", "--remap"):
             remap = _remap(_value(argument, rest))
             if remap.source not in ("__ns", "__node", "__name"):
                 remaps.append(remap)
@@ -67,16 +63,15 @@ def parse(arguments: Sequence[str], node: str = "") -> RosArgs:
             value = _value(argument, rest)
             if ":=" not in value:
                 raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
-            ignored.append(f"{argument} {value}")
         elif argument in _WITH_VALUE:
-            ignored.append(f"{argument} {_value(argument, rest)}")
+            _value(argument, rest)
         else:
             hint = "; did you forget -r before it?" if ":=" in argument else ""
             raise PortError(f"--ros-args: {argument!r} is not understood{hint}")
     namespace = special.get("__ns", "")
     if namespace and not namespace.startswith("/"):
         raise PortError(f"--ros-args: the namespace {namespace!r} must begin with a slash")
-    return RosArgs(tuple(remaps), namespace, special.get("__node", ""), tuple(ignored))
+    return RosArgs(tuple(remaps), namespace, special.get("__node", ""))
 
 
 def _value(option: str, rest: Iterator[str]) -> str:

@@ -58,7 +58,9 @@ class Peer:
         return self._transport.type_hash(type)
 
     def ends(self, what: str, name: str) -> list[dict[str, Any]]:
-        return [msgspec.to_builtins(end) for end in getattr(self._transport, f"{what}_ends")(name)]
+        wire = self._transport
+        listed = {"publisher": wire.publisher_ends, "subscriber": wire.subscriber_ends, "server": wire.server_ends}
+        return [msgspec.to_builtins(end) for end in listed[what](name)]
 
     def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
         """What `compatibility` says about an action."""

@@ -20,7 +20,7 @@ from rise_adapters.ros2.port import PortError
 RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 LARGEST_DOMAIN = 232
 """Above it the ports that DDS computes do not exist."""
-_PARTICIPANTS = 32
+_MOST_PARTICIPANTS = 32
 """How many programs find each other on one machine without multicast, as in rmw_cyclonedds."""
 
 
@@ -44,14 +44,14 @@ def configuration(lease: float, environment: Mapping[str, str] = os.environ) -> 
     """The configuration for Cyclone DDS. `lease`: seconds without a sign of life after which others take us for dead.
     Raises PortError for a discovery range that does not exist."""
     discovery, general = "", ""
-    reach, peers = _reach(environment)
+    reach, peers = _discovery_range(environment)
     if reach in ("LOCALHOST", "OFF"):
         general = "<General><AllowMulticast>false</AllowMulticast></General>"
     if reach == "OFF":
         discovery = f"<ParticipantIndex>none</ParticipantIndex><Tag>ros_discovery_off_{os.getpid()}</Tag>"
     elif reach != "SYSTEM_DEFAULT":
         discovery = "<ParticipantIndex>auto</ParticipantIndex>"
-        discovery += f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex>"
+        discovery += f"<MaxAutoParticipantIndex>{_MOST_PARTICIPANTS}</MaxAutoParticipantIndex>"
         if peers:
             discovery += f"<Peers>{''.join(f'<Peer address={quoteattr(peer)}/>' for peer in peers)}</Peers>"
     # Signs of life at a quarter of the lease: one or two may get lost without anybody being taken for dead.
@@ -60,7 +60,7 @@ def configuration(lease: float, environment: Mapping[str, str] = os.environ) -> 
     return ",".join(part for part in (own, environment.get("CYCLONEDDS_URI", "")) if part)
 
 
-def _reach(environment: Mapping[str, str]) -> tuple[str, list[str]]:
+def _discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
     if environment.get("ROS_LOCALHOST_ONLY") == "1":
         return "LOCALHOST", ["localhost"]
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
@@ -72,13 +72,13 @@ def _reach(environment: Mapping[str, str]) -> tuple[str, list[str]]:
     return reach, peers if reach == "SUBNET" else []
 
 
-class _Shared:
+class _SharedDomain:
     def __init__(self, domain: Domain | None) -> None:
         self.domain = domain
         self.users = 0
 
 
-_domains: dict[int, _Shared] = {}
+_domains: dict[int, _SharedDomain] = {}
 _lock = Lock()
 
 
@@ -86,7 +86,7 @@ def acquire(number: int, lease: float, environment: Mapping[str, str] = os.envir
     """Have the domain configured; to be paired with `release`. Raises PortError when the configuration is wrong."""
     with _lock:
         if number not in _domains:
-            _domains[number] = _Shared(_create(number, configuration(lease, environment)))
+            _domains[number] = _SharedDomain(_create(number, configuration(lease, environment)))
         _domains[number].users += 1
 
 

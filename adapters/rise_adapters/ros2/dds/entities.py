@@ -20,11 +20,11 @@ from cyclonedds.topic import Topic
 from rise_adapters.ros2.dds import names
 from rise_adapters.ros2.port import PortError, QoS
 
-_AGAIN = 0.005
+_RETRY_SECONDS = 0.005
 """Seconds until a message is tried again that DDS would not take because a reader is slow."""
-_OUTBOX = 10_000
+_OUTBOX_LIMIT = 10_000
 """Messages that wait for that; the oldest is given up for the next."""
-_HISTORY = 1000
+_READER_HISTORY = 1000
 """Messages that a reader keeps at least: those that come while the reading thread waits for its turn."""
 _LOG = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ def policies(qos: QoS, data: Mapping[str, str], *, reader: bool) -> Qos:
     """A ROS quality of service as DDS has it, with an endpoint's user data."""
     depth = max(qos.depth, 1)
     if reader and not qos.latched:
-        depth = max(depth, _HISTORY)
+        depth = max(depth, _READER_HISTORY)
     chosen: list[BasePolicy] = [
         # Never wait in a write: it would hold up everything else. What does not go out at once is kept by `Writer`.
         Policy.Reliability.Reliable(0) if qos.reliable else Policy.Reliability.BestEffort,
@@ -79,21 +79,21 @@ class Writer:
         self.handle = int(self._writer._ref)
         self.gid = self._writer.guid.bytes
         self.instance = self._writer.instance_handle & 0xFFFF_FFFF_FFFF_FFFF
-        self._outbox: deque[bytes] = deque(maxlen=_OUTBOX)
+        self._outbox: deque[bytes] = deque(maxlen=_OUTBOX_LIMIT)
         self._timer: asyncio.TimerHandle | None = None
-        self._losing = False
+        self._loses_messages = False
 
     def write(self, data: bytes) -> None:
         """Send, at once or as soon as slow readers allow it."""
         if self._writer is None:
             return
-        if self._outbox or not self._sent(data):
-            if len(self._outbox) == _OUTBOX and not self._losing:
-                self._losing = True
+        if self._outbox or not self._try_write(data):
+            if len(self._outbox) == _OUTBOX_LIMIT and not self._loses_messages:
+                self._loses_messages = True
                 _LOG.warning("%s: a reader is too slow; messages are lost", self.topic)
             self._outbox.append(data)
             if self._timer is None:
-                self._timer = self._loop.call_later(_AGAIN, self._flush)
+                self._timer = self._loop.call_later(_RETRY_SECONDS, self._flush)
 
     def readers(self) -> list[int]:
         """Handles of the readers that take it."""
@@ -111,16 +111,16 @@ class Writer:
         self._timer = None
         while self._outbox and self._writer is not None:
             try:
-                sent = self._sent(self._outbox[0])
+                sent = self._try_write(self._outbox[0])
             except PortError as error:
                 _LOG.warning("%s", error)
                 sent = True
             if not sent:
-                self._timer = self._loop.call_later(_AGAIN, self._flush)
+                self._timer = self._loop.call_later(_RETRY_SECONDS, self._flush)
                 return
             self._outbox.popleft()
 
-    def _sent(self, data: bytes) -> bool:
+    def _try_write(self, data: bytes) -> bool:
         code = _clayer.ddspy_write(self.handle, data)
         if code < 0 and code != DDSException.DDS_RETCODE_TIMEOUT:
             raise PortError(f"DDS does not send on {self.topic}: {DDSException(code)}")

@@ -42,7 +42,7 @@ class Endpoint(Struct, frozen=True):
         return self.key[:2] == CYCLONE
 
 
-_Said: TypeAlias = tuple[bytes, QoS | None]
+_Announcement: TypeAlias = tuple[bytes, QoS | None]
 """Of what an endpoint announces: its user data, and its quality of service."""
 
 
@@ -62,27 +62,34 @@ def take_participants(reader: int, most: int) -> Any:
 
 
 def take_endpoints(reader: int, most: int) -> Any:
-    return _clayer.ddspy_take_endpoint(reader, most, _endpoint, _announced)
+    return _clayer.ddspy_take_endpoint(reader, most, _endpoint, _read_announcement)
 
 
 def matched_reader(writer: int, handle: int) -> Endpoint | None:
     """Who a matched reader is; None when it is gone."""
-    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _endpoint, _announced)
+    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _endpoint, _read_announcement)
     return found if isinstance(found, Endpoint) else None
 
 
 def matched_writer(reader: int, handle: int) -> Endpoint | None:
     """Who a matched writer is; None when it is gone."""
-    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _endpoint, _announced)
+    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _endpoint, _read_announcement)
     return found if isinstance(found, Endpoint) else None
 
 
 def _endpoint(
-    key: bytes, participant: bytes, handle: int, topic: str, type: str, said: _Said, info: Any, type_id: Any
+    key: bytes,
+    participant: bytes,
+    handle: int,
+    topic: str,
+    type: str,
+    announcement: _Announcement,
+    info: Any,
+    type_id: Any,
 ) -> Endpoint | Gone:
     if info is not None and info.instance_state != InstanceState.Alive:
         return Gone(key)
-    data, qos = said
+    data, qos = announcement
     return Endpoint(key, participant, topic or "", names.ros_type(type or ""), names.read_user_data(data), qos)
 
 
@@ -90,7 +97,7 @@ def _endpoint(
 # and not made for several threads.
 
 
-def _announced(pointer: int) -> _Said:
+def _read_announcement(pointer: int) -> _Announcement:
     reliable, durable, blocking = ctypes.c_int(), ctypes.c_int(), ctypes.c_int64()
     qos = None
     if _CQos._get_reliability(
@@ -120,8 +127,8 @@ class Graph:
         """`own`: the id of this participant."""
         self._own = own[:12]
         self._participants: set[bytes] = {own}
-        self._readers = _Endpoints()
-        self._writers = _Endpoints()
+        self._readers = _EndpointIndex()
+        self._writers = _EndpointIndex()
         self._nodes: dict[bytes, dict[str, int]] = {}
         """By participant, its nodes: how many there are of each name."""
         self._owners: dict[bytes, dict[bytes, str]] = {}
@@ -136,10 +143,10 @@ class Graph:
             self._owners.pop(seen.key[:12], None)
 
     def reader(self, seen: Endpoint | Gone) -> None:
-        self._readers.take(seen)
+        self._readers.update(seen)
 
     def writer(self, seen: Endpoint | Gone) -> None:
-        self._writers.take(seen)
+        self._writers.update(seen)
 
     def named(self, participant: bytes, nodes: Iterable[tuple[str, Iterable[bytes]]]) -> None:
         """A participant says which nodes it has, and the ids of what each of them has."""
@@ -177,8 +184,8 @@ class Graph:
         """The topics of ROS (without those of services) on which others have something."""
         found = {
             topic
-            for known in (self._readers, self._writers)
-            for topic, ends in known.by_topic.items()
+            for index in (self._readers, self._writers)
+            for topic, ends in index.by_topic.items()
             if any(end.participant[:12] != self._own for end in ends.values())
         }
         return sorted(name for topic in found if (name := names.ros_topic(topic)))
@@ -191,25 +198,25 @@ class Graph:
             if key[:2] != CYCLONE
         ]
 
-    def _others(self, known: _Endpoints, topic: str) -> list[End]:
-        return [self._end(end) for end in known.on(topic) if end.participant[:12] != self._own]
+    def _others(self, index: _EndpointIndex, topic: str) -> list[End]:
+        return [self._end(end) for end in index.on_topic(topic) if end.participant[:12] != self._own]
 
     def _end(self, end: Endpoint) -> End:
-        owner = self._owners.get(end.participant[:12], _NOBODY).get(end.key, "")
+        owner = self._owners.get(end.participant[:12], _NO_OWNERS).get(end.key, "")
         return End(owner, end.type, end.data.get("typehash", ""), end.key[:2].hex(), end.qos)
 
 
-_NOBODY: Mapping[bytes, str] = {}
+_NO_OWNERS: Mapping[bytes, str] = {}
 
 
-class _Endpoints:
+class _EndpointIndex:
     """Those that read, or those that write."""
 
     def __init__(self) -> None:
         self.by_topic: dict[str, dict[bytes, Endpoint]] = {}
         self._topics: dict[bytes, str] = {}
 
-    def take(self, seen: Endpoint | Gone) -> None:
+    def update(self, seen: Endpoint | Gone) -> None:
         before = self._topics.pop(seen.key, None)
         if before is not None:
             ends = self.by_topic[before]
@@ -220,5 +227,5 @@ class _Endpoints:
             self._topics[seen.key] = seen.topic
             self.by_topic.setdefault(seen.topic, {})[seen.key] = seen
 
-    def on(self, topic: str) -> list[Endpoint]:
+    def on_topic(self, topic: str) -> list[Endpoint]:
         return list(self.by_topic.get(topic, {}).values())

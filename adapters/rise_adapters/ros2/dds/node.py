@@ -165,8 +165,8 @@ class DdsNode:
         self.reading.add(reader, self._on_discovery_info)
         self._watched.append(reader)
 
-    def _on_discovery_info(self, one: tuple[bytes, Any]) -> None:
-        data, info = one
+    def _on_discovery_info(self, sample: tuple[bytes, Any]) -> None:
+        data, info = sample
         if info.valid_data:
             message = self._codec.unpack(data)
             self.graph.named(

@@ -22,9 +22,9 @@ from cyclonedds.sub import DataReader
 from rise_adapters.ros2.dds.entities import delete
 from rise_adapters.ros2.transport.inbox import Inbox
 
-_AT_ONCE = 500
+_MOST_PER_TAKE = 500
 """Messages that are taken from DDS in one call."""
-_FRESH = ViewState.Any | InstanceState.Any | SampleState.NotRead
+_NOT_READ = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _ANY = ViewState.Any | InstanceState.Any | SampleState.Any
 _LOG = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ class Source:
         self.reader = reader
         self.taken = taken
         self.take = take
-        self.condition = ReadCondition(reader, _FRESH)
+        self.condition = ReadCondition(reader, _NOT_READ)
         self.handle = int(reader._ref)
         self.open = True
 
@@ -121,7 +121,7 @@ class Reading:
                 source = self._sources.get(triggered[index] or 0)
                 if source is None:
                     continue
-                taken = source.take(source.handle, _AT_ONCE)
+                taken = source.take(source.handle, _MOST_PER_TAKE)
                 if not isinstance(taken, int):
                     for one in taken:
                         self._inbox.put(source.deliver, one)

@@ -20,9 +20,9 @@ _QOS = QoS(depth=1000)
 """Of requests and replies. ROS has a depth of 10; only this side's own memory is meant."""
 _UNANSWERED = 10_000
 """Requests whose answers are waited for; with more, the oldest is forgotten."""
-_PATIENCE = 1.0
+_ANSWER_KEPT_SECONDS = 1.0
 """Seconds that an answer is kept for a client whose reader is not seen yet."""
-_AGAIN = 0.005
+_RETRY_SECONDS = 0.005
 _LOG = logging.getLogger(__name__)
 
 
@@ -40,38 +40,41 @@ class DdsClient:
         self._response = response
         self._waiting: dict[int, Callable[[Message], None]] = {}
         self._number = 0
-        self._ends: dict[int, graph.Endpoint] = {}
-        self._matched: tuple[list[int], list[int]] | None = None
+        self._known_ends: dict[int, graph.Endpoint] = {}
+        self._matched_handles: tuple[list[int], list[int]] | None = None
         """The other ends when they were looked at last, and all of them were known."""
         self._count = 0
-        self._remove: Callable[[], None] | None = node.reading.add(self._reader, self._taken)
+        self._stop_reading: Callable[[], None] | None = node.reading.add(self._reader, self._on_sample)
 
     def servers(self) -> int:
-        asked, answering = self._writer.readers(), self._reader.get_matched_publications()
-        if (asked, answering) == self._matched:
+        taking, answering = self._writer.readers(), self._reader.get_matched_publications()
+        if (taking, answering) == self._matched_handles:
             return self._count
         ends = {
-            **{handle: self._ends.get(handle) or graph.matched_reader(self._writer.handle, handle) for handle in asked},
             **{
-                handle: self._ends.get(handle) or graph.matched_writer(self._reader._ref, handle)
+                handle: self._known_ends.get(handle) or graph.matched_reader(self._writer.handle, handle)
+                for handle in taking
+            },
+            **{
+                handle: self._known_ends.get(handle) or graph.matched_writer(self._reader._ref, handle)
                 for handle in answering
             },
         }
         # Types of one structure match each other whatever their names are; those are not meant.
         named = (self._request.type, self._response.type)
-        self._ends = {handle: end for handle, end in ends.items() if end and end.cyclone and end.type in named}
+        self._known_ends = {handle: end for handle, end in ends.items() if end and end.cyclone and end.type in named}
         takers, answerers = (
-            [end.data.get("serviceid", "") for handle in handles if (end := self._ends.get(handle))]
-            for handles in (asked, answering)
+            [end.data.get("serviceid", "") for handle in handles if (end := self._known_ends.get(handle))]
+            for handles in (taking, answering)
         )
         paired = {id for id in takers if id} & {id for id in answerers if id}
         self._count = len(paired) + min(takers.count(""), answerers.count(""))
         # This is asked before each goal, and seldom changes; but what is not known yet is asked for again.
-        self._matched = (asked, answering) if all(ends.values()) else None
+        self._matched_handles = (taking, answering) if all(ends.values()) else None
         return self._count
 
     def call(self, request: Message, answer: Callable[[Message], None]) -> None:
-        if self._remove is None:
+        if self._stop_reading is None:
             return
         self._number += 1
         data = self._request.pack(request, _HEADER.pack(self._writer.instance, self._number))
@@ -81,14 +84,14 @@ class DdsClient:
         self._writer.write(data)
 
     def close(self) -> None:
-        if self._remove is not None:
-            self._remove()
-            self._remove = None
+        if self._stop_reading is not None:
+            self._stop_reading()
+            self._stop_reading = None
             self._waiting.clear()
             self._node.release(self, self._writer, self._reader)
 
-    def _taken(self, one: tuple[bytes, Any]) -> None:
-        data, info = one
+    def _on_sample(self, sample: tuple[bytes, Any]) -> None:
+        data, info = sample
         if not info.valid_data or len(data) < _BODY:
             return
         client, number = _HEADER.unpack_from(data, 4)
@@ -114,7 +117,7 @@ class DdsServer:
         name: str,
         request: Codec,
         response: Codec,
-        asked: Callable[[Message, Reply], None],
+        on_request: Callable[[Message, Reply], None],
     ) -> None:
         """`name`: the full name. Raises PortError as `DdsNode.writer`."""
         self._node = node
@@ -124,19 +127,19 @@ class DdsServer:
         self._reader = node.reader(names.request(name), request.type, _QOS, id, headed=True)
         self._request = request
         self._response = response
-        self._asked = asked
+        self._on_request = on_request
         self._reachable: set[int] = set()
         """Writers of requests (by handle) whose readers of replies have been seen."""
-        self._remove: Callable[[], None] | None = node.reading.add(self._reader, self._taken)
+        self._stop_reading: Callable[[], None] | None = node.reading.add(self._reader, self._on_sample)
 
     def close(self) -> None:
-        if self._remove is not None:
-            self._remove()
-            self._remove = None
+        if self._stop_reading is not None:
+            self._stop_reading()
+            self._stop_reading = None
             self._node.release(self, self._writer, self._reader)
 
-    def _taken(self, one: tuple[bytes, Any]) -> None:
-        data, info = one
+    def _on_sample(self, sample: tuple[bytes, Any]) -> None:
+        data, info = sample
         if not info.valid_data or len(data) < _BODY:
             return
         try:
@@ -149,23 +152,23 @@ class DdsServer:
 
         def reply(response: Message) -> None:
             nonlocal answered
-            if not answered and self._remove is not None:
+            if not answered and self._stop_reading is not None:
                 answer = self._response.pack(response, head)
                 answered = True
-                self._answer(client, answer, self._node.loop.time() + _PATIENCE)
+                self._send_answer(client, answer, self._node.loop.time() + _ANSWER_KEPT_SECONDS)
 
-        self._asked(message, reply)
+        self._on_request(message, reply)
 
-    def _answer(self, client: int, data: bytes, until: float) -> None:
+    def _send_answer(self, client: int, data: bytes, until: float) -> None:
         """Send an answer once its client's reader is known; DDS would drop it before that."""
-        if self._remove is None:
+        if self._stop_reading is None:
             return
         if client not in self._reachable:
-            there = self._sees(client)
+            there = self._client_listens(client)
             if there is None:
                 return
             if not there and self._node.loop.time() < until:
-                self._node.loop.call_later(_AGAIN, self._answer, client, data, until)
+                self._node.loop.call_later(_RETRY_SECONDS, self._send_answer, client, data, until)
                 return
             if not there:
                 _LOG.warning("%s: an answer could not be sent: the client is not seen to listen", self._name)
@@ -175,7 +178,7 @@ class DdsServer:
             self._reachable.add(client)
         self._writer.write(data)
 
-    def _sees(self, client: int) -> bool | None:
+    def _client_listens(self, client: int) -> bool | None:
         """Whether the reader of a client is there; None: nothing of the client is."""
         writer = graph.matched_writer(self._reader._ref, client)
         if writer is None:

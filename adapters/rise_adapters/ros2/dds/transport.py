@@ -57,18 +57,18 @@ class DdsTransport:
         # What comes first counts, also where two ways to write a name mean the same.
         rules = [*given.names(name).items(), *(remaps or {}).items()]
         self._names = Names(name, given.namespace or namespace, rules)
-        self.types = Types(share, environment)
+        self._types = Types(share, environment)
         self.domain = domains.domain_id(environment) if domain is None else domains.check_domain_id(domain)
         self.node = self._names.node
         self.vendor = vendors.CYCLONE
         self.about = f"dds, Cyclone DDS {version('cyclonedds')} without ROS, domain {self.domain}"
-        self._dds = DdsNode(loop, self.node, self.types, domain=self.domain, lease=lease, environment=environment)
+        self._dds = DdsNode(loop, self.node, self._types, domain=self.domain, lease=lease, environment=environment)
 
     # --- topics -------------------------------------------------------------------------------------------------
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> DdsPublisher:
         """As the port says; raises PortError for names and types."""
-        codec = self.types.codec(type)
+        codec = self._types.codec(type)
         writer = self._dds.writer(names.topic(self.resolve(topic)), type, qos)
         return self._dds.keep(DdsPublisher(self._dds, writer, codec))
 
@@ -76,7 +76,7 @@ class DdsTransport:
         self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE
     ) -> DdsSubscription:
         """As the port says; raises PortError for names and types."""
-        codec = self.types.codec(type)
+        codec = self._types.codec(type)
         reader = self._dds.reader(names.topic(self.resolve(topic)), type, qos)
         return self._dds.keep(DdsSubscription(self._dds, reader, codec, taken))
 
@@ -93,7 +93,7 @@ class DdsTransport:
         return self._dds.keep(DdsClient(self._dds, full, *self._service_codecs(type)))
 
     def _service_codecs(self, type: str) -> tuple[Codec, Codec]:
-        return self.types.codec(f"{type}_Request"), self.types.codec(f"{type}_Response")
+        return self._types.codec(f"{type}_Request"), self._types.codec(f"{type}_Response")
 
     # --- what is known ------------------------------------------------------------------------------------------
 
@@ -101,11 +101,11 @@ class DdsTransport:
         return self._names.resolve(name)
 
     def fields(self, type: str) -> dict[str, str]:
-        return self.types.fields(type)
+        return self._types.fields(type)
 
     def type_hash(self, type: str) -> str:
         try:
-            return self.types.type_hash(type)
+            return self._types.type_hash(type)
         except PortError:
             return ""
 

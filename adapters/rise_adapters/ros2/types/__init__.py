@@ -2,6 +2,6 @@
 
 from rise_adapters.ros2.types.catalog import SHARE, Types
 from rise_adapters.ros2.types.cdr import Codec
-from rise_adapters.ros2.types.definitions import Constant, Definition, Field, FieldType
+from rise_adapters.ros2.types.definitions import Definition, Field, FieldType
 
-__all__ = ["SHARE", "Codec", "Constant", "Definition", "Field", "FieldType", "Types"]
+__all__ = ["SHARE", "Codec", "Definition", "Field", "FieldType", "Types"]

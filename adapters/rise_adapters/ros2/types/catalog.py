@@ -17,13 +17,13 @@ import rise_adapters.ros2
 from rise_adapters.ros2.port import PortError
 from rise_adapters.ros2.types import hashes
 from rise_adapters.ros2.types.cdr import Codec
-from rise_adapters.ros2.types.definitions import Constant, Definition, Field, FieldType, full_name, read, stems
+from rise_adapters.ros2.types.definitions import Definition, Field, FieldType, full_name, read, stems
 from rise_engine.nearest_name import nearest
 
 SHARE = Path(rise_adapters.ros2.__file__).parent / "share"
 """The definitions that travel with this program."""
 _KINDS = ("msg", "srv", "action")
-_STANDARD = "the standard definitions of ROS 2 Jazzy"
+_STANDARD_ORIGIN = "the standard definitions of ROS 2 Jazzy"
 
 
 class Types:
@@ -52,7 +52,7 @@ class Types:
             self._load(type)
             known = self._definitions.get(type)
         if known is None:
-            raise PortError(self._missing(type))
+            raise PortError(self._not_known(type))
         return known
 
     def message(self, type: str) -> Definition:
@@ -67,12 +67,8 @@ class Types:
         """As `port.Transport.fields`. All nested types are known then, too."""
         definition = self.message(type)
         self._check_nested(definition, ())
-        self._check_carried(definition, definition, ())
+        self._check_has_bytes(definition, definition, ())
         return {field.name: str(field.type) for field in definition.fields}
-
-    def constants(self, type: str) -> dict[str, Constant]:
-        """The constants that a message's definition names."""
-        return dict(self.message(type).constants)
 
     def type_hash(self, type: str) -> str:
         """As `port.Transport.type_hash`; raises PortError when the type or one nested in it is not known."""
@@ -98,7 +94,7 @@ class Types:
 
     def _load(self, type: str) -> None:
         package, kind, name = full_name(type)
-        for path in self._files(package, kind, name):
+        for path in self._candidate_files(package, kind, name):
             try:
                 text = path.read_text(encoding="utf-8")
             except (OSError, UnicodeDecodeError) as error:
@@ -110,7 +106,7 @@ class Types:
         if type in _standard():
             self._definitions[type] = _standard()[type]
 
-    def _files(self, package: str, kind: str, name: str) -> Iterator[Path]:
+    def _candidate_files(self, package: str, kind: str, name: str) -> Iterator[Path]:
         for folder in self.folders:
             for root in (folder / package, *([folder] if folder.name == package else [])):
                 for stem in stems(kind, name):
@@ -129,7 +125,7 @@ class Types:
                     raise PortError(f"{definition.origin}: the field {field.name!r}: {missing}") from None
                 self._check_nested(nested, (*path, definition.name))
 
-    def _check_carried(self, whole: Definition, part: Definition, path: tuple[str, ...]) -> None:
+    def _check_has_bytes(self, whole: Definition, part: Definition, path: tuple[str, ...]) -> None:
         """Raises PortError naming a field that `cdr` cannot make. That nothing contains itself was checked."""
         for field in part.fields:
             here = (*path, field.name)
@@ -139,9 +135,9 @@ class Types:
                     "which the transport `dds` cannot carry; make it a string, or use --ros rclpy"
                 )
             if field.type.nested:
-                self._check_carried(whole, self.definition(field.type.base), here)
+                self._check_has_bytes(whole, self.definition(field.type.base), here)
 
-    def _missing(self, type: str) -> str:
+    def _not_known(self, type: str) -> str:
         package, kind, name = full_name(type)
         names = self.names()
         if not any(known.startswith(f"{package}/") for known in names):
@@ -155,7 +151,9 @@ class Types:
         *_, stem = stems(kind, name)
         near = nearest(f"{package}/{kind}/{stem}", names)
         hint = f". Did you mean {near}?" if near else ""
-        where = next((str(folder / package) for folder in self.folders if (folder / package).is_dir()), _STANDARD)
+        where = next(
+            (str(folder / package) for folder in self.folders if (folder / package).is_dir()), _STANDARD_ORIGIN
+        )
         return f"the type {type} is not known: there is no {kind}/{stem}.{kind} in {where}{hint}"
 
 
@@ -166,19 +164,22 @@ def _standard() -> dict[str, Definition]:
         from rosbags.typesys.stores import ros2_jazzy
     except ImportError:
         return {}
-    return {name: _of_rosbags(name, *parts) for name, parts in ros2_jazzy.FIELDDEFS.items() if "/msg/" in name}
+    return {
+        name: _definition_of_rosbags(name, fields)
+        for name, (_, fields) in ros2_jazzy.FIELDDEFS.items()
+        if "/msg/" in name
+    }
 
 
-def _of_rosbags(name: str, constants: Any, fields: Any) -> Definition:
+def _definition_of_rosbags(name: str, fields: Any) -> Definition:
     return Definition(
         name,
-        tuple(Field(field, _type_of_rosbags(*type)) for field, type in fields if field != hashes.NOTHING),
-        {constant: value for constant, _, value in constants},
-        _STANDARD,
+        tuple(Field(field, _field_type_of_rosbags(*type)) for field, type in fields if field != hashes.NOTHING),
+        _STANDARD_ORIGIN,
     )
 
 
-def _type_of_rosbags(node: int, content: Any) -> FieldType:
+def _field_type_of_rosbags(node: int, content: Any) -> FieldType:
     base, named, array = 1, 2, 3
     if node == base:
         primitive, length = content
@@ -186,6 +187,6 @@ def _type_of_rosbags(node: int, content: Any) -> FieldType:
     if node == named:
         return FieldType(content)
     inner, count = content
-    element = _type_of_rosbags(*inner)
+    element = _field_type_of_rosbags(*inner)
     many = "array" if node == array else "bounded" if count else "sequence"
     return FieldType(element.base, element.length, many, count)

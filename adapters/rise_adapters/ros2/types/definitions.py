@@ -10,13 +10,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TypeAlias
 
 from msgspec import Struct
 
 from rise_adapters.ros2.port import PortError
-
-Constant: TypeAlias = bool | int | float | str
 
 PRIMITIVES = frozenset(
     {
@@ -24,7 +21,7 @@ PRIMITIVES = frozenset(
         *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
     }
 )
-_SAME = {"char": "uint8"}
+_ALIASES = {"char": "uint8"}
 """ROS 2 keeps `char` as another name of `uint8`; on the wire and in type hashes there is only the latter."""
 _ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 
@@ -71,7 +68,6 @@ class Definition(Struct, frozen=True):
     name: str
     """`std_msgs/msg/String`, `rise_interfaces/action/Speech_Goal`."""
     fields: tuple[Field, ...]
-    constants: dict[str, Constant]
     origin: str
     """Where it was read: a file's path, or a few words."""
     whole: bool = False
@@ -104,10 +100,9 @@ def read(package: str, kind: str, name: str, text: str, origin: str) -> dict[str
     found = {}
     for part, lines in zip(wanted, parts, strict=True):
         fields: list[Field] = []
-        constants: dict[str, Constant] = {}
         for place, content in _contents(lines, origin):
-            _read_line(package, place, content, fields, constants)
-        found[full + part] = Definition(full + part, tuple(fields), constants, origin)
+            _read_line(package, place, content, fields)
+        found[full + part] = Definition(full + part, tuple(fields), origin)
     if kind == "srv":
         found |= service(full, origin)
     elif kind == "action":
@@ -128,8 +123,8 @@ def service(name: str, origin: str) -> dict[str, Definition]:
         _field("event_message", f"{name}_Event"),
     )
     return {
-        f"{name}_Event": Definition(f"{name}_Event", event, {}, origin),
-        name: Definition(name, whole, {}, origin, whole=True),
+        f"{name}_Event": Definition(f"{name}_Event", event, origin),
+        name: Definition(name, whole, origin, whole=True),
     }
 
 
@@ -152,10 +147,10 @@ def action(name: str, origin: str) -> dict[str, Definition]:
         _field("feedback_message", f"{name}_FeedbackMessage"),
     )
     return {
-        **{full: Definition(full, fields, {}, origin) for full, fields in messages.items()},
+        **{full: Definition(full, fields, origin) for full, fields in messages.items()},
         **service(f"{name}_SendGoal", origin),
         **service(f"{name}_GetResult", origin),
-        name: Definition(name, whole, {}, origin, whole=True),
+        name: Definition(name, whole, origin, whole=True),
     }
 
 
@@ -187,14 +182,14 @@ def _contents(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, 
             yield f"{origin}:{number}", content
 
 
-def _read_line(package: str, place: str, line: str, fields: list[Field], constants: dict[str, Constant]) -> None:
+def _read_line(package: str, place: str, line: str, fields: list[Field]) -> None:
     words = line.split(maxsplit=1)
     if len(words) != 2:
         raise PortError(f"{place}: {line!r} is neither a field nor a constant")
     type = _read_type(package, place, words[0])
     name, equals, value = words[1].partition("=")
     if equals and _CONSTANT.fullmatch(name.strip()):
-        constants[name.strip()] = _read_constant(place, type, value.strip())
+        _check_constant(place, type, value.strip())
         return
     name = words[1].split(maxsplit=1)[0]
     if not _FIELD.fullmatch(name):
@@ -208,7 +203,7 @@ def _read_type(package: str, place: str, text: str) -> FieldType:
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
-    base = _SAME.get(match["base"], match["base"])
+    base = _ALIASES.get(match["base"], match["base"])
     if base in _ROS_1:
         raise PortError(f"{place}: {base!r} is of ROS 1; in ROS 2 it is {_ROS_1[base]}")
     length = int(match["length"] or 0)
@@ -233,14 +228,12 @@ def _full_base(package: str, place: str, base: str) -> str:
     return f"{owner}/msg/{name}"
 
 
-def _read_constant(place: str, type: FieldType, text: str) -> Constant:
+def _check_constant(place: str, type: FieldType, text: str) -> None:
+    """Constants are on no wire and in no hash; but a file that ROS would refuse is refused here, too."""
     try:
-        if type.many or type.nested:
+        if type.many or type.nested or (type.base == "bool" and text.lower() not in ("true", "false", "1", "0")):
             raise ValueError
-        if type.base in ("string", "wstring"):
-            return text[1:-1] if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'" else text
-        if type.base == "bool":
-            return {"true": True, "false": False, "1": True, "0": False}[text.lower()]
-        return float(text) if type.base.startswith("float") else int(text, 0)
-    except (ValueError, KeyError):
+        if type.base not in ("bool", "string", "wstring"):
+            float(text) if type.base.startswith("float") else int(text, 0)
+    except ValueError:
         raise PortError(f"{place}: {text!r} is no value for a constant of type {type}") from None
