@@ -14,6 +14,11 @@
       KeyRefusedError             a key that a scenario cannot bind
       NotCopied                   a shipped study could not be copied
       ScenarioDecodeError         what was received is no scenario of this version
+      BridgeError                 the connection to a robot's middleware cannot be had
+      PortError                   something cannot be had from a ROS transport, or does not fit its type
+      CarrierErrors               what a robot's profile says about ROS cannot be
+      NodeError                   a node of ours cannot do what it is for
+      SessionGoneError            a node gets no answer from a session
 
 What is wrong with the files of a scenario is no error but a list of findings (`rise_engine.scenario.load`). Most are a
 ValueError, too, for callers who catch that.
