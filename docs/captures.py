@@ -13,8 +13,9 @@ from tempfile import TemporaryDirectory
 
 from rise_engine.link.client import EngineGone
 from rise_engine.link.socket_client import SocketClient
-from rise_engine.link.spawn import Options, Refused, start_engine
+from rise_engine.link.spawn import Refused, start_engine
 from rise_engine.scenario.model import Scenario
+from rise_engine.session_options import SessionOptions
 from rise_tui.app import ConsoleApp
 from rise_tui.start.launch import Launcher, prepare
 from rise_tui.start.settings import Settings
@@ -31,7 +32,9 @@ def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
 
     def start(scenario: Scenario, settings: Settings) -> SocketClient:
         who = {"participant": settings.participant, "condition": settings.condition}
-        found = start_engine(Options(STUDY, seed=settings.seed, speed=SPEED, faults=faults, unfinished="new", **who))
+        found = start_engine(
+            SessionOptions(STUDY, seed=settings.seed, speed=SPEED, faults=faults, unfinished="new", **who)
+        )
         if isinstance(found, Refused):
             raise EngineGone("; ".join(found.lines))
         return SocketClient(found.name, "anna", "wizard", scenario=scenario)

@@ -43,7 +43,7 @@ from rise_engine.link.client import Journaling, Reply
 from rise_engine.robot import Robot, RobotReport, Timer
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal import Journal
-from rise_engine.session.lines import input_line, step_lines
+from rise_engine.session.lines import input_line, record_bytes, step_lines
 
 _LOG = logging.getLogger(__name__)
 
@@ -305,7 +305,7 @@ class Engine:
                     self._carry_out(command)
                 answer(reply)
             else:
-                position = self._journal.append(step_lines(line, records))
+                position = self._journal.append(step_lines(line, map(record_bytes, records)))
                 starts = [command for command in commands if isinstance(command, StartAction)]
                 # Before the safe commands: a cancel may concern an action that has not gone out yet.
                 self._outgoing.append(_Outgoing(position, records, starts, answer, reply))

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from random import Random
+from shlex import quote
+from textwrap import wrap
+from typing import Any
 
+import msgspec
+
+from rise_engine.bridge import Wire
+from rise_engine.errors import RiseError
+from rise_engine.expression import EvaluationError, Expression, ExpressionError
+from rise_engine.expression.signatures import SIGNATURES
+from rise_engine.expression.upstream import differences
+from rise_engine.json_codec import JsonError, decode, encode
+from rise_engine.robots import DriverError, driver_names, examiner, profile_problems
+from rise_engine.scenario import act_schema_text, load, rule_schema_text
+from rise_engine.scenario.findings import Finding, Findings
+from rise_engine.scenario.model import ActionSpec, Place, RobotProfile, Scenario
+from rise_engine.scenario.robots import DEFAULT, find_profile, read_robot, robot_names
+from rise_engine.scenario.shipped import NotCopied, copy, listed, shipped
+from rise_engine.scenario.source import Files
 from rise_engine.terminal import write_json
-from rise_engine.text import clean
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from rise_engine.bridge import Wire
-    from rise_engine.scenario.findings import Finding
-    from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario
-
+from rise_engine.text import clean, counted
 
 # --- check ----------------------------------------------------------------------------------------------------------
 
 
 def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool = False) -> int:
     """Print every finding, with `all_of_them` also what was silenced; the exit status is 1 when one is an error."""
-    from rise_engine.scenario import load
-
     loaded = load(folder, robot=robot, mode=mode)
     scenario, findings, silenced = loaded.scenario, loaded.findings, loaded.silenced
     if scenario is not None:
@@ -40,7 +50,7 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
         for each in silenced if all_of_them else ():
             told = each.finding
             _print(f"{told.place}: silenced {told.code}: {told.message} (reason: {each.reason})")
-        found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}" if findings else "no findings"
+        found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}" if findings else "no findings"
         found += f", {len(silenced)} silenced" if silenced else ""
         _print(f"{found}{_content(scenario)}")
     return 1 if errors else 0
@@ -61,13 +71,6 @@ def _of_driver(scenario: Scenario) -> list[Finding]:
     """What a real session would be refused for, because the robot's driver cannot use the profile."""
     if scenario.mode != "real":
         return []
-    from pathlib import Path
-
-    from rise_engine.robots import profile_problems
-    from rise_engine.scenario.findings import Finding
-    from rise_engine.scenario.model import Place
-    from rise_engine.scenario.robots import find_profile
-
     folder = Path(scenario.folder)
     path = find_profile(scenario.robot.name, folder)
     place = Place(scenario.robot.name if path is None else str(path))
@@ -85,13 +88,11 @@ def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scena
         sys.stderr.write(f"{finding}\n")
     if scenario is None:
         errors = sum(finding.severity == "error" for finding in findings)
-        sys.stderr.write(f"the scenario is refused: {_count(errors, 'error')}\n")
+        sys.stderr.write(f"the scenario is refused: {counted(errors, 'error')}\n")
     return scenario
 
 
 def _load(folder: str, robot: str | None, mode: str | None) -> tuple[Scenario | None, list[Finding]]:
-    from rise_engine.scenario import load
-
     loaded = load(folder, robot=robot, mode=mode)
     return loaded.scenario, loaded.findings
 
@@ -100,22 +101,20 @@ def _content(scenario: Scenario | None) -> str:
     if scenario is None:
         return ""
     return (
-        f" ({_count(len(scenario.acts), 'act')}, {_count(len(scenario.rules), 'rule')}, "
-        f"{_count(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
+        f" ({counted(len(scenario.acts), 'act')}, {counted(len(scenario.rules), 'rule')}, "
+        f"{counted(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
     )
 
 
 # --- eval -----------------------------------------------------------------------------------------------------------
 
 
-class UnusableMemoryError(ValueError):
+class UnusableMemoryError(RiseError):
     """`--memory` cannot be read; the message is a sentence."""
 
 
 def strict_json(text: str) -> Any:
     """The value of a JSON text. Raises ValueError with a sentence, also for a key that is there twice."""
-    from rise_engine.json_codec import JsonError, decode
-
     try:
         return decode(text)
     except JsonError as error:
@@ -124,8 +123,6 @@ def strict_json(text: str) -> Any:
 
 def read_memory(text: str) -> dict[str, Any]:
     """A memory from JSON or from a file, plain or as in the paper's listing 3. Raises UnusableMemoryError."""
-    from pathlib import Path
-
     source = text.strip()
     if source.startswith("@") or not source.startswith("{"):
         path = Path(source.removeprefix("@"))
@@ -152,11 +149,6 @@ def read_memory(text: str) -> dict[str, Any]:
 
 def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     """Print what an expression gives, and how it was read; the exit status is 1 when it gives nothing."""
-    from random import Random
-
-    from rise_engine.expression import EvaluationError, Expression, ExpressionError
-    from rise_engine.expression.upstream import differences
-
     try:
         expression = Expression.parse(text)
     except ExpressionError as error:
@@ -212,10 +204,6 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
 
 def functions_report(*, as_json: bool) -> int:
     """Print what each function of the language takes and gives."""
-    from textwrap import wrap
-
-    from rise_engine.expression.signatures import SIGNATURES
-
     if as_json:
         rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]
         write_json(_json({"functions": rows}))
@@ -240,8 +228,6 @@ def type_name(value: Any) -> str:
 
 def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
     """The RELAX NG schema of act (`cra`) or rule files; None when the scenario is refused or the robot unknown."""
-    from rise_engine.scenario import act_schema_text, rule_schema_text
-
     if kind == "rules":
         return rule_schema_text()
     if folder is not None:
@@ -255,9 +241,6 @@ def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
 
 def robots_report(folder: str | None, *, as_json: bool) -> int:
     """Print every robot that a scenario (in `folder`) can name."""
-    from rise_engine.robots import driver_names
-    from rise_engine.scenario.robots import find_profile, robot_names
-
     home = _home(folder)
     installed = driver_names()
     rows = []
@@ -285,8 +268,6 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
 def doctor_report(folder: str | None, *, robot: str | None, wire: Wire, seconds: float, as_json: bool) -> int:
     """Print what there is to know about ROS 2 here and about the robot; the exit status is 1 when something is in the
     way, 2 when there is no such robot."""
-    from rise_engine.robots import DriverError, examiner
-
     profile: RobotProfile | None = None
     if robot is not None or folder is not None:
         profile, findings = _profile(robot or _robot_of(folder), folder)
@@ -306,26 +287,17 @@ def doctor_report(folder: str | None, *, robot: str | None, wire: Wire, seconds:
 
 def _robot_of(folder: str | None) -> str:
     """The robot that a scenario names, whatever else is wrong with it."""
-    from rise_engine.scenario.robots import DEFAULT
-
     scenario, _ = _load(folder or ".", None, None)
     return scenario.robot.name if scenario is not None else DEFAULT
 
 
 def _home(folder: str | None) -> Path:
     """The folder whose own robots count."""
-    from pathlib import Path
-
     path = Path(folder or ".")
     return (path.parent if path.is_file() else path).resolve()
 
 
 def _profile(name: str, folder: str | None) -> tuple[RobotProfile, list[Finding]]:
-    from rise_engine.scenario.findings import Findings
-    from rise_engine.scenario.model import Place
-    from rise_engine.scenario.robots import read_robot
-    from rise_engine.scenario.source import Files
-
     findings = Findings()
     profile = read_robot(name, Files(_home(folder), findings), Place("command line"))
     return profile, findings.sorted()
@@ -341,8 +313,6 @@ def _action_row(spec: ActionSpec) -> dict[str, Any]:
 
 
 def _robot_text(row: dict[str, Any]) -> str:
-    from textwrap import wrap
-
     missing = "" if row["installed"] else ", which is NOT INSTALLED"
     lines = [f"{row['name']}: {row['title']}, driver {row['driver']}{missing}", f"  {row['from']}"]
     for action in row["actions"]:
@@ -360,8 +330,6 @@ def _robot_text(row: dict[str, Any]) -> str:
 
 def studies_report() -> int:
     """Print the shipped studies, one in a line."""
-    from rise_engine.scenario.shipped import listed
-
     lines = listed()
     _print("\n".join(lines) if lines else "no study is installed with the program")
     return 0 if lines else 1
@@ -369,11 +337,6 @@ def studies_report() -> int:
 
 def new_report(folder: str, study: str) -> int:
     """Copy a shipped study and say how to go on; the exit status is 1 when it could not be copied."""
-    from pathlib import Path
-    from shlex import quote
-
-    from rise_engine.scenario.shipped import NotCopied, copy, listed, shipped
-
     try:
         number = copy(study, Path(folder))
     except NotCopied as why:
@@ -397,23 +360,13 @@ def _print(text: str) -> None:
 
 
 def _json(value: Any) -> str:
-    import msgspec
-
-    from rise_engine.json_codec import encode
-
     return msgspec.json.format(encode(value), indent=2).decode()
 
 
 def _shown(value: Any) -> str:
-    import json
-
     return json.dumps(value, ensure_ascii=False)
 
 
 def _one_line(text: str) -> str:
     """Every character at the column where it was written."""
     return "".join(" " if character.isspace() else character for character in text)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"

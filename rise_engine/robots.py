@@ -7,10 +7,11 @@ whatever the profile says: no robot moves.
 
 from __future__ import annotations
 
+from importlib.metadata import EntryPoint, entry_points
 from typing import cast
 
 from rise_engine.bridge import Bridge, BridgeError, BridgeOpener, Examiner, ParameterReader, Wire
-from rise_engine.entries import Entry, entries
+from rise_engine.errors import RiseError
 from rise_engine.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import Mode, RobotProfile
 
@@ -24,35 +25,30 @@ ROS = "ros2"
 """The bridge that `--ros` is about."""
 
 
-class DriverError(LookupError):
+class DriverError(RiseError):
     """No usable driver of that name is installed. The message is a sentence for a person."""
 
 
-class RobotOptionsError(ValueError):
+class RobotOptionsError(RiseError):
     """The driver cannot understand the profile's options or a fault. The message is a sentence for a person."""
-
-
-def drivers() -> dict[str, Entry]:
-    """The installed drivers by name."""
-    return _entries(GROUP)
 
 
 def driver_names() -> set[str]:
     """What a profile's `driver` can name here: the installed drivers, and those that a bridge is."""
-    return {*_entries(GROUP), *_entries(BRIDGES)}
+    return {*_plugins(GROUP), *_plugins(BRIDGES)}
 
 
-def _entries(group: str) -> dict[str, Entry]:
-    """By name; of two with one name, the one that Python finds first."""
-    found: dict[str, Entry] = {}
-    for entry in entries(group):
+def _plugins(group: str) -> dict[str, EntryPoint]:
+    """What installed packages offer, by name; of two with one name, the one that Python finds first."""
+    found: dict[str, EntryPoint] = {}
+    for entry in entry_points(group=group):
         found.setdefault(entry.name, entry)
     return found
 
 
 def find_driver(name: str) -> Driver:
     """The driver of that name. Raises DriverError when it is not installed or cannot be loaded."""
-    found = drivers()
+    found = _plugins(GROUP)
     entry = found.get(name)
     if entry is None:
         installed = ", ".join(sorted(found)) or "none"
@@ -91,7 +87,7 @@ def make_robot(
     try:
         driver = find_driver(name)
     except DriverError:
-        if name not in _entries(BRIDGES):
+        if name not in _plugins(BRIDGES):
             raise
         raise DriverError(
             f"{profile.title} is reached over ROS 2, which this session does without; "
@@ -108,7 +104,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile, mode: Mode) -> Bridge |
     drives = driver_name(profile, mode) == ROS
     if wire.transport == "off" or (wire.transport == "auto" and not drives):
         return None
-    entry = _entries(BRIDGES).get(ROS)
+    entry = _plugins(BRIDGES).get(ROS)
     if entry is None:
         raise BridgeError([f"no ROS 2 bridge is installed: no entry point {ROS!r} in the group {BRIDGES!r}"])
     try:
@@ -120,7 +116,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile, mode: Mode) -> Bridge |
 
 def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
     """What the driver of a session of that mode finds wrong with the profile, as sentences."""
-    entry = _entries(CHECKS).get(driver_name(profile, mode))
+    entry = _plugins(CHECKS).get(driver_name(profile, mode))
     if entry is None:
         return []
     problems: list[str] = entry.load()(profile)
@@ -134,7 +130,7 @@ def parameters_as_options(
 
     Raises BridgeError for a parameter that is none, DriverError.
     """
-    entry = _entries(PARAMETERS).get(ROS)
+    entry = _plugins(PARAMETERS).get(ROS)
     if entry is None:
         raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS!r} in the group {PARAMETERS!r}")
     try:
@@ -146,7 +142,7 @@ def parameters_as_options(
 
 def examiner() -> Examiner:
     """What examines ROS 2 on this machine. Raises DriverError."""
-    entry = _entries(DOCTORS).get(ROS)
+    entry = _plugins(DOCTORS).get(ROS)
     if entry is None:
         raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS!r} in the group {DOCTORS!r}")
     try:

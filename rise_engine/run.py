@@ -5,6 +5,7 @@ In real time it runs on an asyncio loop; with `speed=None` in virtual time, in o
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import sys
@@ -12,25 +13,21 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from rise_engine.bridge import Bridge, Wire
+from rise_engine import exit_status
+from rise_engine.bridge import Bridge
 from rise_engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.engine import Engine
-from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.link.room import Room
 from rise_engine.output import Output, ThreadedOutput
 from rise_engine.robots import make_robot, open_bridge, warning_for
 from rise_engine.scenario.model import Scenario
 from rise_engine.script import ScriptError, ScriptReader, ScriptTask, doubt
-
-if TYPE_CHECKING:
-    from asyncio import AbstractEventLoop
-
-OK, REFUSED, USAGE, UNSUCCESSFUL, ENDLESS, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 3, 4, 70, 130, 141
-"""Exit statuses (docs/reference/rise-engine.md)."""
+from rise_engine.session_options import SessionOptions
 
 LIVELOCK = 20_000
 """Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
@@ -41,86 +38,84 @@ STOP_SECONDS = 6.0
 """Real seconds that an interrupted session waits for the robot to confirm that it stopped."""
 
 
-class Plan(Struct, frozen=True):
-    """What to run. `speed` is None for virtual time."""
+class RunOptions(Struct, frozen=True):
+    """What to run, and until when."""
 
     scenario: Scenario
-    first: tuple[Submit, ...] = ()
-    """Submitted at time 0, in this order, before the script."""
+    session: SessionOptions
+    """How it was asked for; `session.first` is submitted at time 0, in this order, before the script."""
     script: tuple[ScriptTask, ...] = ()
     stream: bool = False
     """Read further tasks from standard input while the session runs."""
-    speed: float | None = 1.0
+    virtual: bool = False
+    """In virtual time, in which ROS 2 is not spoken."""
     until: float | None = None
     """Seconds of session time; None: until nothing happens by itself any more."""
-    seed: int = 0
-    faults: tuple[str, ...] = ()
-    participant: str = ""
-    condition: str = ""
-    wire: Wire = Wire()
-    """How ROS 2 is spoken; in virtual time it is not."""
     json: bool = False
     strict: bool = False
+    """Whether a task that was rejected or aborted shows in the exit status."""
+
+    @property
+    def seed(self) -> int:
+        return self.session.seed or 0
 
 
-def run(plan: Plan) -> int:
+def run(options: RunOptions) -> int:
     """Run a session to its end and give the exit status.
 
     Raises rise_engine.robots.DriverError and RobotOptionsError and BridgeError, before anything has started.
     """
-    if plan.speed is None:
-        return _run_virtual(plan)
-    import asyncio  # only here: virtual time does without
-
-    return asyncio.run(_run_real(plan))
+    if options.virtual:
+        return _run_virtual(options)
+    return asyncio.run(_run_real(options))
 
 
 class _Session:
     """What real and virtual time share: the script, the reasons to end, the exit status."""
 
-    def __init__(self, plan: Plan, clock: SessionClock, output: Output, bridge: Bridge | None = None) -> None:
-        self.plan = plan
-        scenario = plan.scenario
-        robot = make_robot(scenario.robot, scenario.mode, clock, plan.seed, plan.faults, bridge)
+    def __init__(self, options: RunOptions, clock: SessionClock, output: Output, bridge: Bridge | None = None) -> None:
+        self.options = options
+        scenario = options.scenario
+        robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
         self.engine = Engine(
             scenario,
             robot,
             clock,
-            plan.seed,
-            participant=plan.participant,
-            condition=plan.condition,
+            options.seed,
+            participant=options.session.participant,
+            condition=options.session.condition,
             sinks=(output, self._watch),
         )
         self.output = output
-        self.status = OK
+        self.status = exit_status.OK
         self.submitted = 0
         """Tasks of the script that have been submitted."""
-        self._waiting = len(plan.script)
-        self.streaming = plan.stream
+        self._waiting = len(options.script)
+        self.streaming = options.stream
         self._unsuccessful = False
         self._told_of_output = False
 
     def start(self) -> None:
         engine, clock = self.engine, self.engine.clock
-        for task in self.plan.script:
-            doubtful = doubt(task, self.plan.scenario)
+        for task in self.options.script:
+            doubtful = doubt(task, self.options.scenario)
             if doubtful is not None:
                 tell(doubtful)
         engine.start()
-        warning = warning_for(self.plan.scenario.robot, self.plan.scenario.mode)
+        warning = warning_for(self.options.scenario.robot, self.options.scenario.mode)
         if warning is not None:
             tell(f"warning: {warning}")
             engine.post(Note(text=warning))
-        for submit in self.plan.first:
+        for submit in self.options.session.first:
             engine.accept(submit)
-        for task in self.plan.script:
+        for task in self.options.script:
             self._schedule(task)
-        if self.plan.until is not None:
-            clock.call_at(self.plan.until, lambda: engine.end(f"{self.plan.until:g} s are over"))
+        if self.options.until is not None:
+            clock.call_at(self.options.until, lambda: engine.end(f"{self.options.until:g} s are over"))
 
     def add(self, task: ScriptTask) -> None:
         """A task that came while the session runs; one whose time is over is submitted at once."""
-        doubtful = doubt(task, self.plan.scenario)
+        doubtful = doubt(task, self.options.scenario)
         if doubtful is not None:
             tell(doubtful)
         self._waiting += 1
@@ -132,15 +127,15 @@ class _Session:
     def refuse(self, refused: ScriptError) -> None:
         """A streamed line that cannot be used; the session goes on without it."""
         tell(str(refused))
-        self.status = USAGE
+        self.status = exit_status.USAGE
 
     def end_if_idle(self) -> None:
         """With `--until idle`: end when nothing happens by itself any more and nobody has anything left to say."""
-        if self.plan.until is None and not self._waiting and not self.streaming and self.engine.idle:
+        if self.options.until is None and not self._waiting and not self.streaming and self.engine.idle:
             self.engine.end("nothing is left to do")
 
     def interrupt(self) -> None:
-        self.status = INTERRUPTED
+        self.status = exit_status.INTERRUPTED
         self.engine.end("interrupted", stop=True)
 
     def look_at_output(self) -> None:
@@ -151,26 +146,26 @@ class _Session:
                 error = self.output.failure
                 said = f"{type(error).__name__}: {error}".removesuffix(": ")
                 tell(f"error: a record could not be written ({said}); the session was ended")
-                self.status = FAILED
+                self.status = exit_status.FAILED
                 self.engine.end("a record could not be written", stop=True)
-        elif self.output.broken and self.status != BROKEN_PIPE:
-            self.status = BROKEN_PIPE
+        elif self.output.broken and self.status != exit_status.BROKEN_PIPE:
+            self.status = exit_status.BROKEN_PIPE
             self.engine.end("nobody reads the output")
 
     def give_up(self, message: str) -> None:
         tell(f"error: {message}")
-        self.status = ENDLESS
+        self.status = exit_status.ENDLESS
         self.engine.end(message, stop=True)
 
-    def exit_status(self) -> int:
+    def status_at_end(self) -> int:
         if self.engine.failure is not None:
             tell(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
-            return FAILED
+            return exit_status.FAILED
         if self.output.failure is not None:
             self.look_at_output()
-            return FAILED
-        if self.status == OK and self.plan.strict and self._unsuccessful:
-            return UNSUCCESSFUL
+            return exit_status.FAILED
+        if self.status == exit_status.OK and self.options.strict and self._unsuccessful:
+            return exit_status.TASK_FAILED
         return self.status
 
     def _schedule(self, task: ScriptTask) -> None:
@@ -190,18 +185,18 @@ class _Session:
 # --- virtual time ---------------------------------------------------------------------------------------------------
 
 
-def _run_virtual(plan: Plan) -> int:
+def _run_virtual(options: RunOptions) -> int:
     clock = VirtualClock()
-    session = _Session(plan, clock, Output(json=plan.json))
+    session = _Session(options, clock, Output(json=options.json))
     engine = session.engine
     interrupts: list[int] = []
 
     def interrupted(number: int, frame: FrameType | None) -> None:
         if interrupts:
-            os._exit(INTERRUPTED)
+            sys.exit(exit_status.INTERRUPTED)
         interrupts.append(number)
 
-    horizon = ENDLESS_AFTER + max((task.at for task in plan.script), default=0.0)
+    horizon = ENDLESS_AFTER + max((task.at for task in options.script), default=0.0)
     with _Signals(interrupted), _failing_engine(engine):
         session.start()
         moment, inputs = clock.now(), engine.inputs
@@ -214,25 +209,25 @@ def _run_virtual(plan: Plan) -> int:
             if now >= moment + LIVELOCK_SECONDS:
                 moment, inputs = now, handled
             elif handled - inputs > LIVELOCK:
-                if session.status == ENDLESS:
+                if session.status == exit_status.ENDLESS:
                     break
                 inputs = handled
                 session.give_up(f"{LIVELOCK:,} inputs in one moment, at {now:g} s: something goes round in circles")
-            if plan.until is None and now > horizon and session.status != ENDLESS:
+            if options.until is None and now > horizon and session.status != exit_status.ENDLESS:
                 session.give_up(
                     f"after {now / 3600:.0f} hours of session time something still goes on by itself; "
                     "say how long to run: --until SECONDS"
                 )
-            if interrupts and session.status != INTERRUPTED:
+            if interrupts and session.status != exit_status.INTERRUPTED:
                 session.interrupt()
         engine.end_now("nothing is left to do")
     session.output.close()
-    return session.exit_status()
+    return session.status_at_end()
 
 
 @contextmanager
 def _failing_engine(engine: Engine) -> Iterator[None]:
-    """An engine that failed has stopped the robot and says why by itself: see `_Session.exit_status`."""
+    """An engine that failed has stopped the robot and says why by itself: see `_Session.status_at_end`."""
     try:
         yield
     except Exception:
@@ -259,26 +254,21 @@ class _Signals:
 # --- real time ------------------------------------------------------------------------------------------------------
 
 
-async def _run_real(plan: Plan) -> int:
-    bridge = await open_bridge(plan.wire, plan.scenario.robot, plan.scenario.mode)
+async def _run_real(options: RunOptions) -> int:
+    bridge = await open_bridge(options.session.wire, options.scenario.robot, options.scenario.mode)
     try:
-        return await _run_connected(plan, bridge)
+        return await _run_connected(options, bridge)
     finally:
         if bridge is not None:
             await bridge.close()
 
 
-async def _run_connected(plan: Plan, bridge: Bridge | None) -> int:
-    import asyncio
-
+async def _run_connected(options: RunOptions, bridge: Bridge | None) -> int:
     loop = asyncio.get_running_loop()
-    assert plan.speed is not None
-    output = ThreadedOutput(json=plan.json)
-    session = _Session(plan, RealClock(loop, plan.speed), output, bridge)
+    output = ThreadedOutput(json=options.json)
+    session = _Session(options, RealClock(loop, options.session.speed), output, bridge)
     engine = session.engine
     if bridge is not None:
-        from rise_engine.link.room import Room  # others may take part
-
         bridge.join(Room(engine))
     ended = asyncio.Event()
     engine.when_ended(ended.set)
@@ -297,7 +287,7 @@ async def _run_connected(plan: Plan, bridge: Bridge | None) -> int:
 
     def handler(number: int, frame: FrameType | None) -> None:
         if interrupts:
-            os._exit(INTERRUPTED)
+            sys.exit(exit_status.INTERRUPTED)
         interrupts.append(number)
         loop.call_soon_threadsafe(interrupted)
 
@@ -305,16 +295,16 @@ async def _run_connected(plan: Plan, bridge: Bridge | None) -> int:
         try:
             with _failing_engine(engine):
                 session.start()
-                if plan.stream:
+                if options.stream:
                     _stream(loop, session)
                 session.end_if_idle()
                 await ended.wait()
         finally:
             output.close(hurried=lambda: bool(interrupts))
-    return session.exit_status()
+    return session.status_at_end()
 
 
-def _stream(loop: AbstractEventLoop, session: _Session) -> None:
+def _stream(loop: asyncio.AbstractEventLoop, session: _Session) -> None:
     """Tasks run as their lines arrive on standard input; its end ends the script."""
     reader = ScriptReader("-")
 

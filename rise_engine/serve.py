@@ -12,19 +12,20 @@ import logging
 import os
 import signal
 import socket
-import sys
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from random import SystemRandom
 from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
-from msgspec import Struct
 
+from rise_engine import exit_status
 from rise_engine.bridge import Bridge, BridgeError, Wire
 from rise_engine.clock import RealClock
 from rise_engine.engine import Engine, Resumption, versions
-from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import Note
 from rise_engine.link.places import Claim, PlaceError, claim, session_name
 from rise_engine.link.room import Room
 from rise_engine.link.spawn import Word, Working
@@ -40,6 +41,7 @@ from rise_engine.session.folder import (
     abandon,
     create,
     describe,
+    find_session,
     is_of,
     read_info,
     running_folders,
@@ -51,14 +53,11 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.lines import header_line
 from rise_engine.session.lock import JournalLock, JournalLocked, beginning, running_words
 from rise_engine.session.recovery import Recovered, recover
-from rise_engine.session.reports import find_session
-from rise_engine.text import clean, told_all
+from rise_engine.session_options import SessionOptions
+from rise_engine.text import told_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-OK, REFUSED, USAGE, RUNNING, UNFINISHED, LOST, FAILED, UNRECORDED = 0, 1, 2, 3, 4, 5, 70, 74
-"""Exit statuses (docs/reference/rise-engine.md)."""
 
 END_SECONDS = 6.0
 """Real seconds that the robot gets to confirm the last stop."""
@@ -67,42 +66,11 @@ RECORD_SECONDS = 5.0
 LOOK_SECONDS = 0.5
 
 
-class Order(Struct, frozen=True):
-    """What to serve."""
-
-    folder: str
-    robot: str | None = None
-    mode: str | None = None
-    places: dict[str, str] = {}
-    """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
-    seed: int | None = None
-    """None: a new one."""
-    speed: float = 1.0
-    faults: tuple[str, ...] = ()
-    first: tuple[Submit, ...] = ()
-    """Submitted at the beginning of a new session."""
-    wire: Wire = Wire()
-    """How ROS 2 is spoken; an earlier session goes on as it was begun."""
-    participant: str = ""
-    """Who takes part, as the record is to name them; an earlier session goes on with its own."""
-    condition: str = ""
-    """One of the scenario's `[study] conditions`, where it lists any."""
-    wizard: str = ""
-    """Who begins it, for the session's folder."""
-    name: str | None = None
-    """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
-    unfinished: str = "ask"
-    """What to do when an earlier session of the folder did not end: ask (refuse and say so), new, recover (the latest),
-    or the path of the session to recover."""
-    here: bool = False
-    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
-
-
 Say: TypeAlias = "Callable[[Word | Working], None]"
 """How an engine's process tells whoever started it how far it is, and at last whether it serves."""
 
 
-class Refusal(Exception):
+class Refusal(RiseError):
     """Nothing is served."""
 
     def __init__(
@@ -123,10 +91,10 @@ def _described(folders: Sequence[Path]) -> list[tuple[str, str]]:
     return [(str(folder), describe(folder)) for folder in folders]
 
 
-def serve(order: Order, say: Say) -> int:
+def serve(options: SessionOptions, say: Say) -> int:
     """Serve a session until it ends; gives the exit status. `say` gets how far it has come, and then one `Word`."""
     try:
-        session = _Prepared(order, say)
+        session = _Prepared(options, say)
     except Refusal as refusal:
         say(refusal.word)
         return refusal.word.code
@@ -142,19 +110,19 @@ def serve(order: Order, say: Say) -> int:
 class _Prepared:
     """Everything that can be refused, before anything runs."""
 
-    def __init__(self, order: Order, say: Say) -> None:
-        self.order = order
+    def __init__(self, options: SessionOptions, say: Say) -> None:
+        self.options = options
         self._say = say
         self.recovered: Recovered | None = None
         self.lock: JournalLock | None = None
         """Of the journal of a session that goes on, until that is open."""
         try:
-            self.name = order.name or session_name(Path(order.folder))
+            self.name = options.name or session_name(Path(options.folder))
             claimed = claim(self.name)
         except PlaceError as error:
-            raise Refusal(FAILED, str(error)) from None
+            raise Refusal(exit_status.FAILED, str(error)) from None
         if claimed is None:
-            raise Refusal(RUNNING, f"a session of this scenario is running already: {self.name}")
+            raise Refusal(exit_status.ALREADY_RUNNING, f"a session of this scenario is running already: {self.name}")
         self.claim: Claim = claimed
         try:
             self._choose()
@@ -169,35 +137,35 @@ class _Prepared:
         self.claim.close()
 
     def _choose(self) -> None:
-        order = self.order
+        options = self.options
         self._refuse_second()
         which: Path | None = None
-        if order.unfinished not in ("ask", "new", "recover"):
+        if options.unfinished not in ("ask", "new", "recover"):
             try:
-                which = find_session(order.unfinished)
+                which = find_session(options.unfinished)
                 self._check_meant(which)
             except SessionError as error:
-                raise Refusal(USAGE, str(error)) from None
+                raise Refusal(exit_status.USAGE, str(error)) from None
         else:
-            there = unfinished(str(Path(order.folder).absolute()))
-            meant = [folder for folder in there if is_of(read_info(folder), order.participant, order.condition)]
+            there = unfinished(str(Path(options.folder).absolute()))
+            meant = [folder for folder in there if is_of(read_info(folder), options.participant, options.condition)]
             others = [folder for folder in there if folder not in meant]
-            if there and order.unfinished == "ask":
+            if there and options.unfinished == "ask":
                 raise Refusal(
-                    UNFINISHED,
+                    exit_status.UNFINISHED,
                     "an earlier session of this scenario did not end: recover it, or begin a new one",
                     unfinished=meant,
                     others=others,
                 )
-            if others and not meant and order.unfinished == "recover":
+            if others and not meant and options.unfinished == "recover":
                 raise Refusal(
-                    UNFINISHED,
-                    f"no session of {whose(order.participant, order.condition)} waits to be recovered",
+                    exit_status.UNFINISHED,
+                    f"no session of {whose(options.participant, options.condition)} waits to be recovered",
                     others=others,
                 )
-            if meant and order.unfinished == "recover":
+            if meant and options.unfinished == "recover":
                 which = meant[0]
-            for folder in meant if order.unfinished == "new" else ():  # others' stay to be recovered
+            for folder in meant if options.unfinished == "new" else ():  # others' stay to be recovered
                 abandon(folder)
         if which is not None:
             self._recover(which)
@@ -206,32 +174,32 @@ class _Prepared:
 
     def _refuse_second(self) -> None:
         """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
-        if self.order.name is not None:
+        if self.options.name is not None:
             return
-        for folder, holder in running_folders(str(Path(self.order.folder).absolute())).items():
+        for folder, holder in running_folders(str(Path(self.options.folder).absolute())).items():
             socket = holder.socket if holder is not None and holder.is_here else ""
-            raise Refusal(RUNNING, running_words(folder, holder), socket=socket)
+            raise Refusal(exit_status.ALREADY_RUNNING, running_words(folder, holder), socket=socket)
 
     def _check_meant(self, which: Path) -> None:
         """Nobody's session goes on as somebody else's. Raises SessionError."""
-        order, info = self.order, read_info(which)
-        if not is_of(info, order.participant, order.condition):
-            named = whose(order.participant, order.condition)
+        options, info = self.options, read_info(which)
+        if not is_of(info, options.participant, options.condition):
+            named = whose(options.participant, options.condition)
             raise SessionError(
                 f"{which.name} is the session of {whose(info.participant, info.condition)}, not of {named}: "
                 "nothing was started"
             )
 
     def _begin(self) -> None:
-        order = self.order
-        loaded = load(order.folder, robot=order.robot, mode=order.mode, places=order.places)
+        options = self.options
+        loaded = load(options.folder, robot=options.robot, mode=options.mode, places=options.places)
         if loaded.scenario is None:
-            raise Refusal(REFUSED, *map(str, loaded.findings))
+            raise Refusal(exit_status.REFUSED, *map(str, loaded.findings))
         self.scenario: Scenario = loaded.scenario
-        if problem := condition_problem(self.scenario, order.condition):
-            raise Refusal(USAGE, f"error: {problem}")
-        self.seed = order.seed if order.seed is not None else SystemRandom().randrange(2**31)
-        self.speed, self.faults, self.wire = order.speed, order.faults, order.wire
+        if problem := condition_problem(self.scenario, options.condition):
+            raise Refusal(exit_status.USAGE, f"error: {problem}")
+        self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
+        self.speed, self.faults, self.wire = options.speed, options.faults, options.wire
         self._files = loaded.files
 
     def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
@@ -249,9 +217,9 @@ class _Prepared:
                 self._make_folder()
                 return open(self.folder / JOURNAL, 0, None)
         except OSError as error:
-            raise Refusal(UNRECORDED, f"the journal cannot be opened: {error}") from None
+            raise Refusal(exit_status.NOT_WRITTEN, f"the journal cannot be opened: {error}") from None
         except SessionError as error:
-            raise Refusal(UNRECORDED, str(error)) from None
+            raise Refusal(exit_status.NOT_WRITTEN, str(error)) from None
 
     def _make_folder(self) -> None:
         try:
@@ -264,24 +232,25 @@ class _Prepared:
                 faults=self.faults,
                 wire=self.wire,
                 versions=versions(),
-                participant=self.order.participant,
-                condition=self.order.condition,
-                wizard=self.order.wizard,
+                participant=self.options.participant,
+                condition=self.options.condition,
+                wizard=self.options.wizard,
             )
         except SessionError as error:
-            raise Refusal(UNRECORDED, str(error)) from None
+            raise Refusal(exit_status.NOT_WRITTEN, str(error)) from None
 
     def _recover(self, which: Path) -> None:
         try:
             with beginning(which.parent):
                 self._refuse_second()
-                self.lock = JournalLock(which / JOURNAL, here=self.order.here)
+                self.lock = JournalLock(which / JOURNAL, here=self.options.here)
             self.recovered = recover(which, lock=self.lock, tell=self._recovering)
         except JournalLocked as error:
             holder = error.holder
-            raise Refusal(RUNNING, str(error), socket=holder.socket if holder and holder.is_here else "") from None
+            socket = holder.socket if holder and holder.is_here else ""
+            raise Refusal(exit_status.ALREADY_RUNNING, str(error), socket=socket) from None
         except SessionError as error:
-            raise Refusal(LOST, f"{which.name} cannot be recovered: {error}") from None
+            raise Refusal(exit_status.UNRECOVERABLE, f"{which.name} cannot be recovered: {error}") from None
         info = self.recovered.info
         self.scenario, self.folder = self.recovered.scenario, which
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
@@ -295,15 +264,15 @@ class _Prepared:
         try:
             return await open_bridge(self.wire, self.scenario.robot, self.scenario.mode)
         except BridgeError as error:
-            raise Refusal(REFUSED, *(f"error: {line}" for line in error.lines)) from None
+            raise Refusal(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
 
     def make_robot(self, clock: RealClock, bridge: Bridge | None) -> Robot:
         try:
             return make_robot(self.scenario.robot, self.scenario.mode, clock, self.seed, self.faults, bridge)
         except DriverError as error:
-            raise Refusal(REFUSED, f"error: {error}") from None
+            raise Refusal(exit_status.REFUSED, f"error: {error}") from None
         except RobotOptionsError as error:
-            raise Refusal(USAGE, f"error: {error}") from None
+            raise Refusal(exit_status.USAGE, f"error: {error}") from None
 
 
 class _Serving:
@@ -325,37 +294,12 @@ class _Serving:
                 await bridge.close()
 
     async def _serve(self, bridge: Bridge | None) -> int:
-        prepared = self.prepared
-        loop = asyncio.get_running_loop()
-        recovered = prepared.recovered
-        clock = RealClock(loop, prepared.speed, recovered.t if recovered is not None else 0.0)
+        prepared, recovered = self.prepared, self.prepared.recovered
+        self.loop = asyncio.get_running_loop()
+        clock = RealClock(self.loop, prepared.speed, recovered.t if recovered is not None else 0.0)
         robot = prepared.make_robot(clock, bridge)
-
-        def changed() -> None:
-            with suppress(RuntimeError):  # the loop is closed
-                loop.call_soon_threadsafe(engine.look_at_journal)
-
-        def open_journal(path: Path, size: int, lock: JournalLock | None) -> Journal:
-            return Journal(path, size=size, lock=lock, changed=changed, later=loop.call_soon, now=clock.now)
-
-        journal = prepared.open_journal(open_journal)
-        if recovered is None:
-            journal.append(header_line(f"rise-tui {versions()['rise-tui']}"))
-            resumption = None
-        else:
-            if recovered.lines:
-                journal.append(recovered.lines)
-            resumption = Resumption(recovered.kernel, recovered.inputs, recovered.timers, "its engine had gone")
-        engine = self.engine = Engine(
-            prepared.scenario,
-            robot,
-            clock,
-            prepared.seed,
-            participant=prepared.order.participant,
-            condition=prepared.order.condition,
-            journal=journal,
-            resumption=resumption,
-        )
+        journal = prepared.open_journal(partial(self._open_journal, clock))
+        engine = self.engine = self._make_engine(robot, clock, journal)
         view = recovered.view if recovered is not None else None
         room = Room(engine, str(prepared.folder), view=view, end=self.end)
         server = Server(room, prepared.claim.socket)
@@ -363,28 +307,17 @@ class _Serving:
             bridge.join(room)
         ended = asyncio.Event()
         engine.when_ended(ended.set)
-        for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, self.end, f"ended by {number.name}")
-        loop.add_signal_handler(signal.SIGHUP, lambda: None)
+        self._handle_signals()
         try:
             await server.start()
         except OSError as error:
-            raise Refusal(FAILED, f"the session's socket cannot be made: {error}") from None
+            raise Refusal(exit_status.FAILED, f"the session's socket cannot be made: {error}") from None
         journal.lock.tell(str(prepared.claim.socket.absolute()))
-        looking = loop.create_task(self._look(engine))
+        looking = self.loop.create_task(self._look(engine))
         self._begin(engine, recovered)
         if bridge is not None:
             engine.post(Note(text=f"the session is on {bridge.about}"))
-        self.say(
-            Word(
-                OK,
-                prepared.name,
-                str(prepared.folder),
-                list(recovered.report) if recovered else [],
-                recovered=recovered is not None,
-            )
-        )
-        _tell_systemd("READY=1")
+        self._report_ready()
         try:
             await ended.wait()
         finally:
@@ -393,8 +326,49 @@ class _Serving:
             await server.close()
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
         if engine.failure is not None:
-            return FAILED
-        return OK if recorded and not self.unrecorded else UNRECORDED
+            return exit_status.FAILED
+        return exit_status.OK if recorded and not self.unrecorded else exit_status.NOT_WRITTEN
+
+    def _open_journal(self, clock: RealClock, path: Path, size: int, lock: JournalLock | None) -> Journal:
+        loop = self.loop
+
+        def changed() -> None:
+            with suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(self.engine.look_at_journal)
+
+        return Journal(path, size=size, lock=lock, changed=changed, now=clock.now)
+
+    def _make_engine(self, robot: Robot, clock: RealClock, journal: Journal) -> Engine:
+        prepared, recovered = self.prepared, self.prepared.recovered
+        resumption = None
+        if recovered is None:
+            journal.append(header_line(f"rise-tui {versions()['rise-tui']}"))
+        else:
+            if recovered.lines:
+                journal.append(recovered.lines)
+            resumption = Resumption(recovered.kernel, recovered.inputs, recovered.timers, "its engine had gone")
+        return Engine(
+            prepared.scenario,
+            robot,
+            clock,
+            prepared.seed,
+            participant=prepared.options.participant,
+            condition=prepared.options.condition,
+            journal=journal,
+            resumption=resumption,
+        )
+
+    def _handle_signals(self) -> None:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self.loop.add_signal_handler(number, self.end, f"ended by {number.name}")
+        self.loop.add_signal_handler(signal.SIGHUP, lambda: None)
+
+    def _report_ready(self) -> None:
+        prepared, recovered = self.prepared, self.prepared.recovered
+        lines = list(recovered.report) if recovered is not None else []
+        name, folder = prepared.name, str(prepared.folder)
+        self.say(Word(exit_status.OK, name, folder, lines, recovered=recovered is not None))
+        _tell_systemd("READY=1")
 
     def _begin(self, engine: Engine, recovered: Recovered | None) -> None:
         if recovered is not None:
@@ -406,7 +380,7 @@ class _Serving:
         warning = warning_for(engine.scenario.robot, engine.scenario.mode)
         if warning is not None:
             engine.post(Note(text=warning))
-        for submit in self.prepared.order.first:
+        for submit in self.prepared.options.first:
             engine.post(submit)
 
     def end(self, reason: str) -> None:
@@ -414,10 +388,9 @@ class _Serving:
         if self.ending:
             return
         self.ending = True
-        loop = asyncio.get_running_loop()
         self.engine.end(reason, stop=True if self.engine.busy else None)
-        loop.call_later(END_SECONDS, self.engine.end_now, reason)
-        loop.call_later(END_SECONDS + RECORD_SECONDS, self._give_up)
+        self.loop.call_later(END_SECONDS, self.engine.end_now, reason)
+        self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._give_up)
 
     def _give_up(self) -> None:
         if not self.engine.ended:
@@ -429,35 +402,6 @@ class _Serving:
         while True:
             await asyncio.sleep(LOOK_SECONDS)
             engine.look_at_journal()
-
-
-def to_person(order: Order) -> Say:
-    """How the process says it to a person."""
-
-    def say(word: Word | Working) -> None:
-        if isinstance(word, Working):
-            sys.stderr.write(clean(word.sentence) + "\n")
-            sys.stderr.flush()
-            return
-        for line in word.lines:
-            sys.stderr.write(clean(line) + "\n")
-        for folder, sentence in word.unfinished:
-            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
-        if word.others:
-            sys.stderr.write("of other participants or conditions, and not recovered for this one:\n")
-        for folder, sentence in word.others:
-            sys.stderr.write(f"  {clean(sentence)}\n    {clean(folder)}\n")
-        if word.code == UNFINISHED and not word.unfinished:
-            sys.stderr.write("say --new to begin, or name theirs to go on with one (--participant, --condition)\n")
-        elif word.code == UNFINISHED:
-            sys.stderr.write("say --recover to go on with the latest, or --new\n")
-        elif word.code == REFUSED:
-            sys.stderr.write(f"{order.folder} was refused: nothing was started\n")
-        elif word.code == OK:
-            sys.stderr.write(f"serving {word.name}; the record is in {word.folder}\n")
-        sys.stderr.flush()
-
-    return say
 
 
 def to_starter(descriptor: int) -> Say:

@@ -14,13 +14,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
+from rise_engine.errors import RiseError
+from rise_engine.exit_status import NOT_WRITTEN
+from rise_engine.session.disk import sentence
 from rise_engine.text import UNSEEN, clean, seen_json
 
-CANNOT_WRITE = 74
-"""Exit status when standard output takes no more (a full disk); EX_IOERR of sysexits.h."""
 
-
-class OutputError(Exception):
+class OutputError(RiseError):
     """Standard output cannot be written; the text says why."""
 
 
@@ -82,7 +82,7 @@ def guarded() -> Iterator[None]:
     except OutputError as error:
         _to_nowhere(sys.stdout)
         sys.stderr.write(f"error: standard output cannot be written: {error}\n")
-        sys.exit(CANNOT_WRITE)
+        sys.exit(NOT_WRITTEN)
 
 
 def write_json(text: str) -> None:
@@ -118,8 +118,6 @@ def _write(data: bytes) -> None:
 
 
 def _output_error(error: OSError) -> OutputError:
-    from rise_engine.session.disk import sentence  # rarely needed
-
     return OutputError(sentence(error))
 
 

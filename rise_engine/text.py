@@ -51,6 +51,11 @@ def clean(text: str, *, keep: str = "") -> str:
     return UNSEEN.sub(mark, text)
 
 
+def counted(number: int, noun: str) -> str:
+    """A number of things in words: `1 record`, `2 records`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def seen_json(text: str) -> str:
     """JSON with the same values, in which every character of UNSEEN is an escape (line ends between values stay)."""
 

@@ -25,7 +25,7 @@ class _Program(click.Group):
     """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        from rise_engine.arguments import split_ros_args
+        from rise_engine.cli.arguments import split_ros_args
 
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
         with guarded():

@@ -1,4 +1,4 @@
-"""`assignValue`: `key = expression`, or a JSON object with one key (semantics, 3 and 6; paper, section 4.2.2)."""
+"""`assignValue`: `key = expression`, or a JSON object with one key (semantics.md 7; paper, section 4.2.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An expression: a text that has been read once and can be evaluated many times (semantics, section 4)."""
+"""An expression: a text that has been read once and can be evaluated many times (semantics.md 8)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads tokens into a tree: a Pratt parser with the precedences of semantics section 4, loosest to tightest:
+"""Reads tokens into a tree: a Pratt parser with the precedences of semantics.md 8.1, loosest to tightest:
 or; xor; and; not; equality; ordering and text comparisons; sums; products; unary minus; power; calls and brackets.
 
 Comparisons of one level do not chain. Anything that RISE's own parser would silently drop (text beside a bracket, an

@@ -1,4 +1,4 @@
-"""Running CRAs: the action graph of one act, from its first action to its one ending (semantics, section 2)."""
+"""Running CRAs: the action graph of one act, from its first action to its one ending (semantics.md 2)."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class ActRun(Struct):
 class ActRunner:
     """All running acts."""
 
-    __slots__ = ("_core", "_ended", "_last_pick", "_successors", "robot_lost", "runs")
+    __slots__ = ("_core", "_ended", "_successors", "last_pick", "robot_lost", "runs")
 
     def __init__(self, core: Core, ended: Callable[[ActRun, str, str], None]) -> None:
         self._core = core
         self._ended = ended
         """Called with the act, its task's final status and the reason, once, when its last action has ended."""
-        self._last_pick: dict[str, int] = {}
+        self.last_pick: dict[str, int] = {}
         """The variant taken last, by `<act>/<actionID>`."""
         self._successors: dict[str, dict[str, list[str]]] = {}
         self.robot_lost: str | None = None
@@ -146,13 +146,13 @@ class ActRunner:
         if len(calls) == 1:
             return calls[0]
         name = f"{run.task.behavior}/{action.id}"
-        last = self._last_pick.get(name)
+        last = self.last_pick.get(name)
         if last is None or last >= len(calls):
             pick = self._core.chance.below(len(calls))
         else:
             pick = self._core.chance.below(len(calls) - 1)
             pick += pick >= last
-        self._last_pick[name] = pick
+        self.last_pick[name] = pick
         return calls[pick]
 
     # --- what the robot and the clock say ---
@@ -281,32 +281,15 @@ class ActRunner:
         state.timers = []
 
     def _record(self, run: ActRun, id: str, status: ActionStatus, reason: str = "") -> None:
-        core = self._core
         state = run.actions[id]
-        core.seq += 1
-        core.records.append(
-            ActionRecord(
-                core.seq,
-                core.t,
-                "",
-                run.task.id,
-                act_name(run.task),
-                id,
-                state.type,
-                state.parameters,
-                status,
-                reason,
-                state.sent_as,
-            )
+        self._core.emit(
+            ActionRecord,
+            run.task.id,
+            act_name(run.task),
+            id,
+            state.type,
+            state.parameters,
+            status,
+            reason,
+            state.sent_as,
         )
-
-    # --- snapshot ---
-
-    @property
-    def last_pick(self) -> dict[str, int]:
-        return self._last_pick
-
-    def restore(self, runs: list[ActRun], last_pick: dict[str, int], robot_lost: str | None) -> None:
-        self.runs = {run.task.id: run for run in runs}
-        self._last_pick = last_pick
-        self.robot_lost = robot_lost

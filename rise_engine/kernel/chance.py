@@ -1,4 +1,4 @@
-"""The session's random source: one number of state, the same on every machine and Python (semantics, section 7)."""
+"""The session's random source: one number of state, the same on every machine and Python (semantics.md 0)."""
 
 from __future__ import annotations
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, TypeAlias
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec, TypeAlias
 
 from msgspec import Struct
 
 from rise_engine.expression import Env, lookup
 from rise_engine.kernel.chance import Chance
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
-from rise_engine.kernel.records import AnyRecord, EventRecord, NoteRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.scenario.model import Scenario
+
+Fields = ParamSpec("Fields")
 
 
 class Topic:
@@ -129,53 +132,63 @@ class Core:
 
     # --- outputs ---
 
-    def task_record(self, task: Task, reason: str = "", position: int | None = None) -> None:
-        self.seq += 1
-        self.records.append(
-            TaskRecord(
-                self.seq,
-                self.t,
-                "",
-                task.id,
-                task.function,
-                task.behavior,
-                task.calling_type,
-                task.source,
-                task.status,
-                reason,
-                position,
-                task.ref,
-            )
-        )
-
-    def settled(
-        self, function: str, behavior: str, source: str, status: TaskStatus, reason: str = "", ref: str | None = None
+    def emit(
+        self,
+        kind: Callable[Concatenate[int, float, str, Fields], AnyRecord],
+        *fields: Fields.args,
+        **named: Fields.kwargs,
     ) -> None:
-        """The one record of a task that ends at once: everything but starts."""
-        id = self.next_task
-        self.next_task = id + 1
-        self.seq += 1
-        self.records.append(
-            TaskRecord(self.seq, self.t, "", id, function, behavior, "None", source, status, reason, None, ref)
-        )
+        """Put out a record of `kind` with these fields; `Kernel.handle` numbers it, and the engine fills in `wall`.
+
+        What rules do all the time (an event, a state that is entered, a condition, a task that ends at once) goes
+        into `records` without this call, which would cost more than the record itself (benchmarks/kernel_events).
+        """
+        self.records.append(kind(0, self.t, "", *fields, **named))
 
     def new_task(self, function: str, behavior: str, calling_type: str, source: str, ref: str | None) -> Task:
         task = Task(self.next_task, function, behavior, calling_type, source, ref)
         self.next_task += 1
         return task
 
-    def event_record(self, shown: str, source: str, taken_by: str | None) -> None:
-        self.seq += 1
-        self.records.append(EventRecord(self.seq, self.t, "", shown, source, taken_by))
+    def task_record(self, task: Task, reason: str = "", position: int | None = None) -> None:
+        """Record what has become of a task that lasts."""
+        self.emit(
+            TaskRecord,
+            task.id,
+            task.function,
+            task.behavior,
+            task.calling_type,
+            task.source,
+            task.status,
+            reason,
+            position,
+            task.ref,
+        )
+
+    def record_finished_task(
+        self,
+        function: str,
+        behavior: str,
+        source: str,
+        status: TaskStatus,
+        reason: str = "",
+        calling_type: str = "None",
+        ref: str | None = None,
+    ) -> None:
+        """The one record of a task that ends at once: everything but starts."""
+        id = self.next_task
+        self.next_task = id + 1
+        self.records.append(
+            TaskRecord(0, self.t, "", id, function, behavior, calling_type, source, status, reason, None, ref)
+        )
 
     def note(self, text: str, source: str = "engine") -> None:
-        self.seq += 1
-        self.records.append(NoteRecord(self.seq, self.t, "", text, source))
+        self.emit(NoteRecord, text, source)
 
     # --- events that the engine itself raises ---
 
     def raise_if_named(self, topic: str) -> None:
-        """An event of the engine that no rule of the scenario names leaves no record (semantics, section 3)."""
+        """An event of the engine that no rule of the scenario names leaves no record (semantics.md 6.1)."""
         if topic in self.scenario.topics:
             self.events.append((self.topics[topic], "engine", self.cause))
 

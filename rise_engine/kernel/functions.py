@@ -1,4 +1,4 @@
-"""What each function of a DomainTask does (semantics, section 5): the six of RISE and the console's own.
+"""What each function of a DomainTask does (semantics.md 1.1): the six of RISE and the console's own.
 
 Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
 """
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.core import Core, Task, Topic
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import TaskRecord, TaskStatus
+from rise_engine.kernel.records import TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.speech import cannot_speak
@@ -131,28 +131,10 @@ class Functions:
                 self._reject(task, "the event has no name")
                 return
             topic = core.topics.get(name) or Topic(name)
-        source = task.source
-        number = core.next_task
-        core.next_task = number + 1
-        core.seq = seq = core.seq + 1
-        # As `_settle` does; written out because every event from outside comes through here.
-        core.records.append(
-            TaskRecord(
-                seq,
-                core.t,
-                "",
-                number,
-                "raiseEventTopic",
-                task.behavior,
-                task.calling_type or "None",
-                source,
-                "SUCCEEDED",
-                "",
-                None,
-                task.ref,
-            )
+        core.record_finished_task(
+            "raiseEventTopic", task.behavior, task.source, "SUCCEEDED", "", task.calling_type or "None", task.ref
         )
-        core.events.append((topic, source, core.cause))
+        core.events.append((topic, task.source, core.cause))
 
     def _assign(self, task: Submit) -> None:
         memory = self._rules.memory
@@ -296,26 +278,14 @@ class Functions:
         self._settle(task, "REJECTED", reason)
 
     def _settle(self, task: Submit, status: TaskStatus, reason: str) -> None:
-        """The one record of a task that ends at once."""
-        core = self._core
-        number = core.next_task
-        core.next_task = number + 1
-        core.seq = seq = core.seq + 1
-        core.records.append(
-            TaskRecord(
-                seq,
-                core.t,
-                "",
-                number,
-                task.function,
-                task.behavior,
-                self._calling_type(task),
-                task.source,
-                status,
-                reason,
-                None,
-                task.ref,
-            )
+        self._core.record_finished_task(
+            task.function,
+            task.behavior,
+            task.source,
+            status,
+            reason,
+            self._calling_type(task),
+            task.ref,
         )
 
 

@@ -36,7 +36,7 @@ class Input(Struct, frozen=True, tag_field="input", kw_only=True, gc=False):
 
 
 class Submit(Input, frozen=True, tag="submit", kw_only=True, gc=False):
-    """A DomainTask: the one path by which anybody asks for anything (semantics, section 5).
+    """A DomainTask: the one path by which anybody asks for anything (semantics.md 1).
 
     `function` is any text: an unknown one is REJECTED with a reason, as a wrong name is.
     """

@@ -29,7 +29,7 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord
 from rise_engine.kernel.scheduler import Scheduler
-from rise_engine.kernel.snapshot import Snapshot, restore, take
+from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.kernel.wizard import Wizard
 from rise_engine.scenario.model import Scenario
@@ -41,6 +41,8 @@ class Kernel:
     """A session's state and its only way to change. Pure: it knows no clock, disk, robot, thread or screen."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
+        """A session that has not begun. `scenario`: checked, as `rise_engine.scenario.load` gives it; `seed`: a whole
+        number from which everything comes that the session does by chance."""
         self.scenario = scenario
         self.seed = seed
         self.participant = self.condition = ""
@@ -68,7 +70,27 @@ class Kernel:
         return bool(self.scheduler.runner.runs or self.scheduler.waiting) or self.stop.status == "requested"
 
     def handle(self, input: AnyInput) -> tuple[list[AnyRecord], list[Command]]:
-        """Take one input, run everything that it sets off to completion, and say what came of it."""
+        """Take one input, run everything that it sets off to completion (SCXML's macrostep), and say what came of it.
+
+        `input`: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time; one that lies before the
+        kernel's own time counts as now. The first input of a session is a `SessionStarted`.
+
+        Returns the records, numbered without gaps in the order in which things happened (`wall` is empty: the kernel
+        knows no clock), and the commands (`rise_engine.kernel.commands`), to be carried out in their order, after the
+        records. The first record of a `Submit` is that of its own task; a task that cannot be done is REJECTED there,
+        with the reason, so nothing is raised for what people ask. An exception is a mistake in this program, and the
+        kernel is of no use after it.
+
+            >>> from rise_engine.kernel import Kernel
+            >>> from rise_engine.kernel.inputs import SessionStarted, Submit
+            >>> from rise_engine.scenario.model import RobotProfile, Scenario
+            >>> robot = RobotProfile("none", "none", "none", {})
+            >>> kernel = Kernel(Scenario("a study", "/", "debug", robot, {}, {}, {}), seed=1)
+            >>> records, commands = kernel.handle(SessionStarted())
+            >>> records, commands = kernel.handle(Submit(t=2.5, function="assignValue", behavior="task = 2"))
+            >>> [(record.seq, record.t, type(record).__name__) for record in records]
+            [(2, 2.5, 'TaskRecord'), (3, 2.5, 'MemoryRecord')]
+        """
         core = self.core
         kind = type(input)
         if input.t > core.t:
@@ -87,25 +109,80 @@ class Kernel:
             core.pressed = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
             functions = self._functions
             (functions.by_name.get(input.function) or functions.unknown)(input)  # type: ignore[union-attr, arg-type]
-            self.wizard.done(records[0])  # type: ignore[arg-type]
+            if input.source.startswith("wizard:"):  # type: ignore[union-attr]
+                self.wizard.done(records[0])  # type: ignore[arg-type]
         else:
             core.pressed = None
             self._inputs[kind](input)
         self.rules.settle()
+        number = core.seq
+        for record in records:  # the one place that gives records their numbers
+            number += 1
+            record.seq = number
+        core.seq = number
         return records, commands
 
     # --- snapshot ---
 
     def snapshot(self) -> Snapshot:
-        """Everything that the kernel needs to go on, as a value that can be sent. Only between inputs."""
-        return take(self)
+        """Everything that the kernel needs to go on, as a value that can be sent and shares nothing with the kernel.
+
+        Only between inputs. A kernel that is restored from it gives, for the same inputs, the same records and commands
+        as this one from here on.
+        """
+        core, runner = self.core, self.scheduler.runner
+        return Snapshot(
+            scenario=core.scenario.hash,
+            seed=self.seed,
+            t=core.t,
+            seq=core.seq,
+            rng=core.chance.state,
+            next_task=core.next_task,
+            next_timer=core.next_timer,
+            timers=core.timers,
+            noticed=sorted(core.noticed),
+            memory=core.memory,
+            rules=self.rules.snapshot(),
+            waiting=self.scheduler.waiting,
+            acts=list(runner.runs.values()),
+            last_pick=runner.last_pick,
+            robot_lost=runner.robot_lost,
+            stop=self.stop.status,
+            stop_timer=self.stop.timer,
+            wizard=self.wizard.state,
+            cue=core.cue,
+            participant=self.participant,
+            condition=self.condition,
+        ).copy()
 
     @classmethod
     def restore(cls, scenario: Scenario, snapshot: Snapshot) -> Kernel:
         """A kernel that goes on exactly where the snapshot was taken. Raises SnapshotError for another scenario."""
+        if snapshot.scenario != scenario.hash:
+            raise SnapshotError("the scenario's files are not those that the snapshot was taken with")
         kernel = cls(scenario, snapshot.seed)
-        restore(kernel, snapshot)
+        try:
+            kernel._restore(snapshot.copy())
+        except LookupError as error:  # a scenario without files has no hash to tell it apart
+            raise SnapshotError(f"the snapshot was taken of another scenario: it has no {error}") from error
         return kernel
+
+    def _restore(self, snapshot: Snapshot) -> None:
+        core, runner = self.core, self.scheduler.runner
+        core.t, core.seq = snapshot.t, snapshot.seq
+        core.chance.state = snapshot.rng
+        core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
+        core.timers = snapshot.timers
+        core.noticed = set(snapshot.noticed)
+        core.memory.update(snapshot.memory)
+        self.rules.restore(snapshot.rules)
+        self.scheduler.waiting = snapshot.waiting
+        runner.runs = {run.task.id: run for run in snapshot.acts}
+        runner.last_pick = snapshot.last_pick
+        runner.robot_lost = snapshot.robot_lost
+        self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
+        self.wizard.state, core.cue = snapshot.wizard, snapshot.cue
+        self.participant, self.condition = snapshot.participant, snapshot.condition
 
     # --- inputs other than tasks ---
 
@@ -133,9 +210,7 @@ class Kernel:
             self._functions.start_filler(name, "engine")
 
     def _robot_changed(self, input: RobotChanged) -> None:
-        core = self.core
-        core.seq += 1
-        core.records.append(RobotRecord(core.seq, core.t, "", input.status, input.detail))
+        self.core.emit(RobotRecord, input.status, input.detail)
         if input.status == "lost":
             self.scheduler.runner.lose_robot(input.detail or "the link is lost")
         else:
@@ -148,9 +223,7 @@ class Kernel:
         self.core.note(input.text, input.source)
 
     def _control_changed(self, input: ControlChanged) -> None:
-        core = self.core
-        core.seq += 1
-        core.records.append(ControlRecord(core.seq, core.t, "", input.status, input.by, input.holder))
+        self.core.emit(ControlRecord, input.status, input.by, input.holder)
 
     def _session_started(self, input: SessionStarted) -> None:
         self.participant, self.condition = input.participant, input.condition
@@ -169,23 +242,17 @@ class Kernel:
         self._session("ended", {}, input.reason)
 
     def _session(self, status: _SessionStatus, versions: dict[str, str], reason: str = "") -> None:
-        core = self.core
-        core.seq += 1
         scenario = self.scenario
-        core.records.append(
-            SessionRecord(
-                core.seq,
-                core.t,
-                "",
-                status=status,
-                scenario=scenario.title,
-                scenario_hash=scenario.hash,
-                mode=scenario.mode,
-                robot=scenario.robot.name,
-                seed=self.seed,
-                versions=versions,
-                reason=reason,
-                participant=self.participant,
-                condition=self.condition,
-            )
+        self.core.emit(
+            SessionRecord,
+            status=status,
+            scenario=scenario.title,
+            scenario_hash=scenario.hash,
+            mode=scenario.mode,
+            robot=scenario.robot.name,
+            seed=self.seed,
+            versions=versions,
+            reason=reason,
+            participant=self.participant,
+            condition=self.condition,
         )

@@ -1,4 +1,4 @@
-"""The working memory: JSON values by key, every change recorded (semantics, section 6)."""
+"""The working memory: JSON values by key, every change recorded (semantics.md 7)."""
 
 from __future__ import annotations
 
@@ -58,13 +58,11 @@ class WorkingMemory:
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
-        core.seq += 1
-        core.records.append(MemoryRecord(core.seq, core.t, "", key, value, old, source, False, created))
+        core.emit(MemoryRecord, key, value, old, source, created=created)
         self._changed(key)
 
     def delete(self, key: str, source: str) -> None:
         core = self._core
         old = core.memory.pop(key)
-        core.seq += 1
-        core.records.append(MemoryRecord(core.seq, core.t, "", key, None, old, source, True, False))
+        core.emit(MemoryRecord, key, None, old, source, deleted=True)
         self._changed(key)

@@ -1,4 +1,9 @@
-"""The rules: run to completion, one taker per event, the stack (semantics, section 3).
+"""The rules: run to completion, one taker per event, the stack (semantics.md 5, semantics.md 6).
+
+In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): what one input sets off is a macrostep, here a *go*; each
+transition that a rule takes in it is a microstep, here a *step*; the functions in `onEntry` and `onExit` are executable
+content, here *blocks* of ops; a transition without event or time is eventless. Unlike there, several machines (the
+rules) share one queue of events, and one of them at most takes an event.
 
 Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
 that moved last, and mostly the one that moves next. For the others, each topic has a line of the rules that wait for
@@ -11,7 +16,6 @@ thousand deep, is no deeper than the first.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -30,17 +34,9 @@ from rise_engine.kernel.program import (
     StateCode,
     TransitionCode,
 )
-from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
-
-STEP_LIMIT = 1_000
-"""Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
-LONGEST_GO = 100
-"""How often that is looked for in one go, in vain, before the go counts as one without an end."""
-
-MULTIPLIED = (
-    f"what one input set off took more than {STEP_LIMIT * LONGEST_GO:,} steps, and this rule went on adding to them; "
-    "probably it answers each event with several, and so do others before it"
-)
+from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord
+from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
+from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 
 Rank = tuple[float, int]
 """Priority and recency: larger is nearer the top of the stack. Unique, because stamps are."""
@@ -165,26 +161,56 @@ class RuleMachine:
         self.spent[run.name] = (run.step, run.steps)
         if self._top is run:
             self._top = self.stack[next(reversed(self.stack))] if self.stack else None
-        core.seq += 1
-        core.records.append(
-            RuleRecord(core.seq, core.t, "", run.name, status, run.state.id, None, None, None, run.priority, reason)  # type: ignore[arg-type]
-        )
+        core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
         run.task.status = task_status  # type: ignore[assignment]
         core.task_record(run.task, reason)
         core.raise_if_named(run.name + "_end")
 
-    def resume(self, name: str, state: str, task: Task) -> RuleRun:
-        """Put a rule of a snapshot back, bottom of the stack first; the caller fills in the rest. Nothing runs."""
-        code = self._codes[name]
-        run = RuleRun(code, code.states[state], task)
-        self.stack[name] = self._top = run
-        self._join_lines(run)
-        return run
+    # --- snapshot ---
+
+    def snapshot(self) -> RulesSnapshot:
+        """Everything about the rules, between inputs; it shares its parts with them."""
+        step = self._core.step
+        running = [
+            RuleSnapshot(
+                name=run.name,
+                state=run.state.id,
+                task=run.task,
+                priority=run.priority,
+                recency=run.stamp,
+                timers={timer: transition.index for timer, transition in run.timers.items()},
+                latched=sorted(run.held),
+                steps=run.steps if run.step == step else 0,
+            )
+            for run in self.stack.values()
+        ]
+        ended = {name: steps for name, (last, steps) in self.spent.items() if last == step}
+        return RulesSnapshot(running, ended, self.stamp)
+
+    def restore(self, snapshot: RulesSnapshot) -> None:
+        """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
+        step = self._core.step
+        for rule in snapshot.running:
+            code = self._codes[rule.name]
+            run = RuleRun(code, code.states[rule.state], rule.task)
+            run.priority, run.stamp = rule.priority, rule.recency
+            run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
+            if any(transition.after is None for transition in run.timers.values()):
+                raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
+            run.held = set(rule.latched)
+            run.step, run.steps = step, rule.steps
+            self.stack[run.name] = self._top = run
+            self._join_lines(run)
+        self.spent = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
+        self.stamp = snapshot.recency
 
     # --- run to completion ---
 
     def settle(self) -> None:
-        """Handle everything that the current input has set off, until all rules wait again."""
+        """Handle everything that the current input has set off, until all rules wait again: the rest of the macrostep.
+
+        Each time round: functions that are under way first, then eventless transitions, then the next event.
+        """
         core = self._core
         events = core.events
         frames = self._frames
@@ -200,11 +226,10 @@ class RuleMachine:
                 transition = run.state.sure.get(topic) if run is not None else None
                 if transition is None:
                     run, transition = self._search(topic)
-                core.seq = seq = core.seq + 1
                 if run is None or transition is None:
-                    core.records.append(EventRecord(seq, core.t, "", topic.shown, source, None))
+                    core.records.append(EventRecord(0, core.t, "", topic.shown, source, None))
                 else:
-                    core.records.append(EventRecord(seq, core.t, "", topic.shown, source, run.name))
+                    core.records.append(EventRecord(0, core.t, "", topic.shown, source, run.name))
                     self._take(run, transition)
             elif not frames:
                 return
@@ -220,7 +245,7 @@ class RuleMachine:
         return None, None
 
     def _look_at_conditions(self) -> None:
-        """Let the highest of the rules that have something to look at take a transition without event."""
+        """Let the highest of the rules that have something to look at take an eventless transition."""
         run = max(self._dirty, key=_rank) if len(self._dirty) > 1 else next(iter(self._dirty))
         self._core.cause = self._dirty.pop(run)
         for transition in run.state.watching:
@@ -247,7 +272,8 @@ class RuleMachine:
     # --- transitions ---
 
     def _take(self, run: RuleRun, transition: TransitionCode) -> None:
-        """Take a transition: at once when no functions stand in between. The inner part of what an event costs."""
+        """Take a transition (a microstep): at once when no functions stand in between. The inner part of what an event
+        costs, and therefore written out."""
         core = self._core
         step = core.step
         steps = run.steps + 1 if run.step == step else 1
@@ -275,10 +301,9 @@ class RuleMachine:
         for line, sure in state.lines:
             line[run] = sure
         run.state = state
-        core.seq = seq = core.seq + 1
         core.records.append(
             RuleRecord(
-                seq,
+                0,
                 core.t,
                 "",
                 run.name,
@@ -296,7 +321,8 @@ class RuleMachine:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
 
     def _run_functions(self, run: RuleRun, transition: TransitionCode, steps: int) -> None:
-        """Set going the functions of a transition that does not enter its target at once."""
+        """Set going the functions of a transition that does not enter its target at once: onExit, its own, and for one
+        with a target the move itself, after which onEntry follows."""
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
@@ -315,7 +341,7 @@ class RuleMachine:
             frames.append((run, transition.block, True, None, cause))
 
     def _arrive(self, run: RuleRun, cause: Cause) -> None:
-        """What entering a state sets going besides waiting for its events."""
+        """What entering a state sets going besides waiting for its events: its timers, and its onEntry."""
         state = run.state
         for timed in state.timed:
             timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
@@ -326,6 +352,7 @@ class RuleMachine:
             self._entered(run, cause)
 
     def _entered(self, run: RuleRun, cause: Cause) -> None:
+        """A state's onEntry is over: a final state ends the rule, any other looks at its eventless transitions."""
         if run.state.final:
             self._core.cause = cause
             self._end(run, "ended", "SUCCEEDED")
@@ -335,48 +362,34 @@ class RuleMachine:
     # --- who goes round in circles ---
 
     def _goes_on(self, run: RuleRun) -> bool:
-        """A rule is about to take more than STEP_LIMIT steps in one go. Stop whoever keeps it going; whether the step
-        is taken all the same.
-
-        Along the chain of causes that leads to the step, that is the rule that stands in it most often, at least twice;
-        of equals the one that came first. Without such a rule nothing goes round: the go is just a long one.
-        """
-        times: dict[str, int] = {}
-        cause: Cause = (run.name, self._core.cause)
-        while cause is not None:
-            name, cause = cause
-            times[name] = times.pop(name, 0) + 1  # in the end, the first of the chain is the last here
-        most, who = 1, None
-        for name, number in times.items():
-            if number >= most and number > 1 and name in self.stack:
-                most, who = number, self.stack[name]
-        if who is None and self._core.resumed == self._core.step:  # the chain began in an earlier input
-            most, who = run.steps - 1, run
-        if who is None:
+        """A rule is about to take more than STEP_LIMIT steps in one go. Stop whoever keeps it going, as the chain of
+        causes that leads to the step tells (semantics.md 6.4); whether the step is taken all the same."""
+        core = self._core
+        resumed = core.resumed == core.step  # the chain began in an earlier input
+        culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.steps - 1) if resumed else None)
+        if culprit is None:
             self._stop_multiplier()
-            run.steps = 1
-            return run.alive
-        others = [name for name, number in times.items() if number > 1 and name != who.name]
-        self._end(who, "faulted", "ABORTED", _ran_away(most - (who is run), others, run))
+        else:
+            reason = culprit.reason(culprit.steps - (culprit.name == run.name))  # its last step was not taken
+            self._end(self.stack[culprit.name], "faulted", "ABORTED", reason)
         run.steps = 1
-        return who is not run
+        return run.alive
 
     def _stop_multiplier(self) -> None:
         """Nothing goes round, and still the go may have no end that anybody lives to see: thirty rules, each of which
         answers an event with two for the next one, take a billion steps. Stop who has raised most of what waits."""
         core = self._core
-        at, times = self._long
-        self._long = (core.step, times + 1 if at == core.step else 1)
-        if self._long[1] <= LONGEST_GO:
-            return
-        raised = Counter(cause[0] for _, _, cause in core.events if cause is not None and cause[0] in self.stack)
-        if raised:
-            self._end(self.stack[raised.most_common(1)[0][0]], "faulted", "ABORTED", MULTIPLIED)
+        step, times = self._long
+        self._long = (core.step, times + 1 if step == core.step else 1)
+        if self._long[1] > LONGEST_GO:
+            name = find_multiplier(core.events, self.stack)
+            if name is not None:
+                self._end(self.stack[name], "faulted", "ABORTED", MULTIPLIED)
 
     # --- functions ---
 
     def _drive(self) -> None:
-        """Run the innermost block to its end, then the one around it, until none is left."""
+        """Run executable content: the innermost block to its end, then the one around it, until none is left."""
         frames = self._frames
         core = self._core
         while frames:
@@ -389,14 +402,7 @@ class RuleMachine:
                 if kind == TEST:
                     op = op.next if self._holds(run, op.condition) else op.otherwise
                 elif kind == RAISE:
-                    task = core.next_task
-                    core.next_task = task + 1
-                    core.seq = seq = core.seq + 1
-                    core.records.append(
-                        TaskRecord(
-                            seq, core.t, "", task, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED"
-                        )
-                    )
+                    core.record_finished_task("raiseEventTopic", op.argument, op.source, "SUCCEEDED")
                     core.events.append((op.topic, op.source, cause))
                     op = op.next
                 elif kind == ASSIGN:
@@ -420,14 +426,14 @@ class RuleMachine:
         try:
             written = self._memory.compute(op.assignments)
         except EvaluationError as error:
-            core.settled("assignValue", op.argument, source, "ABORTED", str(error))
+            core.record_finished_task("assignValue", op.argument, source, "ABORTED", str(error))
             return False
-        core.settled("assignValue", op.argument, source, "SUCCEEDED")
+        core.record_finished_task("assignValue", op.argument, source, "SUCCEEDED")
         self._memory.assign(written, source)
         return True
 
     def _holds(self, run: RuleRun, condition: Condition) -> bool:
-        """Evaluate a condition and record how it came out. An error makes it false (semantics, section 4)."""
+        """Evaluate a condition and record how it came out. An error makes it false (semantics.md 8.2)."""
         core = self._core
         env = core.env
         error = ""
@@ -438,11 +444,10 @@ class RuleMachine:
         memory = core.memory
         key = condition.only_key
         values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
-        core.seq = seq = core.seq + 1
-        record = ConditionRecord(seq, core.t, "", run.name, run.state.id, condition.text, values, result, error)
-        if env.missing:
-            record.missing = core.newly_missing()
-        core.records.append(record)
+        missing = core.newly_missing() if env.missing else ()
+        core.records.append(
+            ConditionRecord(0, core.t, "", run.name, run.state.id, condition.text, values, result, error, missing)
+        )
         return result
 
     # --- the stack and the lines ---
@@ -470,21 +475,15 @@ class RuleMachine:
         run.timers.clear()
 
     def _record(self, run: RuleRun, status: str, previous: str | None, trigger: str, transition: int | None) -> None:
-        core = self._core
-        core.seq += 1
-        core.records.append(
-            RuleRecord(
-                core.seq,
-                core.t,
-                "",
-                run.name,
-                status,  # type: ignore[arg-type]
-                run.state.id,
-                previous,
-                trigger,
-                transition,
-                run.priority,
-            )
+        self._core.emit(
+            RuleRecord,
+            run.name,
+            status,  # type: ignore[arg-type]
+            run.state.id,
+            previous,
+            trigger,
+            transition,
+            run.priority,
         )
 
 
@@ -497,13 +496,3 @@ def _sort(line: Line) -> None:
     entries = sorted(line.items(), key=lambda entry: _rank(entry[0]))
     line.clear()
     line.update(entries)
-
-
-def _ran_away(rounds: int, others: list[str], run: RuleRun) -> str:
-    """Why a rule that goes round in circles was stopped."""
-    if not others:
-        probably = "probably two of its states lead to each other by events that they raise themselves"
-    else:
-        known = ", ".join(others[:3]) + (" and others" if len(others) > 3 else "")
-        probably = f"it and {known} lead to each other by events that they raise"
-    return f"took {rounds} steps in one go, each of which led to the next, without waiting for anything; {probably}"

@@ -1,4 +1,4 @@
-"""The task scheduler: which act runs, which waits (semantics, section 5).
+"""The task scheduler: which act runs, which waits (semantics.md 3).
 
 Blocking acts run one at a time, in the order of the queue. A None act runs beside them unless it needs a channel of the
 running Blocking act; when a Blocking act needs the channel of a running None act, that one is interrupted first.
@@ -132,22 +132,17 @@ class Scheduler:
         core.task_record(task, reason)
         self._wizard.act_ended(task)
         name = act_name(task)
-        core.seq += 1
-        core.records.append(
-            TimingRecord(
-                core.seq,
-                core.t,
-                "",
-                task.id,
-                name,
-                task.status,
-                task.cue,
-                task.pressed,
-                task.accepted,
-                task.started,
-                task.robot,
-                core.t,
-            )
+        core.emit(
+            TimingRecord,
+            task.id,
+            name,
+            task.status,
+            cue_at=task.cue,
+            key_at=task.pressed,
+            accepted_at=task.accepted,
+            started_at=task.started,
+            robot_at=task.robot,
+            ended_at=core.t,
         )
         core.raise_if_named(name + _OUTCOMES[status])
         core.raise_if_named(name + "_end")

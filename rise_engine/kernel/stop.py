@@ -75,6 +75,4 @@ class StopLatch:
         unconfirmed: tuple[str, ...] = (),
         source: str = "",
     ) -> None:
-        core = self._core
-        core.seq += 1
-        core.records.append(StopRecord(core.seq, core.t, "", status, confirmed, unconfirmed, source))
+        self._core.emit(StopRecord, status, confirmed, unconfirmed, source)

@@ -1,11 +1,11 @@
 """What only a person at a console asks for: free speech, the participant's cue, the next filler, and mistakes as data.
 
-Like everything else they are DomainTasks (semantics, section 5), so that one log shows them.
+Like everything else they are DomainTasks (semantics.md 4.1), so that one log shows them.
 """
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 from msgspec import Struct, field
 
@@ -66,10 +66,8 @@ class Wizard:
         if core.cue is None:
             return
         filler = self._is_filler(task)
-        core.seq += 1
-        status: Literal["filled", "answered"] = "filled" if filler else "answered"
         since = round(core.t - core.cue, 6)
-        core.records.append(CueRecord(core.seq, core.t, "", status, task.source, "", task.id, since))
+        core.emit(CueRecord, "filled" if filler else "answered", task.source, task=task.id, since=since)
         if not filler:
             core.cue = None
 
@@ -102,8 +100,7 @@ class Wizard:
     def mark_cue(self, source: str, text: str) -> None:
         core = self._core
         core.cue = core.t
-        core.seq += 1
-        core.records.append(CueRecord(core.seq, core.t, "", "marked", source, text))
+        core.emit(CueRecord, "marked", source, text)
         self.no_filler()
         seconds = core.scenario.fillers.auto_after
         if seconds is not None and fillers(core.scenario):
@@ -123,9 +120,8 @@ class Wizard:
     # --- mistakes ---
 
     def done(self, task: TaskRecord) -> None:
-        """A wizard has asked for something, and it was not refused: it may have been a mistake."""
-        acts = task.id in self.state.acts
-        if acts or task.status == "REJECTED" or task.function in UNMARKED or not task.source.startswith("wizard:"):
+        """A wizard has asked for something: if it was not refused, it may have been a mistake."""
+        if task.id in self.state.acts or task.status == "REJECTED" or task.function in UNMARKED:
             return
         self.state.deeds.append(task.id)
         if len(self.state.deeds) > REMEMBERED:
@@ -142,11 +138,8 @@ class Wizard:
 
     def mark_mistake(self, behavior: str, source: str) -> None:
         number, _, mark = behavior.partition(" ")
-        core = self._core
-        core.seq += 1
-        core.records.append(
-            MistakeRecord(core.seq, core.t, "", _id(number), self.state.acts.get(_id(number), ""), mark, source)  # type: ignore[arg-type]
-        )
+        task = _id(number)
+        self._core.emit(MistakeRecord, task, self.state.acts.get(task, ""), mark, source)  # type: ignore[arg-type]
 
 
 def _id(number: str) -> int:

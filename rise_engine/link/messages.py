@@ -14,10 +14,10 @@ from typing import Annotated, Any, TypeAlias
 import msgspec
 from msgspec import Meta, Struct, field
 
+from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord, EventRecord, RobotRecord, SessionRecord
 from rise_engine.link.client import Journaling, Pulse, Reply, Role, Verb
-from rise_engine.session.lines import writable
 from rise_engine.view import ActView, CueView, MemoryView, RemarkView, RuleView, StopView, TaskView, View
 
 VERSION = 1
@@ -221,8 +221,6 @@ ToClient: TypeAlias = (
     Welcome | ScenarioTold | Tasks | Ready | Records | JournalingChanged | PulseTold | Answer | Refused | Ended | About
 )
 
-_encode = msgspec.json.Encoder().encode
-
 
 @cache
 def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
@@ -232,10 +230,7 @@ def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
 
 def line(message: FromClient | ToClient) -> bytes:
     """A message with its line end. Half characters, as a broken file name has them, are written as `\\udcff`."""
-    try:
-        return _encode(message) + b"\n"
-    except UnicodeEncodeError:
-        return _encode(writable(msgspec.to_builtins(message))) + b"\n"
+    return encode(message) + b"\n"
 
 
 def from_client(data: bytes) -> FromClient:

@@ -45,7 +45,7 @@ class ReplayClient:
         contents = read_journal(self._folder / JOURNAL)
         notes: list[str] = []
         scenario = session_scenario(self._folder, info, notes)
-        self._records = (record for _, record in contents.placed())
+        self._records = contents.read_records()
         return Hello(
             scenario,
             info.mode,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from rise_engine.exit_status import FAILED, NO_SUCH_SESSION, OK
 from rise_engine.link.elsewhere import everywhere, on_other_computers
 from rise_engine.link.leftover import as_lines, left_over
 from rise_engine.link.messages import About
@@ -17,8 +18,6 @@ from rise_engine.link.places import PlaceError, find, held, lock_path, running, 
 from rise_engine.session.folder import running_folders
 from rise_engine.terminal import write_json
 from rise_engine.text import clean
-
-OK, NO_SUCH, STILL_THERE = 0, 1, 70
 
 PATIENCE = 20.0
 """Seconds that a session has to end: the robot's answer and the last records take 11 at most."""
@@ -63,7 +62,7 @@ def stop_session(which: str | None) -> int:
     while held(lock):
         if time.monotonic() > deadline:
             sys.stderr.write(f"error: {name} (process {pid}) has not ended within {PATIENCE:g} s\n")
-            return STILL_THERE
+            return FAILED
         time.sleep(0.02)
     sys.stderr.write(f"{name} has ended\n")
     return OK
@@ -103,4 +102,4 @@ def _lines(name: str, about: About | None) -> list[str]:
 
 def _fail(sentence: str) -> int:
     sys.stderr.write(f"error: {sentence}\n")
-    return NO_SUCH
+    return NO_SUCH_SESSION

@@ -12,37 +12,13 @@ from typing import TypeAlias
 import msgspec
 from msgspec import Struct
 
-from rise_engine.bridge import Wire
+from rise_engine import exit_status
 from rise_engine.link.places import PlaceError, runtime_folder
+from rise_engine.session_options import SessionOptions
 from rise_engine.text import meant_all, told_all
 
 PATIENCE = 30.0
 """Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
-
-
-class Options(Struct, frozen=True):
-    """How a session is started; None: as the scenario says. The fields are those of `rise_engine.serve.Order`."""
-
-    folder: str
-    robot: str | None = None
-    mode: str | None = None
-    seed: int | None = None
-    speed: float = 1.0
-    faults: tuple[str, ...] = ()
-    places: dict[str, str] = {}
-    wire: Wire = Wire()
-    participant: str = ""
-    """Who takes part, as the record is to name them; a session that goes on keeps its own."""
-    condition: str = ""
-    wizard: str = ""
-    """Who begins it; a session that goes on keeps its own."""
-    unfinished: str = "ask"
-    """What to do about an earlier session that did not end: ask, new, recover (the latest), or its folder. With a
-    participant or a condition, only a session of theirs is recovered."""
-    here: bool = False
-    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""
-    first: tuple[dict[str, str], ...] = ()
-    """What is submitted at the beginning of a new session (`Submit`, as JSON has it)."""
 
 
 class Started(Struct, frozen=True):
@@ -71,17 +47,17 @@ class Refused(Struct, frozen=True):
     """Where the session is reached that runs already, if it is not reached by its name."""
 
 
-class Working(Struct, tag=True):
+class Working(Struct, tag="progress"):
     """What an engine's process says to whoever started it while that takes long."""
 
     sentence: str
 
 
-class Word(Struct, tag=True):
+class Word(Struct, tag="report"):
     """What it says at last: that it serves, or why not."""
 
     code: int
-    """0, or the exit status (`rise_engine.serve`)."""
+    """The exit status; 0: it serves."""
     name: str = ""
     folder: str = ""
     lines: list[str] = []
@@ -98,7 +74,7 @@ Outcome: TypeAlias = Started | Refused
 class Starting:
     """An engine that is coming up; something else can be done meanwhile."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: SessionOptions) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._problem = ""
         self._ready, ready = os.pipe()
@@ -133,7 +109,7 @@ class Starting:
         os.close(self._ready)
         if word is None:
             return self._no_word()
-        if word.code == 0:
+        if word.code == exit_status.OK:
             if self._process is not None:
                 self._process.returncode = 0  # it is nobody's child: no warning that it still runs
             return Started(word.name, word.folder, word.lines, word.recovered)
@@ -161,7 +137,7 @@ class Starting:
     def _no_word(self) -> Refused:
         """What it left in its log instead."""
         if self._process is None:
-            return Refused(70, [self._problem])
+            return Refused(exit_status.FAILED, [self._problem])
         if self._problem:
             self._process.kill()
         code = self._process.wait()
@@ -169,9 +145,9 @@ class Starting:
             log.seek(self._logged)
             said = log.read().decode("utf-8", "replace").splitlines()
         ended = f"the engine ended before it served (its log is {self._log})"
-        return Refused(code if code > 0 else 70, [self._problem or ended, *said[-20:]])
+        return Refused(code if code > 0 else exit_status.FAILED, [self._problem or ended, *said[-20:]])
 
 
-def start_engine(options: Options, tell: Callable[[str], object] = lambda sentence: None) -> Outcome:
+def start_engine(options: SessionOptions, tell: Callable[[str], object] = lambda sentence: None) -> Outcome:
     """Start an engine and wait (blocking) until it serves or refuses; `tell` gets what it says meanwhile."""
     return Starting(options).wait(tell)

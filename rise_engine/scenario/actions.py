@@ -41,7 +41,7 @@ RESERVED = frozenset({"actionID", "waitForActions", "onFailure", "Variants", "Di
 
 @cache
 def core_actions() -> Mapping[str, ActionSpec]:
-    """The actions that every scenario may use (semantics, section 2)."""
+    """The actions that every scenario may use (semantics.md 2.1)."""
     findings = Findings()
     data = Path(__file__).with_name("core_actions.toml").read_bytes()
     file = read_toml(Source("core_actions.toml", data, data.decode()), findings)

@@ -1,4 +1,4 @@
-"""Reading CommunicationRobotActs (paper, section 4.2.1; semantics, section 2; docs/reference/cra.md)."""
+"""Reading CommunicationRobotActs (paper, section 4.2.1; semantics.md 2; docs/reference/cra.md)."""
 
 from __future__ import annotations
 

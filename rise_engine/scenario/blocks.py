@@ -1,4 +1,4 @@
-"""Reading what rules do: functions, `if` with its branches, `oneOf` (semantics, section 3)."""
+"""Reading what rules do: functions, `if` with its branches, `oneOf` (semantics.md 5.2)."""
 
 from __future__ import annotations
 

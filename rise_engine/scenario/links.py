@@ -10,7 +10,7 @@ from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.paths import MemoryPaths
 
 ACT_ENDINGS = ("_succeeded", "_failed", "_stopped", "_end")
-"""Events that the engine raises when an act ends (semantics, section 3)."""
+"""Events that the engine raises when an act ends (semantics.md 6.1)."""
 RULE_ENDINGS = ("_end",)
 
 

@@ -1,4 +1,4 @@
-"""From a folder to a checked scenario: read whole, checked whole, refused with all findings (semantics, section 1)."""
+"""From a folder to a checked scenario: read whole, checked whole, refused with all findings (reference/scenario.md)."""
 
 from __future__ import annotations
 

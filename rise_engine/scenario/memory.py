@@ -1,4 +1,4 @@
-"""Reading the WorkingMemory's start values (paper, listing 3; semantics, sections 1 and 6)."""
+"""Reading the WorkingMemory's start values (paper, listing 3; semantics.md 7)."""
 
 from __future__ import annotations
 

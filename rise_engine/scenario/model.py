@@ -56,7 +56,7 @@ class Parameter(Struct, frozen=True):
 
 
 class ActionSpec(Struct, frozen=True):
-    """An action that can stand in a CRA: declared as data, never programmed (semantics, section 2)."""
+    """An action that can stand in a CRA: declared as data, never programmed (semantics.md 2.1)."""
 
     name: str
     parameters: dict[str, Parameter]
@@ -286,5 +286,5 @@ _DEFAULT_SETTINGS = ActSettings()
 
 
 def normal_topic(topic: str) -> str:
-    """`/A_end` and `A_end` are one topic: topics are compared without their leading slash (semantics, section 3)."""
+    """`/A_end` and `A_end` are one topic: topics are compared without their leading slash (semantics.md 6.1)."""
     return topic.strip().removeprefix("/")

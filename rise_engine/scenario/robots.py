@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from rise_engine.entries import entries
 from rise_engine.nearest_name import suggestion
 from rise_engine.scenario.actions import core_actions, declare, unknown_keys
 from rise_engine.scenario.findings import Findings
@@ -96,7 +96,7 @@ def profile_folders(folder: Path) -> Iterator[Path]:
 def package_folders() -> Iterator[Path]:
     """The folders of the packages that installed distributions name in the entry-point group."""
     seen: set[str] = set()
-    for entry in entries(GROUP):
+    for entry in entry_points(group=GROUP):
         if entry.module not in seen:
             seen.add(entry.module)
             yield from _package_folder(entry.module)

@@ -1,4 +1,4 @@
-"""Reading InteractionRules (paper, section 4.2.2; semantics, section 3; docs/reference/rules.md)."""
+"""Reading InteractionRules (paper, section 4.2.2; semantics.md 5; docs/reference/rules.md)."""
 
 from __future__ import annotations
 

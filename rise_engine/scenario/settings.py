@@ -1,4 +1,4 @@
-"""Reading scenario.toml (semantics, section 1; docs/reference/scenario.md)."""
+"""Reading scenario.toml (docs/reference/scenario.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics, section 2).
+"""Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics.md 2.3).
 
 `Thank you{", "person_name}!` has a separator: it is said only together with a value.
 """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rise_engine.errors import RiseError
 
-class SessionError(Exception):
+
+class SessionError(RiseError):
     """A session's folder cannot be used; the text says why, for a person."""

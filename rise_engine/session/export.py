@@ -71,7 +71,7 @@ class Export:
         else:
             self.problems.append(f"{folder} has no {INFO}; the mode was taken from the journal")
         if not self.mode:
-            self.mode = next((r.mode for _, r in contents.placed() if isinstance(r, SessionRecord) and r.mode), "")
+            self.mode = next((r.mode for r in contents.read_records() if isinstance(r, SessionRecord) and r.mode), "")
 
     def write(self, format: Format, out: BinaryIO) -> list[str]:
         if format == "jsonl":
@@ -82,14 +82,14 @@ class Export:
         return self.problems
 
     def _write_lines(self, out: BinaryIO) -> None:
-        for _, record in self._contents.placed():
+        for record in self._contents.read_records():
             out.write(record_bytes(record) + b"\n")
 
     def _write_table(self, out: BinaryIO) -> None:
         text = io.StringIO(newline="")
         rows = csv.writer(text)  # as RFC 4180 has it: commas, CR LF, quotes doubled
         rows.writerow(COLUMNS)
-        for _, record in self._contents.placed():
+        for record in self._contents.read_records():
             rows.writerow(self._row(record))
             if text.tell() > _BUFFER:
                 out.write(text.getvalue().encode())

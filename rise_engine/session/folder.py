@@ -17,6 +17,7 @@ import re
 import tomllib
 import unicodedata
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -26,6 +27,7 @@ from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
 from rise_engine.bridge import Transport, Wire
+from rise_engine.nearest_name import suggestion
 from rise_engine.scenario import load
 from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.model import Scenario
@@ -70,6 +72,33 @@ def sessions_folder() -> Path:
     """Where sessions are kept, unless somebody says otherwise."""
     named = os.environ.get("RISE_SESSIONS")
     return Path(named).expanduser() if named else Path.home() / "rise-sessions"
+
+
+def find_session(text: str) -> Path:
+    """The folder of the session that somebody means: by its path, or by its name in the sessions folder.
+
+    Raises SessionError, with the nearest right name.
+    """
+    if not text:
+        raise SessionError(f"name a session: its folder, or its name in {sessions_folder()}")
+    path = Path(text)
+    if path.name in (JOURNAL, INFO) and path.is_file():
+        path = path.parent
+    if _is_session(path):
+        return path
+    root = sessions_folder()
+    plain = text.rstrip("/")
+    named = plain != "" and Path(plain).name == plain and plain not in (".", "..")
+    if named and _is_session(root / plain):
+        return root / plain
+    if os.path.lexists(path):
+        raise SessionError(f"{text} is no session: it is no folder with a {JOURNAL} or {INFO} in it")
+    if not named:
+        raise SessionError(f"there is no folder {text}")
+    known = []
+    with suppress(OSError):
+        known = sorted((entry.name for entry in root.iterdir() if _is_session(entry)), reverse=True)
+    raise SessionError(f"there is no session `{text}` in {root}{suggestion(text, known)}")
 
 
 def create(
@@ -252,6 +281,10 @@ def _begun(folder: Path) -> bool:
 def abandon(folder: Path) -> None:
     """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
     (folder / "abandoned").touch()
+
+
+def _is_session(path: Path) -> bool:
+    return (path / JOURNAL).is_file() or (path / INFO).is_file()
 
 
 def _folders(root: Path) -> Iterator[Path]:

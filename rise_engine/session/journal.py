@@ -38,7 +38,6 @@ class Journal:
         size: int = 0,
         lock: JournalLock | None = None,
         changed: Callable[[], None] = lambda: None,
-        later: Callable[[Callable[[], None]], object] | None = None,
         now: Callable[[], float] | None = None,
         disk: Disk | None = None,
         retry: float = RETRY_SECONDS,
@@ -47,9 +46,7 @@ class Journal:
         it before; the journal's from now on. Raises OSError, and SessionError when it cannot be locked.
 
         `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block.
-        `later` calls something when the engine's turn is over (a loop's `call_soon`): the writer is woken only then,
-        because two threads that run at once take Python's lock from each other all the time. `now` gives the session's
-        time.
+        `now` gives the session's time in seconds, noted in the file `clock`.
         """
         self.path = path
         self.changed = changed
@@ -59,14 +56,10 @@ class Journal:
         """How many of the `append`s are on the disk."""
         self.appended = 0
         self._now = now
-        self._later = later
-        self._appended: list[bytes] = []
-        """What the writer does not know of yet."""
-        self._handing = threading.Lock()
         self._disk = disk or Disk()
         self._retry = retry
         self._size = size
-        self._queue: SimpleQueue[list[bytes] | None] = SimpleQueue()
+        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
         self._waiting_since: float | None = None
         self._looked = 0.0
         """When the file was last seen in its place."""
@@ -84,19 +77,8 @@ class Journal:
         self.appended += 1
         if self._waiting_since is None:
             self._waiting_since = time.monotonic()
-        self._appended.append(lines)
-        if self._later is None:
-            self.hand_over()
-        elif len(self._appended) == 1:
-            self._later(self.hand_over)
+        self._queue.put(lines)
         return self.appended
-
-    def hand_over(self) -> None:
-        """Let the writer have what was appended, without waiting for the end of the turn."""
-        with self._handing:  # `close` may be called on another thread while a turn ends
-            if self._appended:
-                appended, self._appended = self._appended, []
-                self._queue.put(appended)
 
     @property
     def behind(self) -> float:
@@ -111,7 +93,6 @@ class Journal:
 
     def close(self, timeout: float = 5.0) -> bool:
         """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
-        self.hand_over()
         self._queue.put(None)
         self._thread.join(timeout)
         self._hurry.set()
@@ -130,8 +111,8 @@ class Journal:
             try:
                 lines = self._queue.get(timeout=BEAT_SECONDS)
                 while lines is not None:
-                    batch += lines
-                    size += sum(map(len, lines))
+                    batch.append(lines)
+                    size += len(lines)
                     if size > BATCH:
                         break
                     lines = self._queue.get_nowait()

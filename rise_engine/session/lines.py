@@ -4,28 +4,26 @@
     {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
     {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
 
-Records are those of every other output (semantics, section 9). Inputs are what replay feeds to a fresh kernel. `crc` is
+Records are those of every other output (semantics.md 11). Inputs are what replay feeds to a fresh kernel. `crc` is
 the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexadecimal digits.
 """
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any, TypeAlias
+from collections.abc import Iterable
+from typing import TypeAlias
 from zlib import crc32
 
 import msgspec
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
 from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.text import told_all
 
 FORMAT = 1
 """Goes up when older programs could not read what is written."""
-
-_encode = msgspec.json.Encoder().encode
 
 
 class Header(Struct, frozen=True):
@@ -47,18 +45,13 @@ class _Number(Struct):
     n: int
 
 
-class RecordOutline(Struct):
-    """Of a record, what finds it."""
-
-    seq: int
-    wall: str
-
+_read_input = msgspec.json.Decoder(AnyInput).decode
+_read_record = msgspec.json.Decoder(AnyRecord).decode
 
 Line: TypeAlias = Header | InputLine | AnyRecord
-Outline: TypeAlias = Header | InputLine | RecordOutline
 
 
-class LineError(ValueError):
+class LineError(RiseError):
     """A line is not what was written; the text says what is wrong with it."""
 
 
@@ -67,53 +60,39 @@ class FutureFormat(LineError):
 
 
 def header_line(program: str) -> bytes:
-    return _sealed(_encode(Header(FORMAT, program)))
+    """The first line, with its line end. `program`: name and version of who writes the journal."""
+    return with_checksum(msgspec.json.encode(Header(FORMAT, program)))
 
 
 def input_line(number: int, fact: AnyInput) -> bytes:
-    """Raises UnicodeEncodeError when a text in it holds half characters, which no file can."""
-    return _sealed(b'{"n":%d,' % number + _encode(fact)[1:])
+    """The line of input `number`, with its line end.
 
-
-def step_lines(line: bytes, records: list[AnyRecord]) -> bytes:
-    """All lines of a step, after its `input_line`."""
-    lines = [line]
-    for record in records:  # as `record_line` does; written out because every record of a session comes through here
-        try:
-            body = _encode(record)[:-1]
-        except UnicodeEncodeError:
-            body = record_bytes(record)[:-1]
-        lines.append(body)
-        lines.append(b',"crc":"%08x"}\n' % crc32(body))
-    return b"".join(lines)
-
-
-def record_line(record: AnyRecord) -> bytes:
-    """The journal's line for a record, with its line end."""
-    return _sealed(record_bytes(record))
+    Raises UnicodeEncodeError when a text in it holds half characters, which no file can.
+    """
+    return with_checksum(b'{"n":%d,' % number + msgspec.json.encode(fact)[1:])
 
 
 def record_bytes(record: AnyRecord) -> bytes:
-    """A record as JSON, as it stands in every output. Half characters are written as `\\udcff`."""
+    """A record as JSON without a line end, the same bytes in the journal, on the socket, on ROS and in exports.
+
+    Half characters, which no output can hold, are written as `\\udcff`. Made once for each record, by the engine.
+    """
     return encode(record)
 
 
+def with_checksum(encoded: bytes) -> bytes:
+    """The line, with its line end, for a JSON object such as `record_bytes` gives."""
+    body = encoded[:-1]
+    return b'%b,"crc":"%08x"}\n' % (body, crc32(body))
+
+
+def step_lines(line: bytes, encoded: Iterable[bytes]) -> bytes:
+    """All lines of a step: its `input_line`, then those of its encoded records."""
+    return b"".join((line, *map(with_checksum, encoded)))
+
+
 def read_line(data: bytes) -> Line:
-    """What a line (without its line end) holds. Raises LineError."""
-    return _read(data, AnyRecord)  # type: ignore[no-any-return]
-
-
-def read_outline(data: bytes) -> Outline:
-    """The same, but of a record only what finds it. Raises LineError."""
-    return _read(data, RecordOutline)  # type: ignore[no-any-return]
-
-
-def line_body(data: bytes) -> bytes:
-    """A line (without its line end) as it was before its check sum came into it."""
-    return data.rpartition(b',"crc":"')[0] + b"}"
-
-
-def _read(data: bytes, record: Any) -> Any:
+    """What a line (without its line end) holds. Raises LineError, FutureFormat."""
     body, mark, rest = data.rpartition(b',"crc":"')
     if not mark or len(rest) != 10 or rest[8:] != b'"}':
         raise LineError("it has no check sum at its end")
@@ -122,9 +101,10 @@ def _read(data: bytes, record: Any) -> Any:
     text = body + b"}"
     try:
         if text.startswith(b'{"kind"'):
-            return _decoder(record).decode(text)
+            record: AnyRecord = _read_record(text)
+            return record
         if text.startswith(b'{"n"'):
-            return InputLine(_decoder(_Number).decode(text).n, _decoder(AnyInput).decode(text))
+            return InputLine(msgspec.json.decode(text, type=_Number).n, _read_input(text))
         header = msgspec.json.decode(text, type=Header)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise FutureFormat(f"it holds something that this version does not know ({error})") from None
@@ -134,18 +114,3 @@ def _read(data: bytes, record: Any) -> Any:
             f"this one reads up to format {FORMAT})"
         )
     return header
-
-
-writable = told_all
-"""JSON-like values with every text such that UTF-8 can hold it: half characters become `\\udcff`."""
-
-
-@cache
-def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
-    """Made when a journal is first read: it takes a few milliseconds, and consoles and new sessions read none."""
-    return msgspec.json.Decoder(kind)
-
-
-def _sealed(encoded: bytes) -> bytes:
-    body = encoded[:-1]
-    return b'%b,"crc":"%08x"}\n' % (body, crc32(body))

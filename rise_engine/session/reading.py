@@ -14,22 +14,14 @@ from itertools import takewhile
 from os import SEEK_END
 from pathlib import Path
 from time import monotonic
-from typing import IO, Any, Generic, Literal, TypeVar
+from typing import IO, Literal
 
 from msgspec import Struct, field
 
-from rise_engine.kernel.inputs import AnyInput, SessionEnded
+from rise_engine.kernel.inputs import SessionEnded
 from rise_engine.kernel.records import AnyRecord, SessionRecord
-from rise_engine.session.folder import SessionError
-from rise_engine.session.lines import (
-    FutureFormat,
-    Header,
-    InputLine,
-    LineError,
-    Outline,
-    read_line,
-    read_outline,
-)
+from rise_engine.session.errors import SessionError
+from rise_engine.session.lines import FutureFormat, Header, InputLine, Line, LineError, read_line
 
 Tell = Callable[[str], object]
 """Gets a sentence about how far something has come, about twice a second."""
@@ -38,8 +30,6 @@ _LOOK = 1_000
 """Lines between two looks at the clock."""
 TELL_SECONDS = 0.5
 """Between two sentences."""
-
-_Found = TypeVar("_Found")
 
 
 class Progress:
@@ -54,18 +44,6 @@ class Progress:
         if self._tell is not None and monotonic() > self._next:
             self._tell(sentence())
             self._next = monotonic() + TELL_SECONDS
-
-
-class Step(Struct):
-    """An input with the records that follow it."""
-
-    n: int
-    line: int
-    """The line number of the input."""
-    input: AnyInput
-    records: list[AnyRecord] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-    """The line number of each record."""
 
 
 class Gap(Struct, frozen=True):
@@ -130,33 +108,13 @@ class Contents(Struct):
     def lost_inputs(self) -> list[Gap]:
         return [gap for gap in self.gaps if gap.what == "input"]
 
-    def placed(self) -> Iterator[tuple[int, AnyRecord]]:
-        """Every record that can be read, with its line number. Raises SessionError when the file cannot be read now."""
-        for number, _, found in self._lines(read_line):
-            if not isinstance(found, Header | InputLine):
-                yield number, found
+    def read_records(self) -> Iterator[AnyRecord]:
+        """Every record that can be read, in the order of the file. Raises SessionError when it cannot be read now."""
+        return (found for _, _, found in self.lines() if not isinstance(found, Header | InputLine))
 
-    def steps(self) -> Iterator[Step]:
-        """Every input with the records that follow it; records before the first are left out. Raises as `placed`."""
-        step: Step | None = None
-        for number, _, found in self._lines(read_line):
-            if isinstance(found, InputLine):
-                if step is not None:
-                    yield step
-                step = Step(found.n, number, found.input)
-            elif step is not None and not isinstance(found, Header):
-                step.records.append(found)
-                step.lines.append(number)
-        if step is not None:
-            yield step
-
-    def outlines(self) -> Iterator[tuple[int, bytes, Outline]]:
-        """Every readable line: its number, the line itself, inputs whole and of records what finds them. Raises as
-        `placed`."""
-        return self._lines(read_outline)
-
-    def _lines(self, parse: Callable[[bytes], _Found]) -> Iterator[tuple[int, bytes, _Found]]:
-        reading = _Reading(self.path, parse)
+    def lines(self) -> Iterator[tuple[int, bytes, Line]]:
+        """Every readable line: its number, the line without its end, and what it holds. Raises as `read_records`."""
+        reading = _Reading(self.path)
         try:
             with _opened(self.path) as file:
                 yield from reading.lines(file, self.size)
@@ -171,7 +129,7 @@ def read_journal(path: Path, tell: Tell | None = None) -> Contents:
     """
     progress = Progress(tell)
     contents = Contents(path)
-    reading = _Reading(path, read_line)
+    reading = _Reading(path)
     offset = 0
     try:
         with _opened(path) as file:
@@ -218,12 +176,11 @@ def _opened(path: Path) -> IO[bytes]:
         raise SessionError(f"there is no journal {path}: nothing was ever recorded, or somebody moved it") from None
 
 
-class _Reading(Generic[_Found]):
+class _Reading:
     """One way through a journal, from its beginning, line by line."""
 
-    def __init__(self, path: Path, parse: Callable[[bytes], _Found]) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._parse = parse
         self.n = self.seq = 0
         """The numbers of the last input and the last record."""
         self.offset = self.size = 0
@@ -231,19 +188,18 @@ class _Reading(Generic[_Found]):
         self.damaged: dict[int, str] = {}
         self.gaps: list[Gap] = []
 
-    def lines(self, file: IO[bytes], until: int) -> Iterator[tuple[int, bytes, _Found]]:
+    def lines(self, file: IO[bytes], until: int) -> Iterator[tuple[int, bytes, Line]]:
         """The valid lines: their numbers, the lines without their ends, and what they hold."""
         suspect: dict[int, str] = {}
         """Unreadable lines with nothing valid after them so far."""
         n_line = seq_line = 0
-        parse = self._parse
         for number, line in enumerate(file, 1):
             if not line.endswith(b"\n") or self.offset + len(line) > until:
                 break  # the beginning of a line
             self.offset += len(line)
             line = line[:-1]
             try:
-                found: Any = parse(line)
+                found = read_line(line)
             except FutureFormat as error:
                 raise SessionError(f"{self._path}:{number}: {error}: install that version") from None
             except LineError as error:

@@ -17,7 +17,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import Disk, sentence
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, read_info
-from rise_engine.session.lines import header_line, record_line
+from rise_engine.session.lines import header_line, record_bytes, with_checksum
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.reading import Contents, Tell, read_journal
 from rise_engine.session.replay import Replay, require_inputs, session_scenario
@@ -112,7 +112,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: Tell | None) -> 
         timers=done.timers,
         inputs=contents.inputs,
         size=size,
-        lines=b"".join(map(record_line, done.unwritten)),
+        lines=b"".join(with_checksum(record_bytes(record)) for record in done.unwritten),
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 
@@ -197,7 +197,7 @@ class _Repair:
                 if written is not None:
                     yield written.text + b"\n"
                 elif record.seq not in unwritten:
-                    yield record_line(record)
+                    yield with_checksum(record_bytes(record))
 
     def _keep(self, name: str, data: Iterable[bytes]) -> str:
         """Write `data` to a new file beside the journal, durably; its name."""

@@ -21,7 +21,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_copy, read_info
-from rise_engine.session.lines import Header, InputLine, RecordOutline, line_body, read_line, record_bytes
+from rise_engine.session.lines import Header, InputLine, record_bytes
 from rise_engine.session.reading import Contents, Progress, Tell, read_journal
 
 NO_RECORD = "(no record)"
@@ -149,8 +149,7 @@ class Written(Struct, frozen=True):
     """The line number."""
     text: bytes
     """The line, without its end."""
-    seq: int
-    wall: str
+    record: AnyRecord
 
 
 class MadeStep(Struct, frozen=True):
@@ -204,9 +203,9 @@ class Replay:
             self.inputs += 1
             written = [tape.record(record.seq) for record in records]
             # What has to be made again is of the same moment as its siblings, or else of the moment before.
-            wall = next((there.wall for there in written if there is not None), wall)
+            wall = next((there.record.wall for there in written if there is not None), wall)
             for record, there in zip(records, written, strict=True):
-                record.wall = wall if there is None else there.wall
+                record.wall = wall if there is None else there.record.wall
                 if there is not None:
                     self.difference = _differ(contents.path, input.n, there, record)
                     if self.difference is not None:
@@ -250,7 +249,7 @@ class _Tape:
     """
 
     def __init__(self, contents: Contents) -> None:
-        self._lines = contents.outlines()
+        self._lines = contents.lines()
         self._inputs: deque[tuple[int, bytes, InputLine]] = deque()
         self._records: deque[Written] = deque()
 
@@ -264,13 +263,13 @@ class _Tape:
     def record(self, seq: int) -> Written | None:
         """Ask for them in ascending order."""
         found = self.first_from(seq)
-        return self._records.popleft() if found is not None and found.seq == seq else None
+        return self._records.popleft() if found is not None and found.record.seq == seq else None
 
     def first_from(self, seq: int) -> Written | None:
         """The first record with this number or a higher one; it stays."""
         records = self._records
         while True:
-            while records and records[0].seq < seq:
+            while records and records[0].record.seq < seq:
                 records.popleft()
             if records:
                 return records[0]
@@ -282,25 +281,23 @@ class _Tape:
             if isinstance(found, InputLine):
                 self._inputs.append((number, text, found))
                 return True
-            if isinstance(found, RecordOutline):
-                self._records.append(Written(number, text, found.seq, found.wall))
+            if not isinstance(found, Header):
+                self._records.append(Written(number, text, found))
                 return True
         return False
 
 
 def _differ(path: Path, n: int, written: Written, replayed: AnyRecord) -> Difference | None:
-    after = record_bytes(replayed)
-    if line_body(written.text) == after:
-        return None
-    recorded = read_line(written.text)  # another release may have written the same in other words
-    assert not isinstance(recorded, Header | InputLine)
-    before = record_bytes(recorded)
+    before, after = record_bytes(written.record), record_bytes(replayed)  # not the line: another release may have
+    # written the same in other words
     if before == after:
         return None
     old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both
     for name in dict.fromkeys([*old, *new]):
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
-            return Difference(path.name, written.line, written.seq, n, old["kind"], name, old.get(name), new.get(name))
+            return Difference(
+                path.name, written.line, written.record.seq, n, old["kind"], name, old.get(name), new.get(name)
+            )
     return None
 
 
@@ -314,9 +311,9 @@ def _first_beyond(contents: Contents, tape: _Tape, since: int) -> Difference:
     suspects = [number for number in contents.damaged if since < number < written.line]
     if suspects:
         raise SessionError(f"{contents.path}: line {suspects[-1]} is damaged, and it was an input. {LOST}")
-    value = msgspec.json.decode(line_body(written.text))
+    value = msgspec.json.decode(record_bytes(written.record))
     return Difference(
-        contents.path.name, written.line, written.seq, contents.last_input, value["kind"], NO_RECORD, value, None
+        contents.path.name, written.line, written.record.seq, contents.last_input, value["kind"], NO_RECORD, value, None
     )
 
 

@@ -106,7 +106,7 @@ class Effect(NamedTuple):
 
 
 def effect(scenario: Scenario, view: View) -> Effect:
-    """By the scheduler's rules (semantics, section 5)."""
+    """By the scheduler's rules (semantics.md 3.1)."""
     speech = scenario.robot.actions.get("Speech")
     channels = frozenset(speech.channels) if speech is not None else frozenset()
     in_turn, beside = [], []

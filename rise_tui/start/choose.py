@@ -9,12 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from rise_engine.exit_status import USAGE
 from rise_tui.model.control import short
 from rise_tui.start.settings import NothingChosenError
 from rise_tui.text import age, clean, wrap
 
-USAGE = 2
-"""Exit status when nothing could be chosen."""
 NOT_OFFERED = "The earlier record stays as it is, and is not offered again."
 OFFERED_AGAIN = "What did not end stays as it is, and can be recovered later."
 NARROWEST = 79

@@ -82,7 +82,7 @@ def settings_of(hello: Hello) -> Settings:
         hello.robot,
         hello.mode,
         hello.seed,
-        dict(hello.scenario.paths),
+        places=dict(hello.scenario.paths),
         participant=session.participant if session is not None else "",
         condition=session.condition if session is not None else "",
     )

@@ -6,15 +6,15 @@ from time import monotonic, sleep
 
 from msgspec.structs import replace
 
+from rise_engine.exit_status import ALREADY_RUNNING
 from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
-from rise_engine.link.spawn import Options, Refused, Started, start_engine
+from rise_engine.link.spawn import Refused, Started, start_engine
 from rise_engine.scenario.model import Scenario
+from rise_engine.session_options import SessionOptions
 from rise_tui.start.launch import Launcher, Recovered, Tell, told_of
 from rise_tui.start.settings import Settings, options, scenario_place
 
-RUNNING = 3
-"""What an engine says when a session of its scenario runs already (`rise_engine.serve`)."""
 LET_GO = 10.0
 """Seconds that an engine which has just ended may take to put its record away and let go of its name."""
 
@@ -30,7 +30,7 @@ def process_launcher(who: str, role: Role) -> Launcher:
             found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
             if not isinstance(found, Refused):
                 return SocketClient(found.name, who, role, scenario=scenario, resync=True)
-            if found.code != RUNNING or monotonic() > until:
+            if found.code != ALREADY_RUNNING or monotonic() > until:
                 break
             sleep(0.1)
         if found.unfinished or found.others:
@@ -45,11 +45,11 @@ def process_launcher(who: str, role: Role) -> Launcher:
 
         folder = hello.scenario.folder
         name = session_name(folder)
-        wanted = Options(folder, unfinished=hello.folder)
+        wanted = SessionOptions(folder, unfinished=hello.folder)
         found = start_engine(wanted, tell) if role == "wizard" else None
         if isinstance(found, Started):
             return Recovered(SocketClient(found.name, who, role, resync=True), told_of(found))
-        if found is not None and found.code != RUNNING:
+        if found is not None and found.code != ALREADY_RUNNING:
             raise EngineGone("; ".join(found.lines))
         if found is not None and found.socket:
             return Recovered(SocketClient(found.socket, who, role, resync=True))

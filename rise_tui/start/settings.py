@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeAlias
 
-from msgspec import Struct, field
+from msgspec.structs import replace
 
-from rise_engine.bridge import Wire
-from rise_engine.link.spawn import Options
+from rise_engine.errors import RiseError
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.shipped import place_of
+from rise_engine.session_options import SessionOptions
 
 
-class NothingChosenError(Exception):
+class NothingChosenError(RiseError):
     """Nothing is started and nothing attached to; `lines` say why, for a person."""
 
     def __init__(self, code: int, *lines: str) -> None:
@@ -23,36 +23,13 @@ class NothingChosenError(Exception):
         self.lines = lines
 
 
-class Settings(Struct, frozen=True):
-    """What a session is started with; None and empty: as the scenario says."""
-
-    folder: str
-    robot: str | None = None
-    mode: str | None = None
-    seed: int | None = None
-    """None: a new one."""
-    places: Mapping[str, str] = field(default_factory=dict)
-    """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
-    wire: Wire = Wire()
-    """How ROS 2 is spoken."""
-    participant: str = ""
-    condition: str = ""
+Settings: TypeAlias = SessionOptions
+"""What a session is started with."""
 
 
-def options(settings: Settings, seed: int | None, recover: str) -> Options:
+def options(settings: Settings, seed: int | None, recover: str) -> SessionOptions:
     """What the engine's process is started with."""
-    places = dict(settings.places)
-    return Options(
-        scenario_place(settings),
-        settings.robot,
-        settings.mode,
-        seed,
-        places=places,
-        wire=settings.wire,
-        participant=settings.participant,
-        condition=settings.condition,
-        unfinished=recover,
-    )
+    return replace(settings, folder=scenario_place(settings), seed=seed, unfinished=recover)
 
 
 def scenario_place(settings: Settings) -> str:

@@ -14,6 +14,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.bridge import Transport, Wire
+from rise_engine.exit_status import ALREADY_RUNNING, REFUSED, USAGE
+from rise_engine.kernel.inputs import Submit
 from rise_tui.start.display import Display, prepare_textual, settled, theme
 from rise_tui.start.settings import NothingChosenError, Settings
 
@@ -21,9 +23,6 @@ if TYPE_CHECKING:
     from rise_engine.link.client import Client, Role
     from rise_tui.start.keymap import KeyFile
     from rise_tui.start.launch import Launcher
-
-REFUSED, USAGE = 1, 2
-"""Exit statuses."""
 
 
 class Asked(Struct, frozen=True, kw_only=True):
@@ -73,7 +72,7 @@ class Asked(Struct, frozen=True, kw_only=True):
 
     @property
     def settings(self) -> Settings:
-        from rise_engine.arguments import places_of
+        from rise_engine.cli.arguments import places_of
 
         return Settings(
             self.folder or "",
@@ -293,7 +292,6 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     prepare_textual(asked.display)
     import rise_tui.app  # noqa: F401
     from rise_tui.start.launch import told_of
-    from rise_tui.start.launch_process import RUNNING
 
     progress = ProgressLine()
     found = starting.wait(progress.tell)
@@ -306,7 +304,7 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
         chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
         found = start_engine(replace(wanted, unfinished=chosen), progress.tell)
         progress.clear()
-    if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
+    if isinstance(found, Refused) and found.code == ALREADY_RUNNING and (found.socket or name in running()):
         _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):
         _refuse(found.lines, settings.folder, found.code)
@@ -316,15 +314,15 @@ def _run(asked: Asked, keys: KeyFile | None) -> NoReturn:
     _open_on(found.name, settings, asked, keys, told=told_of(found) + unused)
 
 
-def _first(asked: Asked) -> tuple[dict[str, str], ...]:
+def _first(asked: Asked) -> tuple[Submit, ...]:
     """What a new session begins with. Raises NothingChosenError."""
     if not asked.sets:
         return ()
-    from rise_engine.arguments import UnusableError, assignments
+    from rise_engine.cli.arguments import UnusableError, assignments
 
     try:
         return tuple(
-            {"input": "submit", "function": "assignValue", "behavior": behavior, "source": "wizard:command-line"}
+            Submit(function="assignValue", behavior=behavior, source="wizard:command-line")
             for behavior in assignments(asked.sets)
         )
     except UnusableError as error:
@@ -381,8 +379,7 @@ def _open_on(name: str, settings: Settings | None, asked: Asked, keys: KeyFile |
 
 def _replay(asked: Asked, keys: KeyFile | None) -> NoReturn:
     from rise_engine.link.replay_client import ReplayClient
-    from rise_engine.session.folder import SessionError
-    from rise_engine.session.reports import find_session
+    from rise_engine.session.folder import SessionError, find_session
     from rise_tui.start.launch_process import process_launcher
     from rise_tui.start.settings import expanded
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from rise_engine.exit_status import ALREADY_RUNNING
 from rise_engine.link import spawn
 from rise_engine.link.client import EngineGone
 from rise_engine.link.socket_client import SocketClient
+from rise_engine.session_options import SessionOptions
 from rise_tui.app import ConsoleApp
 from rise_tui.screens.console import ConsoleScreen
 from rise_tui.start import launch_process
@@ -33,14 +35,14 @@ class Engine:
 
     def __init__(self, *answers: spawn.Outcome) -> None:
         self.answers = list(answers)
-        self.asked: list[spawn.Options] = []
+        self.asked: list[SessionOptions] = []
 
-    def __call__(self, options: spawn.Options) -> spawn.Outcome:
+    def __call__(self, options: SessionOptions) -> spawn.Outcome:
         self.asked.append(options)
         return self.answers.pop(0)
 
 
-BUSY = spawn.Refused(launch_process.RUNNING, ["a session of this scenario is running already: demo-000000"])
+BUSY = spawn.Refused(ALREADY_RUNNING, ["a session of this scenario is running already: demo-000000"])
 
 
 def test_the_next_session_waits_until_the_last_one_has_let_go(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from time import monotonic
 
+from rise_engine.link.client import Client, EngineGone
+from rise_engine.scenario.model import Scenario
 from rise_tui.app import ConsoleApp
-from rise_tui.start.launch import Launcher, prepare
+from rise_tui.start.launch import Launcher, Refused, prepare
 from rise_tui.start.settings import Settings
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+from tests.link.conftest import place
+from tests.link.serving import OwnSession
+
+__all__ = ["place"]
 
 
-def started(settings: Settings) -> ConsoleApp:
-    from rise_engine.link.local import start_local
-    from rise_tui.start.launch import Refused
-
+def started(settings: Settings, root: Path) -> ConsoleApp:
     scenario = prepare(settings)
     assert not isinstance(scenario, Refused)
-    fast = Launcher(start=lambda scenario, settings: start_local(scenario, seed=settings.seed, speed=20))
+    fast = Launcher(start=lambda scenario, settings: OwnSession(root, Path(settings.folder), speed=20))
     return ConsoleApp(scenario, settings, wizard="anna", launcher=fast)
 
 
-async def test_a_session_from_the_first_key_to_the_last() -> None:
-    app = started(Settings(DEMO, seed=1))
+async def test_a_session_from_the_first_key_to_the_last(place: Path) -> None:
+    app = started(Settings(DEMO, seed=1), place)
     async with app.run_test(size=(200, 50)) as pilot:
         it = Console(pilot, FakeClient(demo()), FakeLauncher())
         await it.until(lambda: app.console_screen is not None and "Greet" in it.text("acts"))
@@ -51,11 +55,12 @@ async def test_a_session_from_the_first_key_to_the_last() -> None:
 
 
 async def test_a_robot_that_cannot_be_started_is_told_after_leaving() -> None:
-    from rise_engine.link.local import start_local
+    def fail(scenario: Scenario, settings: Settings) -> Client:
+        raise EngineGone("the robot cannot be made")
 
     settings = Settings(DEMO)
     scenario = prepare(settings)
-    bad = Launcher(start=lambda scenario, settings: start_local(scenario, faults=["nonsense"]))
+    bad = Launcher(start=fail)
     app = ConsoleApp(scenario, settings, launcher=bad)  # type: ignore[arg-type]
     async with app.run_test() as pilot:
         end = monotonic() + 20

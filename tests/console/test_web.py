@@ -23,7 +23,8 @@ import pytest
 aiohttp = pytest.importorskip("aiohttp")
 pytest.importorskip("textual_serve")
 
-from rise_engine.link.spawn import Options, Started, start_engine  # noqa: E402
+from rise_engine.link.spawn import Started, start_engine  # noqa: E402
+from rise_engine.session_options import SessionOptions  # noqa: E402
 from rise_tui.web.door import MOST_OF_ONE, MOST_WAITING, Door, Visitor, user_of  # noqa: E402
 from rise_tui.web.guard import Guard  # noqa: E402
 from rise_tui.web.page import headers, page  # noqa: E402
@@ -79,7 +80,7 @@ def serving() -> Iterator[Serving]:
     with pytest.MonkeyPatch.context() as patch:
         for name in ("RISE_RUNTIME", "RISE_SESSIONS"):
             patch.setenv(name, environment[name])
-        started = start_engine(Options(DEMO, seed=1))
+        started = start_engine(SessionOptions(DEMO, seed=1))
     assert isinstance(started, Started)
     it: Serving | None = None
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -54,20 +53,6 @@ def test_lines_become_durable_in_order(tmp_path: Path) -> None:
     assert it.close()
     assert it.path.read_bytes() == b"".join(LINES)
     assert it.path.stat().st_mode & 0o777 == 0o600
-
-
-def test_the_writer_can_be_woken_at_the_end_of_a_turn(tmp_path: Path) -> None:
-    turn: list[Callable[[], None]] = []
-    it, watch = journal(tmp_path / "journal.jsonl", later=turn.append)
-    for line in LINES[:3]:
-        it.append(line)
-    assert len(turn) == 1 and it.durable == 0
-    turn.pop()()
-    watch.until(lambda: it.durable == 3)
-    it.append(LINES[3])
-    assert len(turn) == 1
-    assert it.close(), "what no turn has handed over is not left behind"
-    assert it.path.read_bytes() == b"".join(LINES[:4])
 
 
 def test_an_existing_file_is_gone_on_with_and_never_made_anew(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import threading
 import time
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,8 +25,9 @@ from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Stop
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
 from rise_engine.output import Output, ThreadedOutput
 from rise_engine.robot import Report
-from rise_engine.run import Plan
+from rise_engine.run import RunOptions
 from rise_engine.run import run as run_session
+from rise_engine.session_options import SessionOptions
 
 from .processes import ENGINE, Live, engine, folder, records
 from .samples import GREETING, assert_one_ending_each, scenario, start
@@ -44,6 +46,12 @@ def task(function: str, behavior: str = "", **more: object) -> str:
 
 def act(name: str, **more: object) -> str:
     return task("startCommunicationRobotAct", name, **more)
+
+
+def options(first: tuple[Submit, ...], speed: float | None, **more: Any) -> RunOptions:
+    """`speed` None: in virtual time."""
+    session = SessionOptions(str(GREETING), speed=speed or 1.0, first=first)
+    return RunOptions(scenario(GREETING), session, virtual=speed is None, **more)
 
 
 # --- what it prints ---
@@ -478,8 +486,7 @@ def test_a_record_that_cannot_be_written_stops_the_robot(
 
     monkeypatch.setattr(Output, "_line", too_deep)
     first = (start("Greet"), Submit(function="assignValue", behavior="n = 1", source="test"))
-    plan = Plan(scenario=scenario(GREETING), first=first, until=1000.0, speed=speed, json=as_json)
-    assert run_session(plan) == 70
+    assert run_session(options(first, speed, until=1000.0, json=as_json)) == 70
     assert robot.stopped == 1
     out, err = capfd.readouterr()
     assert err == (
@@ -505,7 +512,7 @@ def test_an_engine_that_fails_says_so_and_loses_no_output(
 
     monkeypatch.setattr(Kernel, "handle", fails)
     with caplog.at_level(logging.CRITICAL):
-        assert run_session(Plan(scenario=scenario(GREETING), first=(start("Greet"),), speed=speed, json=True)) == 70
+        assert run_session(options((start("Greet"),), speed, json=True)) == 70
     out, err = capfd.readouterr()
     assert "a mistake in this program" in err
     assert records(out)[-1]["kind"] == "robot"

@@ -15,13 +15,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from lxml import etree
 
+from rise_engine.exit_status import NOT_WRITTEN
 from rise_engine.kernel.records import NoteRecord
 from rise_engine.link.messages import About
 from rise_engine.link.reports import sessions_report
 from rise_engine.output import Output
 from rise_engine.scenario.findings import Finding
 from rise_engine.scenario.model import Place
-from rise_engine.terminal import CANNOT_WRITE, CleanStream, OutputError, json_line
+from rise_engine.terminal import CleanStream, OutputError, json_line
 from rise_engine.text import UNSEEN, called, clean, meant, strange, told
 
 from .processes import ENGINE, engine, folder
@@ -53,7 +54,7 @@ def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> 
     with FULL.open("wb") as full:
         done = subprocess.run([ENGINE, *words], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (
-        CANNOT_WRITE,
+        NOT_WRITTEN,
         "error: standard output cannot be written: the disk is full\n",
     )
 

@@ -1,4 +1,4 @@
-"""What expressions mean, case by case (semantics, section 4)."""
+"""What expressions mean, case by case (semantics.md 8)."""
 
 from __future__ import annotations
 

@@ -34,10 +34,12 @@ from rise_engine.link import messages
 from rise_engine.link.spawn import Word, Working
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.serve import Order, serve
+from rise_engine.serve import serve
 from rise_engine.session.folder import JOURNAL
+from rise_engine.session.lines import InputLine
 from rise_engine.session.reading import read_journal
 from rise_engine.session.replay import compare
+from rise_engine.session_options import SessionOptions
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/console/data/demo"]
@@ -51,7 +53,7 @@ class Mistake(AssertionError):
 class Child:
     """An engine's process."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: SessionOptions) -> None:
         ready, say = os.pipe()
         self.pid = os.fork()
         if self.pid == 0:
@@ -194,7 +196,9 @@ class Soak:
         scenario = self.scenarios[folder]
         assert scenario is not None
         faults = tuple(dice.sample(["*=slow:3", "Speech=fail@2", "Speech=hang@1", "vanish@3-5"], dice.randint(0, 1)))
-        order = Order(str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, name="soak", unfinished="new")
+        order = SessionOptions(
+            str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, name="soak", unfinished="new"
+        )
         self.counts["sessions"] += 1
         where: Path | None = None
         for _ in range(dice.randint(1, 8)):
@@ -262,12 +266,13 @@ class Soak:
             _one_ending_each(where, contents)
 
     def compare_with(self, where: Path, contents: Any, wire: Wire) -> None:
-        kept = {step.input.ref for step in contents.steps() if isinstance(step.input, Submit)}
+        inputs = (found.input for _, _, found in contents.lines() if isinstance(found, InputLine))
+        kept = {each.ref for each in inputs if isinstance(each, Submit)}
         for number, reply in wire.acknowledged.items():
             self.counts["acknowledged"] += 1
             if reply.get("accepted") and wire.sent[number].ref not in kept:
                 raise Mistake(f"{where}: {wire.sent[number]} was acknowledged and is not in the journal")
-        records = {record.seq: record for _, record in contents.placed()}
+        records = {record.seq: record for record in contents.read_records()}
         for seq, seen in wire.seen.items():
             self.counts["records seen"] += 1
             if seq not in records or msgspec.to_builtins(records[seq])["kind"] != seen["kind"]:
@@ -276,7 +281,7 @@ class Soak:
 
 def _one_ending_each(where: Path, contents: Any) -> None:
     states: dict[str, list[str]] = {}
-    for _, record in contents.placed():
+    for record in contents.read_records():
         if isinstance(record, ActionRecord):
             states.setdefault(f"{record.task}/{record.action}", []).append(record.status)
     for action, statuses in states.items():

@@ -17,8 +17,8 @@ from typing import Any
 import msgspec
 import pytest
 
+from rise_engine.client import connect
 from rise_engine.kernel.records import ActionRecord, TaskRecord
-from rise_engine.link import connect
 from rise_engine.link.program import Rejected
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.reading import read_journal
@@ -124,7 +124,7 @@ async def _after(when: float, fault: Fault, it: Terminal) -> None:
 
 def timeline(record: Path) -> list[tuple[float, str]]:
     """What the robot began and ended, with seconds since the script began."""
-    records = [each for _, each in read_journal(record / JOURNAL).placed()]
+    records = [*read_journal(record / JOURNAL).read_records()]
     began = next(each.t for each in records if isinstance(each, TaskRecord))
     found = [
         (each.t - began, f"{each.act} {each.action} {each.type} {each.status} {msgspec.json.encode(each.parameters)!r}")

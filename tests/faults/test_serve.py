@@ -20,9 +20,10 @@ import pytest
 
 from rise_engine.link.places import held, lock_path, session_name, socket_path
 from rise_engine.link.socket_client import SocketClient
-from rise_engine.link.spawn import Options, Refused, Started, start_engine
+from rise_engine.link.spawn import Refused, Started, start_engine
 from rise_engine.session.folder import JOURNAL, read_info, unfinished
 from rise_engine.session.reading import read_journal
+from rise_engine.session_options import SessionOptions
 
 from ..engine.processes import ENGINE, engine, folder
 
@@ -189,7 +190,7 @@ def test_nobody_s_session_goes_on_as_somebody_else_s(places: Path) -> None:
     assert refused.returncode == 2 and "the session of P07, condition calm, not of P08" in refused.stderr
     asked = engine("serve", study, "--participant", "P08")
     assert asked.returncode == 4 and "say --recover" not in asked.stderr
-    started = start_engine(Options(str(study), participant="P08", unfinished="recover"))
+    started = start_engine(SessionOptions(str(study), participant="P08", unfinished="recover"))
     assert isinstance(started, Refused) and started.unfinished == []
     assert [Path(found) for found, _ in started.others] == [record]
     assert statuses(record, "session") == ["started"], "it was not touched"
@@ -272,16 +273,16 @@ def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_e
 
 def test_an_engine_in_the_background_says_that_it_serves_or_why_not(places: Path) -> None:
     study = folder(places / "study")
-    started = start_engine(Options(str(study), seed=3))
+    started = start_engine(SessionOptions(str(study), seed=3))
     assert isinstance(started, Started)
     assert started.name == session_name(study)
     assert read_info(Path(started.folder)).seed == 3
-    refused = start_engine(Options(str(study)))
+    refused = start_engine(SessionOptions(str(study)))
     assert isinstance(refused, Refused) and refused.code == 3
     pid = int(lock_path(socket_path(started.name)).read_text())
     assert os.getsid(pid) == pid, "it belongs to no terminal"
     assert engine("stop").returncode == 0
-    nowhere = start_engine(Options(str(places / "nowhere")))
+    nowhere = start_engine(SessionOptions(str(places / "nowhere")))
     assert isinstance(nowhere, Refused) and nowhere.code == 1
 
 
@@ -345,10 +346,10 @@ def test_a_folder_whose_name_is_no_text(places: Path) -> None:
     assert again.record == first.record
     assert again.end() == 0
 
-    started = start_engine(Options(str(one), unfinished="new"))
+    started = start_engine(SessionOptions(str(one), unfinished="new"))
     assert isinstance(started, Started), started
     assert asyncio.run(told_folder(started.name)) == str(one)
-    refused = start_engine(Options(str(one)))
+    refused = start_engine(SessionOptions(str(one)))
     assert isinstance(refused, Refused)
     listed = engine("sessions")
     assert listed.returncode == 0 and session_name(str(one)) in listed.stdout

@@ -21,12 +21,13 @@ import pytest
 from rise_engine.link.client import EngineGone
 from rise_engine.link.places import held, session_name
 from rise_engine.link.socket_client import SocketClient
-from rise_engine.serve import Order, Refusal, _Prepared
+from rise_engine.serve import Refusal, _Prepared
 from rise_engine.session import lock as locks
 from rise_engine.session.folder import JOURNAL, SessionError, running_folders, unfinished
 from rise_engine.session.lock import NOTE, HeldElsewhere, JournalLock, JournalLocked, file_system, holder_of, is_locked
 from rise_engine.session.reading import read_journal
 from rise_engine.session.recovery import recover
+from rise_engine.session_options import SessionOptions
 
 from ..engine.processes import ENGINE, engine, folder
 from .test_serve import Serving, wait_for_record
@@ -339,13 +340,13 @@ def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.Monkey
     monkeypatch.setattr(locks, "file_system", lambda path: "nfs4")
     with pytest.raises(HeldElsewhere, match=r"of .* on the computer lab-2, since .*say --here too"):
         JournalLock(record / JOURNAL)
-    order = Order(str(study), unfinished=str(record))
+    order = SessionOptions(str(study), unfinished=str(record))
     with pytest.raises(Refusal) as refused:
         _Prepared(order, print)
     assert refused.value.word.code == 5 and "lab-2" in refused.value.word.lines[0]
     holder = holder_of(record)
     assert holder is not None and holder.host == "lab-2", "who only asked has changed nothing"
-    prepared = _Prepared(Order(str(study), unfinished=str(record), here=True), print)
+    prepared = _Prepared(SessionOptions(str(study), unfinished=str(record), here=True), print)
     holder = holder_of(record)
     assert holder is not None and holder.host == platform.node()
     prepared.close()

@@ -1,4 +1,4 @@
-"""CRAs: the action graph, failure, cancel, variants, parameters (semantics, section 2)."""
+"""CRAs: the action graph, failure, cancel, variants, parameters (semantics.md 2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whoever floods is stopped, nobody else (docs/explanation/semantics.md, "Who goes round in circles")."""
+"""Whoever floods is stopped, nobody else (semantics.md 6.4)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rise_engine.kernel import rules as kernel_rules
 from rise_engine.kernel.records import EventRecord, RuleRecord
-from rise_engine.kernel.rules import STEP_LIMIT
+from rise_engine.kernel.runaway import STEP_LIMIT
 from rise_engine.scenario.model import Function, RobotProfile, Rule, Scenario, State, Transition
 from tests.kernel.harness import Session, dialog, pause
 from tests.kernel.test_rules import do, on, put, rule, session, state

@@ -1,4 +1,4 @@
-"""IRs: run to completion, events, guards, timers, the stack, livelock (semantics, section 3)."""
+"""IRs: run to completion, events, guards, timers, the stack, livelock (semantics.md 5, semantics.md 6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tasks, the scheduler, stop-all, the memory by tasks (semantics, sections 5 and 6)."""
+"""Tasks, the scheduler, stop-all, the memory by tasks (semantics.md 3, semantics.md 7)."""
 
 from __future__ import annotations
 

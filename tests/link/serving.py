@@ -77,6 +77,29 @@ async def served(
                 await asyncio.to_thread(journal.close, 1.0)
 
 
+class OwnSession(SocketClient):
+    """A client whose session is served in the loop of the test, from its first `attach` until it ends the session."""
+
+    def __init__(self, root: Path, scenario: Path, who: str = "anna", *, speed: float = FAST) -> None:
+        super().__init__(root, who)
+        self._serving = served(root, scenario, speed=speed)
+        self._running: Served | None = None
+
+    async def attach(self) -> Hello:
+        if self._running is None:
+            running = self._running = await self._serving.__aenter__()
+            self._session = running.path
+            loop = asyncio.get_running_loop()
+            running.engine.when_ended(lambda: setattr(self, "_closing", loop.create_task(running.server.close())))
+        return await super().attach()
+
+    async def close(self, *, end_session: bool = False, reason: str = "") -> None:
+        await super().close(end_session=end_session, reason=reason)
+        if end_session and self._running is not None:
+            self._running = None
+            await self._serving.__aexit__(None, None, None)
+
+
 class Follower:
     """Folds everything that a client gets, as a console does."""
 

@@ -130,7 +130,7 @@ async def faced(
             versions={"rise-tui": "t"},
         )
         folder = str(made)
-        journal = Journal(made / JOURNAL, changed=changed, disk=disk, retry=0.01, later=loop.call_soon)
+        journal = Journal(made / JOURNAL, changed=changed, disk=disk, retry=0.01)
     engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
     room = Room(engine, folder, view=view)
     face = RosSessionInterface(transport, room)

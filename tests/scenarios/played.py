@@ -82,7 +82,7 @@ class Played:
         return [{name: value for name, value in record.items() if name != "wall"} for record in self.records]
 
     def check_sound(self) -> None:
-        """What holds for every session (semantics, sections 5 and 9)."""
+        """What holds for every session (semantics.md 1, semantics.md 11)."""
         assert [record["seq"] for record in self.records] == list(range(1, len(self.records) + 1))
         times = [record["t"] for record in self.records]
         assert times == sorted(times)

@@ -25,7 +25,7 @@ def test_check_finds_nothing(name: str) -> None:
 
 @every_scenario
 def test_a_process_gives_the_same_session_whatever_its_hash_seed(name: str, play: Play) -> None:
-    """Same scenario, same seed, same inputs: the same outputs, byte for byte (semantics, section 7)."""
+    """Same scenario, same seed, same inputs: the same outputs, byte for byte (semantics.md 0)."""
     first = process(command(name, "--strict"), PYTHONHASHSEED="1")
     second = process(command(name, "--strict"), PYTHONHASHSEED="2", TZ="Asia/Tokyo", LC_ALL="C")
     assert (first.returncode, first.stderr) == (0, b"")

@@ -12,7 +12,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
-from rise_engine.session.lines import header_line, input_line, record_line
+from rise_engine.session.lines import header_line, input_line, record_bytes, with_checksum
 
 from ..kernel.harness import Session, dialog, gaze, pause, speech, write
 
@@ -97,7 +97,7 @@ class Made:
         """Index in `lines` of each input."""
         for n, (fact, records) in enumerate(self.session.steps, 1):
             self.step_lines.append(len(self.lines))
-            self.lines += [input_line(n, fact), *map(record_line, records)]
+            self.lines += [input_line(n, fact), *(with_checksum(record_bytes(record)) for record in records)]
         self.whole = b"".join(self.lines)
         self.write(self.whole)
 

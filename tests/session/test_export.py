@@ -18,9 +18,8 @@ from click.testing import CliRunner, Result
 from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.session.export import COLUMNS, cell, export
-from rise_engine.session.folder import INFO, SessionError
+from rise_engine.session.folder import INFO, SessionError, find_session
 from rise_engine.session.lines import record_bytes
-from rise_engine.session.reports import find_session
 
 from ..engine.processes import ENGINE
 from .journals import Made

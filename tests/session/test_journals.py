@@ -18,7 +18,7 @@ from rise_engine.kernel.inputs import SessionRecovered, TimerElapsed
 from rise_engine.kernel.records import MemoryRecord, TaskRecord
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import COPY, INFO, SessionError
-from rise_engine.session.lines import FORMAT, Header, _sealed, header_line, input_line, record_bytes, record_line
+from rise_engine.session.lines import FORMAT, Header, InputLine, header_line, input_line, record_bytes, with_checksum
 from rise_engine.session.reading import read_journal
 from rise_engine.session.recovery import Recovered, recover
 from rise_engine.session.replay import NO_RECORD, compare
@@ -98,13 +98,12 @@ def assert_is(made: Made, found: Recovered, steps: int) -> None:
 def test_what_was_written_is_read(made: Made) -> None:
     contents = read_journal(made.journal)
     assert contents.header == Header(FORMAT, "rise-tui 0.2.0")
-    assert [(step.n, step.input, step.line - 1) for step in contents.steps()] == [
-        (n, fact, line) for n, ((fact, _), line) in enumerate(zip(made.session.steps, made.step_lines, strict=True), 1)
+    read = [*contents.lines()]
+    assert [(number, line + b"\n") for number, line, _ in read] == [*enumerate(made.lines, 1)]
+    assert [found for _, _, found in read if isinstance(found, InputLine)] == [
+        InputLine(n, fact) for n, (fact, _) in enumerate(made.session.steps, 1)
     ]
-    assert [record_bytes(r) for step in contents.steps() for r in step.records] == [*map(record_bytes, made.records)]
-    assert [line for line, _ in contents.placed()] == [
-        number for number, line in enumerate(made.lines, 1) if line.startswith(b'{"kind"')
-    ]
+    assert [*map(record_bytes, contents.read_records())] == [*map(record_bytes, made.records)]
     assert (contents.size, contents.torn, contents.damaged, contents.gaps) == (len(made.whole), b"", {}, [])
     assert not contents.ended
 
@@ -409,10 +408,13 @@ def test_a_repair_that_fails_changes_nothing(made: Made) -> None:
         (b"hello", "not even its first line is whole"),
         (b"# Notes\nabc\n", "its first line is no header"),
         (b"\0" * 5000, "holds nothing"),
-        (_sealed(msgspec.json.encode(Header(FORMAT + 1, "rise-tui 9"))), r"newer version \(rise-tui 9, format 2"),
+        (with_checksum(msgspec.json.encode(Header(FORMAT + 1, "rise-tui 9"))), r"newer version \(rise-tui 9, format 2"),
         (header_line("x"), "no input"),
-        (header_line("x") + _sealed(b'{"n":1,"input":"telepathy","t":0.0}'), "does not know.*install that version"),
-        (header_line("x") + _sealed(b'{"kind":"smell","seq":1}'), "does not know.*install that version"),
+        (
+            header_line("x") + with_checksum(b'{"n":1,"input":"telepathy","t":0.0}'),
+            "does not know.*install that version",
+        ),
+        (header_line("x") + with_checksum(b'{"kind":"smell","seq":1}'), "does not know.*install that version"),
     ],
 )
 def test_unusable_journals(made: Made, data: bytes, says: str) -> None:
@@ -519,7 +521,7 @@ def test_replay_finds_a_changed_value(made: Made) -> None:
     index = next(i for i, line in enumerate(made.lines) if b'"key":"count","value":1' in line)
     record = next(r for r in made.records if isinstance(r, MemoryRecord) and (r.key, r.value) == ("count", 1))
     lines = list(made.lines)
-    lines[index] = record_line(replace(record, value=1.0, wall="another"))
+    lines[index] = with_checksum(record_bytes(replace(record, value=1.0, wall="another")))
     made.write(b"".join(lines))
     found = compare(made.folder)
     assert found.difference is not None and not found.identical
@@ -535,7 +537,7 @@ def test_replay_finds_a_changed_value(made: Made) -> None:
 
 def test_replay_finds_a_record_too_many(made: Made) -> None:
     extra = replace(made.records[-1], seq=made.records[-1].seq + 1)
-    made.write(made.whole + record_line(extra))
+    made.write(made.whole + with_checksum(record_bytes(extra)))
     found = compare(made.folder).difference
     assert found is not None and found.field == NO_RECORD and found.line == len(made.lines) + 1
     with pytest.raises(SessionError, match="the replay does not give it"):
@@ -552,7 +554,7 @@ def _walled(line: bytes) -> bytes:
     del value["crc"]
     if "wall" in value:
         value["wall"] = "some other time"
-    return _sealed(msgspec.json.encode(value))
+    return with_checksum(msgspec.json.encode(value))
 
 
 def test_replay_of_another_scenario(made: Made) -> None:
@@ -587,11 +589,11 @@ def test_reading_is_quick(made: Made) -> None:
     import time
 
     record = made.records[-1]
-    lines = [record_line(replace(record, seq=number)) for number in range(1, 20_001)]
+    lines = [with_checksum(record_bytes(replace(record, seq=number))) for number in range(1, 20_001)]
     made.write(header_line("x") + b"".join(lines))
     start = time.perf_counter()
     contents = read_journal(made.journal)
-    assert contents.records == sum(1 for _ in contents.placed()) == 20_000
+    assert contents.records == sum(1 for _ in contents.read_records()) == 20_000
     assert time.perf_counter() - start < 2
 
 
@@ -602,7 +604,11 @@ def test_a_session_that_was_recovered_twice_replays(made: Made) -> None:
         fact = SessionRecovered(t=found.t + 1, reason="test")
         records, _ = found.kernel.handle(fact)
         with made.journal.open("ab") as file:
-            file.write(found.lines + input_line(found.inputs + 1, fact) + b"".join(map(record_line, records)))
+            file.write(
+                found.lines
+                + input_line(found.inputs + 1, fact)
+                + b"".join(with_checksum(record_bytes(record)) for record in records)
+            )
     found = recover(made.folder)
     assert (found.inputs, found.report) == (len(made.session.steps) + 2, [])
     assert found.view.session is not None and found.view.session.status == "recovered"

@@ -18,13 +18,14 @@ import pytest
 
 from rise_engine.kernel import Kernel
 from rise_engine.link.replay_client import ReplayClient
-from rise_engine.link.spawn import Options, Started, start_engine
+from rise_engine.link.spawn import Started, start_engine
 from rise_engine.session import reading
 from rise_engine.session.export import export
 from rise_engine.session.lines import record_bytes
 from rise_engine.session.reading import read_journal
 from rise_engine.session.recovery import recover
 from rise_engine.session.replay import Replay, compare
+from rise_engine.session_options import SessionOptions
 from rise_engine.view import View
 
 from .journals import Made
@@ -54,7 +55,7 @@ def peak(work: Callable[[], object]) -> int:
 def test_the_journal_is_never_all_in_memory(made: Made) -> None:
     size = made.journal.stat().st_size
     assert size > 2_000_000
-    records = sum(1 for _ in read_journal(made.journal).placed())
+    records = sum(1 for _ in read_journal(made.journal).read_records())
     assert records == len(made.records) > 10_000
     assert peak(lambda: read_journal(made.journal)) < size / 4
     assert peak(lambda: compare(made.folder)) < size / 4
@@ -144,12 +145,13 @@ async def test_a_console_that_watches_a_replay_has_no_more_than_it_has_seen(made
 
 PROGRAM = """
 import os, sys
-from rise_engine.serve import Order, serve, to_starter
+from rise_engine.serve import serve, to_starter
+from rise_engine.session_options import SessionOptions
 import msgspec
 from rise_engine.session import reading
 reading.TELL_SECONDS = 0.0
 _, order, descriptor = sys.argv
-sys.exit(serve(msgspec.json.decode(order, type=Order), to_starter(int(descriptor))))
+sys.exit(serve(msgspec.json.decode(order, type=SessionOptions), to_starter(int(descriptor))))
 """
 
 
@@ -168,7 +170,7 @@ def test_a_starter_waits_as_long_as_the_engine_works_and_is_told(
     script.chmod(0o755)
     monkeypatch.setattr("sys.executable", str(script))
     told: list[str] = []
-    found = start_engine(Options(str(made.study), unfinished=str(made.folder)), told.append)
+    found = start_engine(SessionOptions(str(made.study), unfinished=str(made.folder)), told.append)
     monkeypatch.setattr("sys.executable", python)
     assert isinstance(found, Started), found
     stopped = subprocess.run(

@@ -45,7 +45,7 @@ async def test_a_console_gets_every_record_at_its_time_and_can_change_nothing(ma
         for record in batch:
             assert client.now() >= record.t  # type: ignore[union-attr]
             records.append(record)  # type: ignore[arg-type]
-    written = [record for _, record in read_journal(made.journal).placed()]
+    written = [*read_journal(made.journal).read_records()]
     assert records == written
     view = View()
     for record in records:

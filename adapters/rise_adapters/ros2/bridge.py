@@ -44,7 +44,7 @@ class Ros2Bridge:
         self,
         transport: Transport,
         profile: RobotProfile | None,
-        carriers: Mapping[str, Carrier],
+        mappings: Mapping[str, Carrier],
         neighbours: Neighbours,
         reconnect: Callable[[], Awaitable[Transport]],
         *,
@@ -55,7 +55,7 @@ class Ros2Bridge:
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
-        self._carriers = carriers
+        self._mappings = mappings
         self._neighbours = neighbours
         self._reconnect = reconnect
         self._rosout = rosout
@@ -66,7 +66,7 @@ class Ros2Bridge:
 
     def robot(self, clock: Clock) -> Robot:
         assert self._profile is not None, "the bridge was opened without a robot"
-        self._robot = Ros2Robot(self._profile, clock, self._transport, self._carriers)
+        self._robot = Ros2Robot(self._profile, clock, self._transport, self._mappings)
         return self._robot
 
     def join(self, room: Room) -> None:
@@ -150,7 +150,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
         neighbours = Neighbours(transport)
         for type in INTERFACE_TYPES:
             transport.fields(type)
-        carriers = read_carriers(profile, transport.fields) if profile is not None else {}
+        mappings = read_carriers(profile, transport.fields) if profile is not None else {}
         other = await neighbours.ask()
         if other is not None:
             neighbours.close()
@@ -165,7 +165,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
         transport.close()
         raise
     rosout = "--disable-rosout-logs" not in arguments
-    return Ros2Bridge(transport, profile, carriers, neighbours, connect, rosout=rosout)
+    return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
 
 
 def settings_of(room: Room) -> dict[str, Setting]:

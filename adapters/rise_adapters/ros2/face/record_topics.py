@@ -16,7 +16,8 @@ from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 from rise_engine.link.room import Room
-from rise_engine.session.lines import record_bytes, writable
+from rise_engine.session.lines import record_bytes
+from rise_engine.text import told_all
 
 _LOG = logging.getLogger(__name__)
 
@@ -187,7 +188,7 @@ class RecordTopics:
             try:
                 publisher.publish(message)
             except UnicodeEncodeError:  # half a character, as it stands for the bytes of a file name that is no text
-                publisher.publish(writable(message))
+                publisher.publish(told_all(message))
         except PortError as error:
             if not self.trouble:
                 _LOG.warning("what happens in the session could not be published: %s", error)

@@ -27,8 +27,8 @@ from typing import Final, NoReturn, TypeAlias, TypeVar
 from rise_adapters.ros2.choose import open_transport
 from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, Value, as_options
 from rise_adapters.ros2.port import PortError, Transport
-from rise_engine.arguments import split_ros_args
 from rise_engine.bridge import BridgeError
+from rise_engine.cli.arguments import split_ros_args
 from rise_engine.errors import RiseError
 from rise_engine.terminal import guarded
 

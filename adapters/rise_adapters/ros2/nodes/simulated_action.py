@@ -38,7 +38,7 @@ class SimulatedAction:
     def __init__(
         self,
         transport: Transport,
-        carrier: Carrier,
+        mapping: Carrier,
         specs: Sequence[ActionSpec],
         clock: Clock,
         say: Say,
@@ -49,12 +49,12 @@ class SimulatedAction:
         goes wrong with the next goal of an action."""
         self._clock, self._print, self._fault, self._busy = clock, say, fault, busy
         self._reader = GoalReader(specs)
-        self._results = _ResultMaker(transport, carrier.type, specs[0].carrier.get("error", {}))
-        self._progress = _progress_feedback(transport, carrier.type)
+        self._results = _ResultMaker(transport, mapping.type, specs[0].carrier.get("error", {}))
+        self._progress = _progress_feedback(transport, mapping.type)
         self._waiting: deque[_RunningGoal] = deque()
         self._running: _RunningGoal | None = None
         self._server = ActionServer(
-            transport, carrier.name, carrier.type, self._take_goal, self._take_cancel, clock=clock
+            transport, mapping.name, mapping.type, self._take_goal, self._take_cancel, clock=clock
         )
 
     def close(self) -> None:

@@ -1,22 +1,28 @@
-"""What the arguments of the command line mean: what can be used, and a sentence for what cannot.
-
-As in `cli`, nothing but click is imported before it is needed.
-"""
+"""What the arguments of the command line mean: what can be used, and a sentence for what cannot."""
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from pathlib import Path
+from select import select
+from typing import Any, NoReturn
 
 import click
 
+from rise_engine.bridge import BridgeError
+from rise_engine.errors import RiseError
+from rise_engine.exit_status import USAGE
+from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.kernel.inputs import Submit
+from rise_engine.reports import strict_json
+from rise_engine.robots import DriverError, parameters_as_options
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.shipped import hint, place_of
+from rise_engine.script import ScriptError, ScriptTask, no_such, read_script
 from rise_engine.text import clean
-
-if TYPE_CHECKING:
-    from rise_engine.kernel.inputs import Submit
-    from rise_engine.scenario.model import Scenario
-    from rise_engine.script import ScriptTask
 
 
 def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -41,8 +47,6 @@ def with_parameters(
     the command line; ROS programs are started in that way. Exits when a parameter is none."""
     if not {"-p", "--param", "--params-file"} & set(theirs):
         return ours, theirs
-    from rise_engine.bridge import BridgeError
-    from rise_engine.robots import DriverError, parameters_as_options
 
     options = [each for each in command.params if isinstance(each, click.Option)]
     try:
@@ -54,9 +58,9 @@ def with_parameters(
             written=ours,
         )
     except BridgeError as error:
-        usage("\n".join(error.lines))
+        exit_with_usage("\n".join(error.lines))
     except DriverError as error:
-        usage(str(error))
+        exit_with_usage(str(error))
     return [ours[0], *more, *ours[1:]], theirs
 
 
@@ -65,19 +69,19 @@ def places_of(places: tuple[str, ...]) -> dict[str, str]:
     named = dict(each.partition("=")[::2] for each in places)
     for kind, path in named.items():
         if kind not in ("acts", "rules", "memory") or not path.strip():
-            usage(f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH, in the scenario's folder")
+            exit_with_usage(
+                f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH, in the scenario's folder"
+            )
     return named
 
 
-class UnusableError(Exception):
+class UnusableError(RiseError):
     """Something on the command line cannot be used; the text says what, in one or more lines."""
 
 
 def first_tasks(
     scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
 ) -> tuple[Submit, ...]:
-    from rise_engine.kernel.inputs import Submit
-    from rise_engine.script import no_such
 
     problems = [
         f"error: --rule: {no_such('rule', name, list(scenario.rules))}" for name in rules if name not in scenario.rules
@@ -115,11 +119,6 @@ def assignments(settings: Sequence[str]) -> list[str]:
 
 def _setting(text: str) -> str:
     """`KEY=JSON` as an assignment. Raises ValueError with a sentence."""
-    import json
-
-    from rise_engine.expression import Assignment, ExpressionError
-    from rise_engine.reports import strict_json
-
     key, equals, value = text.partition("=")
     key = key.strip()
     if not equals or not key:
@@ -144,10 +143,6 @@ def _setting(text: str) -> str:
 
 def script_of(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...], bool]:
     """The tasks that are known before the session starts, and whether more will come on standard input."""
-    from pathlib import Path
-
-    from rise_engine.script import ScriptError, read_script
-
     if path is None:
         return (), False
     if path == "-" and not virtual:
@@ -166,8 +161,6 @@ def script_of(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...
 
 def _read_standard_input() -> bytes:
     """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
-    import os
-    from select import select
 
     descriptor = sys.stdin.fileno()
     chunks: list[bytes] = []
@@ -186,16 +179,12 @@ def number(option: str, text: str, wanted: str, most: float, *, least_excluded: 
     except ValueError:
         value = float("nan")
     if not 0 <= value <= most or (least_excluded and value == 0):
-        usage(f"{option} {text}: this must be {wanted}")
+        exit_with_usage(f"{option} {text}: this must be {wanted}")
     return value
 
 
 def require_folder(folder: str) -> str:
     """A scenario's place: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
-    from pathlib import Path
-
-    from rise_engine.scenario.shipped import hint, place_of
-
     folder = place_of(folder)
     path = Path(folder)
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
@@ -203,9 +192,9 @@ def require_folder(folder: str) -> str:
     problem = f"there is no folder {folder}{hint()}"
     if path.exists():
         problem = f"{folder} is no scenario: give a folder, or the path of its scenario.toml"
-    return usage(problem)
+    return exit_with_usage(problem)
 
 
-def usage(message: str) -> NoReturn:
+def exit_with_usage(message: str) -> NoReturn:
     click.echo(f"error: {clean(message)}", err=True)
-    sys.exit(2)
+    sys.exit(USAGE)

@@ -1,0 +1,59 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from rise_engine.bridge import TRANSPORTS
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+FOLDER = click.argument("folder", metavar="DIR", type=click.Path())
+FOLDER_OR_NONE = click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
+SESSION = click.argument("session", type=click.Path())
+ROBOT = click.option("--robot", metavar="NAME", help="Another robot profile than the scenario's.")
+MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
+JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
+ROS = click.option(
+    "--ros",
+    type=click.Choice(TRANSPORTS),
+    default="auto",
+    show_default=True,
+    help="How ROS 2 is spoken. auto: as the robot needs it.",
+)
+_BEGIN = (
+    click.option("--set", "settings", metavar="KEY=JSON", multiple=True, help="Set a memory value first. Repeatable."),
+    click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable."),
+    click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable."),
+)
+_SESSION_OPTIONS = (
+    ROBOT,
+    MODE,
+    click.option("--participant", metavar="ID", default="", help="Who takes part; stands in the record."),
+    click.option(
+        "--condition", metavar="NAME", default="", help="The session's condition; one of the study's, if it lists any."
+    ),
+    ROS,
+    click.option(
+        "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
+    ),
+)
+
+
+def begin_options(command: Command) -> Command:
+    """What a session begins with: `settings`, `rules`, `acts`."""
+    return _with(command, _BEGIN)
+
+
+def session_options(command: Command) -> Command:
+    """How a session runs: `robot`, `mode`, `participant`, `condition`, `ros`, `faults`."""
+    return _with(command, _SESSION_OPTIONS)
+
+
+def _with(command: Command, options: tuple[Callable[[Command], Command], ...]) -> Command:
+    for option in reversed(options):
+        command = option(command)
+    return command

@@ -1,0 +1,63 @@
+"""The program `rise-engine`: its commands, each loaded when it is asked for.
+
+`check` must be there at once, for editors and scripts that run it all the time: it loads no engine, and a session's
+commands load no checker.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rise_engine import __version__
+from rise_engine.cli.arguments import split_ros_args, with_parameters
+from rise_engine.exit_status import INTERRUPTED
+from rise_engine.terminal import guarded
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_SCENARIO = "rise_engine.cli.scenario_commands"
+_SESSION = "rise_engine.cli.session_commands"
+_COMMANDS = {
+    **dict.fromkeys(("check", "doctor", "eval", "new", "robots", "schema"), _SCENARIO),
+    **dict.fromkeys(("export", "replay", "run", "serve", "sessions", "stop"), _SESSION),
+}
+"""Each command's name, and the module where it is the value of `COMMANDS`."""
+
+
+class _Program(click.Group):
+    """The group of all commands."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        return _command(name) if name in _COMMANDS else None
+
+    def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
+        ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
+        with guarded():
+            if ours[:1] == ["serve"]:
+                ours, theirs = with_parameters(ours, theirs, _command("serve"))
+            return super().main(ours, *rest, obj=theirs, **more)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
+            sys.exit(INTERRUPTED)
+
+
+def _command(name: str) -> click.Command:
+    command: click.Command = import_module(_COMMANDS[name]).COMMANDS[name]
+    return command
+
+
+@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="rise-engine")
+def main() -> None:
+    """Check and run human-robot interaction scenarios, without a screen."""

@@ -1,0 +1,154 @@
+"""The commands about scenarios and robots: check, eval, new, schema, robots, doctor."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from rise_engine import exit_status
+from rise_engine.bridge import Transport, Wire
+from rise_engine.cli.arguments import exit_with_usage, number, require_folder
+from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, MODE, ROBOT, ROS
+from rise_engine.reports import (
+    UnusableMemoryError,
+    check_report,
+    doctor_report,
+    eval_report,
+    functions_report,
+    new_report,
+    read_memory,
+    robots_report,
+    schema_text,
+    studies_report,
+)
+from rise_engine.terminal import write_xml
+
+
+class _ExpressionCommand(click.Command):
+    """Takes `-1`, `-n` and `-2^2` as an expression. Only `--word`, and `-h`, are options."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        takes_value = {
+            name: not parameter.is_flag
+            for parameter in self.get_params(ctx)
+            if isinstance(parameter, click.Option)
+            for name in parameter.opts
+        }
+        options: list[str] = []
+        expressions: list[str] = []
+        rest = iter(args)
+        for arg in rest:
+            if arg == "--":
+                expressions += rest
+            elif arg in takes_value:
+                options.append(arg)
+                if takes_value[arg]:
+                    options += [each for each in (next(rest, None),) if each is not None]
+            elif arg.startswith("--") and arg[2:3].isalpha():
+                options.append(arg)  # with `=value`, or one that does not exist: click says so, and names the nearest
+            else:
+                expressions.append(arg)
+        return super().parse_args(ctx, [*options, "--", *expressions])
+
+
+@click.command()
+@FOLDER
+@JSON
+@click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
+@ROBOT
+@MODE
+def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode: str | None) -> None:
+    """Say everything that is wrong with the scenario in DIR.
+
+    Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
+    """
+    folder = require_folder(folder)
+    sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
+
+
+@click.command("eval", cls=_ExpressionCommand)
+@click.argument("expression", required=False)
+@click.option("--functions", is_flag=True, help="List the functions: what each takes and gives, with an example.")
+@click.option(
+    "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
+)
+@JSON
+def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool) -> None:
+    """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
+
+    Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
+    """
+    if functions:
+        sys.exit(functions_report(as_json=as_json))
+    if expression is None:
+        exit_with_usage("write an expression, in quotation marks: rise-engine eval '2 + 3' (or --functions)")
+    try:
+        values = read_memory(memory)
+    except UnusableMemoryError as error:
+        exit_with_usage(f"--memory: {error}")
+    sys.exit(eval_report(expression, values, as_json=as_json))
+
+
+@click.command()
+@FOLDER_OR_NONE
+@click.option("--from", "study", metavar="NAME", help="The shipped study that is copied.")
+@click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
+def new(folder: str | None, study: str | None, listing: bool) -> None:
+    """Make a study of your own in DIR, a new or empty folder, from one that comes with the program.
+
+    Exit status: 0; 1 when it could not be made; 2 wrong usage.
+    """
+    if listing:
+        sys.exit(studies_report())
+    if folder is None or study is None:
+        exit_with_usage("say where and from what, as in: rise-engine new my-study --from lablinking (--list shows all)")
+    sys.exit(new_report(folder, study))
+
+
+@click.command()
+@FOLDER_OR_NONE
+@click.option("--kind", type=click.Choice(["cra", "rules"]), required=True, help="Acts, or interaction rules.")
+@ROBOT
+def schema(folder: str | None, kind: str, robot: str | None) -> None:
+    """Print the RELAX NG schema of act or rule files, for an editor that completes and checks them.
+
+    With DIR, it knows the actions of that scenario and its robot too.
+    """
+    if folder is not None:
+        folder = require_folder(folder)
+    text = schema_text(folder, kind, robot)
+    if text is None:
+        sys.exit(exit_status.REFUSED)
+    write_xml(text.rstrip("\n"))
+
+
+@click.command()
+@FOLDER_OR_NONE
+@JSON
+def robots(folder: str | None, as_json: bool) -> None:
+    """List the robots that a scenario can name, where each comes from and what it can do."""
+    if folder is not None:
+        folder = require_folder(folder)
+    sys.exit(robots_report(folder, as_json=as_json))
+
+
+@click.command()
+@FOLDER_OR_NONE
+@ROBOT
+@ROS
+@click.option("--seconds", metavar="N", default="3", help="How long to look for the robot at most. Default: 3.")
+@JSON
+def doctor(folder: str | None, robot: str | None, ros: Transport, seconds: str, as_json: bool) -> None:
+    """Say how ROS 2 stands on this machine, and whether the robot answers: of the scenario in DIR, or --robot.
+
+    Nothing is sent to the robot. Exit status: 0; 1 when something is in the way; 2 when there is no such robot.
+    """
+    if folder is not None:
+        folder = require_folder(folder)
+    patience = number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
+    wire = Wire(ros, click.get_current_context().obj)
+    sys.exit(doctor_report(folder, robot=robot, wire=wire, seconds=patience, as_json=as_json))
+
+
+COMMANDS = {"check": check, "doctor": doctor, "eval": evaluate, "new": new, "robots": robots, "schema": schema}

@@ -1,0 +1,268 @@
+"""The commands about sessions: run, serve, sessions, stop, replay, export."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any, Literal
+
+import click
+from msgspec.structs import replace
+
+from rise_engine import exit_status
+from rise_engine.bridge import BridgeError, Transport, Wire
+from rise_engine.cli.arguments import (
+    UnusableError,
+    exit_with_usage,
+    first_tasks,
+    number,
+    places_of,
+    require_folder,
+    script_of,
+)
+from rise_engine.cli.options import FOLDER, JSON, SESSION, begin_options, session_options
+from rise_engine.cli.startup_messages import print_startup
+from rise_engine.link.reports import sessions_report, stop_session
+from rise_engine.reports import load_or_refuse
+from rise_engine.robots import DriverError, RobotOptionsError
+from rise_engine.run import RunOptions
+from rise_engine.run import run as run_session
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study import condition_problem
+from rise_engine.serve import serve as serve_session
+from rise_engine.session.reports import export_report, play_report, replay_report
+from rise_engine.session_options import SessionOptions
+
+LATEST = 30 * 86_400.0
+"""Seconds: the latest --until."""
+FASTEST = 1e6
+"""The highest --speed; beyond it there is `max`."""
+
+
+@click.command()
+@FOLDER
+@begin_options
+@click.option("--tasks", metavar="FILE|-", help="Tasks, one JSON object per line; - is standard input.")
+@click.option("--speed", metavar="N|max", default="1", help="How many times faster; max: virtual time.")
+@click.option(
+    "--until",
+    metavar="idle|SECONDS",
+    default="idle",
+    help="When to end; idle: when nothing happens by itself any more.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="For everything picked at random. Default: 0.")
+@session_options
+@click.option("--json", "as_json", is_flag=True, help="Print the records, one JSON object per line.")
+@click.option("--strict", is_flag=True, help="Exit with 3 when a task was rejected or aborted.")
+def run(
+    folder: str,
+    settings: tuple[str, ...],
+    rules: tuple[str, ...],
+    acts: tuple[str, ...],
+    tasks: str | None,
+    speed: str,
+    until: str,
+    as_json: bool,
+    strict: bool,
+    **session: Any,
+) -> None:
+    """Run the scenario in DIR without a screen.
+
+    First every --set, then every --rule, every --act, and the tasks by their time.
+
+    \b
+    What --fault understands (simulated robot only; @N: only the N-th of that action):
+      Speech=reject  Speech=fail  Speech=fail@2  LookAt=slow:3  Speech=hang
+      vanish@12.5    vanish@12.5-20
+
+    Exit status: 0; 1 scenario refused; 2 wrong usage; 3 with --strict, a task was rejected or aborted; 4 it would never
+    have ended; 130 interrupted.
+    """
+    virtual = speed == "max"
+    pace = 1.0
+    if not virtual:
+        pace = number("--speed", speed, "a number above 0, up to 1000000, or max", FASTEST, least_excluded=True)
+    elif session["ros"] in ("rclpy", "dds"):
+        exit_with_usage(f"--ros {session['ros']} needs real time, and --speed max is virtual time")
+    end = None
+    if until != "idle":
+        end = number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", LATEST)
+    options = _options(require_folder(folder), speed=pace, **session)
+    try:
+        scenario = _load(options)
+        options = replace(options, first=first_tasks(scenario, settings, rules, acts))
+        if problem := condition_problem(scenario, options.condition):
+            raise UnusableError(f"error: --condition: {problem}")
+        script, stream = script_of(tasks, virtual=virtual)
+        plan = RunOptions(scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict)
+        sys.exit(run_session(plan))
+    except BridgeError as error:
+        for line in error.lines:
+            click.echo(f"error: {line}", err=True)
+        sys.exit(exit_status.REFUSED)
+    except DriverError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(exit_status.REFUSED)
+    except RobotOptionsError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(exit_status.USAGE)
+    except UnusableError as error:
+        click.echo(str(error), err=True)
+        sys.exit(exit_status.USAGE)
+
+
+@click.command()
+@FOLDER
+@click.option("--name", metavar="NAME", help="Of the session's socket; without it, made from DIR.")
+@begin_options
+@click.option("--recover", is_flag=True, help="Go on with the latest session of DIR that did not end, if there is one.")
+@click.option("--session", "which", metavar="SESSION", help="Go on with this session.")
+@click.option(
+    "--here",
+    is_flag=True,
+    help="Go on also with one that another computer had last, where nobody can see whether it still has.",
+)
+@click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
+@click.option("--speed", metavar="N", default="1", help="How many times faster.")
+@click.option("--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one.")
+@session_options
+@click.option(
+    "--place",
+    "places",
+    metavar="KIND=PATH",
+    multiple=True,
+    help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
+)
+def serve(
+    folder: str,
+    name: str | None,
+    settings: tuple[str, ...],
+    rules: tuple[str, ...],
+    acts: tuple[str, ...],
+    recover: bool,
+    which: str | None,
+    here: bool,
+    new: bool,
+    speed: str,
+    places: tuple[str, ...],
+    **session: Any,
+) -> None:
+    """Run a session of the scenario in DIR, for consoles to attach to (`rise-tui`). It needs no terminal.
+
+    It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT: first the robot stops.
+
+    Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
+    end: say --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
+    """
+    pace = number("--speed", speed, "a number above 0, up to 1000000", FASTEST, least_excluded=True)
+    if (recover or which is not None) and new:
+        exit_with_usage("say either --recover or --new")
+    folder = require_folder(folder)
+    if here and not recover and which is None:
+        exit_with_usage("--here goes with --recover or --session")
+    options = replace(
+        _options(folder, speed=pace, **session),
+        places=places_of(places),
+        name=name,
+        unfinished=which or ("recover" if recover else "new" if new else "ask"),
+        here=here,
+    )
+    if settings or rules or acts:
+        scenario = _load(options)
+        try:
+            options = replace(options, first=first_tasks(scenario, settings, rules, acts))
+        except UnusableError as error:
+            click.echo(str(error), err=True)
+            sys.exit(exit_status.USAGE)
+    sys.exit(serve_session(options, lambda word: print_startup(word, folder)))
+
+
+def _options(
+    folder: str,
+    *,
+    robot: str | None,
+    mode: str | None,
+    seed: int | None,
+    speed: float,
+    faults: tuple[str, ...],
+    participant: str,
+    condition: str,
+    ros: Transport,
+) -> SessionOptions:
+    return SessionOptions(
+        folder,
+        robot,
+        mode,
+        seed,
+        speed,
+        faults,
+        wire=Wire(ros, click.get_current_context().obj),
+        participant=participant,
+        condition=condition,
+    )
+
+
+def _load(options: SessionOptions) -> Scenario:
+    """The scenario; ends the program when it has errors."""
+    scenario = load_or_refuse(options.folder, robot=options.robot, mode=options.mode)
+    if scenario is None:
+        sys.exit(exit_status.REFUSED)
+    return scenario
+
+
+@click.command()
+@JSON
+def sessions(as_json: bool) -> None:
+    """List the sessions that run on this machine."""
+    sys.exit(sessions_report(as_json=as_json))
+
+
+@click.command()
+@click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
+def stop(which: str | None) -> None:
+    """End a running session: the robot is stopped, the record is completed.
+
+    Without an argument, the only one that runs. Exit status: 0 it has ended; 1 there is no such session, or several.
+    """
+    sys.exit(stop_session(which))
+
+
+@click.command("replay")
+@SESSION
+@click.option("--scenario", metavar="DIR", type=click.Path(), help="Another scenario than the session's own copy.")
+@JSON
+@click.option("--speed", metavar="N", help="Play it in real time, N times as fast, into a console.")
+def replay_session(session: str, scenario: str | None, as_json: bool, speed: str | None) -> None:
+    """Feed the inputs of SESSION to a fresh engine, and compare what comes out with what was recorded.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
+
+    With --speed it is not compared but played: into a console (rise-tui --replay), or as a readable account where
+    standard output is no terminal.
+
+    Exit status: 0 identical; 1 different; 2 when it cannot be read.
+    """
+    if speed is not None:
+        if scenario is not None or as_json:
+            exit_with_usage("--speed plays what was recorded: it goes with neither --scenario nor --json")
+        pace = number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
+        sys.exit(play_report(session, pace))
+    if scenario is not None:
+        scenario = require_folder(scenario)
+    sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
+
+
+@click.command()
+@SESSION
+@click.option("--format", type=click.Choice(["csv", "jsonl"]), required=True, help="A table, or one JSON per record.")
+@click.option("-o", "--output", metavar="FILE", type=click.Path(), help="A new file. Default: standard output.")
+def export(session: str, format: Literal["csv", "jsonl"], output: str | None) -> None:
+    """Write the records of SESSION, for analysis. Also of one that is running, torn or damaged.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
+
+    Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
+    """
+    sys.exit(export_report(session, format, output))
+
+
+COMMANDS = {"export": export, "replay": replay_session, "run": run, "serve": serve, "sessions": sessions, "stop": stop}
