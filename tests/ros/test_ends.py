@@ -437,7 +437,9 @@ class Lab:
             (share / "lab_msgs" / name).parent.mkdir(parents=True, exist_ok=True)
             (share / "lab_msgs" / name).write_text(text, "utf-8")
         (folder / "robots").mkdir()
-        (folder / "robots/tin.toml").write_text(f'{robot}\n[options]\nshare = ["{share}"]\ndeadlines.server = 0.5\n')
+        (folder / "robots/tin.toml").write_text(
+            f'{robot}\n[options]\nshare = ["{share}"]\ndeadlines.server = 0.5\ndeadlines.acceptance = 20\n'
+        )
         (folder / "acts").mkdir()
         (folder / "acts/a.xml").write_text(
             '<Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog>', "utf-8"
