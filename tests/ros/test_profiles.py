@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rise_adapters import robots
-from rise_adapters.ros2.carriers import Carrier, read_carriers
 from rise_adapters.ros2.carriers.fields import field_type
+from rise_adapters.ros2.mapping import Carrier, read_carriers
 from rise_adapters.ros2.types import Types
 
 from rise_engine.scenario.findings import Findings

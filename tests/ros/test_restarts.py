@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rise_adapters.ros2.action_client import CANCELED, CANCELING, EXECUTING
-from rise_adapters.ros2.robot.goals import LOOK_AGAIN
+from rise_adapters.ros2.robot.cancellation import RETRY_SECONDS
 
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.bench import SPEECH, Bench
@@ -234,7 +234,7 @@ def test_a_goal_that_cancel_everything_stops_is_not_called_refused(answer: str) 
 
     service.asked = racing  # type: ignore[misc]
     bench.stop_all()
-    bench.run(2 + LOOK_AGAIN * 3)
+    bench.run(2 + RETRY_SECONDS * 3)
     assert bench.stops()[-1].confirmed == BOTH
     assert bench.ending("2/1") == "canceled"
     assert bench.notes() == []

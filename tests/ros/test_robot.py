@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.carriers import read_carriers
+from rise_adapters.ros2.mapping import read_carriers
 from rise_adapters.ros2.robot import Ros2Robot
-from rise_adapters.ros2.robot.parts import labels
+from rise_adapters.ros2.robot.endpoints import short_labels
 
 from rise_engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
@@ -315,12 +315,12 @@ def test_two_actions_with_one_server_share_it() -> None:
 
 
 def test_labels_are_short_and_never_the_same() -> None:
-    assert labels("nao", ["/nao/rise/speech", "/nao/rise/look_at"]) == {
+    assert short_labels("nao", ["/nao/rise/speech", "/nao/rise/look_at"]) == {
         "/nao/rise/speech": "nao/speech",
         "/nao/rise/look_at": "nao/look_at",
     }
-    assert labels("nao", ["/a/say", "/b/say"]) == {"/a/say": "nao/a/say", "/b/say": "nao/b/say"}
-    assert labels("nao", ["/say", "/b/say"]) == {"/say": "nao/say", "/b/say": "nao/b/say"}
+    assert short_labels("nao", ["/a/say", "/b/say"]) == {"/a/say": "nao/a/say", "/b/say": "nao/b/say"}
+    assert short_labels("nao", ["/say", "/b/say"]) == {"/say": "nao/say", "/b/say": "nao/b/say"}
 
 
 def test_what_is_remembered_has_bounds() -> None:

@@ -7,16 +7,26 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from socket import AF_INET, SOCK_DGRAM, socket
+from types import ModuleType
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.action_server import RESULT_TIMEOUT
-from rise_adapters.ros2.carriers import Carrier, Options, read_carriers, read_options
+from msgspec.structs import replace
+from rise_adapters.ros2.actions.server import RESULT_TIMEOUT
+from rise_adapters.ros2.mapping import Carrier, Options, read_carriers, read_options
 from rise_adapters.ros2.types import Types
 
+from rise_engine.clock import VirtualClock
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
+from rise_engine.robot import Driver, RobotReport
 from rise_engine.scenario import Loaded, load
+from rise_engine.scenario.findings import Findings
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import call_parameters, convert
+from rise_engine.scenario.robots import read_profile
+from rise_engine.scenario.source import Files
 from tests.ros.layouts import LAYOUTS, looked_up
 from tests.scenario.folders import folder
 from tests.scenarios.played import Played, process
@@ -98,6 +108,60 @@ def test_add_a_robot(tmp_path: Path) -> None:
 
     refused = load(study, robot="bella")
     assert [finding.code for finding in refused.findings] == ["robot-cannot", "robot-cannot"]
+
+
+def test_the_driver_of_add_a_robot(tmp_path: Path) -> None:
+    """The whole example, against a lamp that is a socket: what it is sent, and what it reports."""
+    page = write_files("add-a-robot.md", tmp_path)
+    code = next(block["content"] for block in BLOCKS.finditer(page) if "class Lamp" in block["content"])
+    packaging = next(block["content"] for block in BLOCKS.finditer(page) if "rise.drivers" in block["content"])
+    assert tomllib.loads(packaging)["project"]["entry-points"]["rise.drivers"] == {"lamp": "lamp:Lamp"}
+    lamp = ModuleType("lamp")
+    exec(compile(code, "lamp.py", "exec"), lamp.__dict__)
+    findings = Findings()
+    profile = read_profile(tmp_path / "my-study/robots/lamp.toml", "lamp", Files(tmp_path, findings))
+    assert profile.driver == "lamp" and not findings.errors
+    with pytest.raises(ValueError, match="number of the lamp's UDP port"):
+        lamp.Lamp(replace(profile, options={}), VirtualClock(), 1)
+
+    with socket(AF_INET, SOCK_DGRAM) as bulb:
+        bulb.bind(("127.0.0.1", 0))
+        bulb.settimeout(10)
+        clock = VirtualClock()
+        driver: Driver = lamp.Lamp
+        robot = driver(replace(profile, options={"port": bulb.getsockname()[1]}), clock, 1)
+        reports: list[RobotReport] = []
+        robot.connect(reports.append)
+        assert reports == [RobotChanged(status="connected", detail=f"Lamp at 127.0.0.1:{bulb.getsockname()[1]}")]
+        del reports[:]
+
+        robot.start(StartAction("1/1", "Emotion", {"value": "happy"}, 2.0))
+        assert bulb.recv(100) == b"yellow"
+        while clock.next_at is not None:
+            clock.advance()
+        assert clock.now() == 2.0 and bulb.recv(100) == b"off"
+        robot.start(StartAction("2/1", "Emotion", {"value": "bored"}, 2.0))
+        robot.start(StartAction("3/1", "Emotion", {"value": "sad"}, 2.0))
+        robot.cancel("3/1")
+        robot.cancel("3/1")
+        robot.start(StartAction("4/1", "Emotion", {"value": "angry"}, 2.0))
+        robot.stop_all()
+        assert [bulb.recv(100) for _ in range(4)] == [b"blue", b"off", b"red", b"off"]
+        told = [(each.action, each.status, each.reason) for each in reports if isinstance(each, ActionReport)]
+        assert told == [
+            ("1/1", "accepted", ""),
+            ("1/1", "succeeded", ""),
+            ("2/1", "failed", "no colour stands for bored"),
+            ("3/1", "accepted", ""),
+            ("3/1", "canceled", ""),
+            ("4/1", "accepted", ""),
+            ("4/1", "canceled", ""),
+        ]
+        assert reports[-1] == StopReport(unconfirmed=("lamp (it gives no answer)",))
+        before = len(reports)
+        robot.start(StartAction("5/1", "Emotion", {"value": "sad"}, 2.0))
+        robot.close()
+        assert [each.status for each in reports[before:] if isinstance(each, ActionReport)] == ["accepted"]
 
 
 def test_the_commands_of_add_a_robot(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.action_client import ABORTED, CANCEL_NONE, CANCELED, SUCCEEDED, ActionClient, CancelAnswer
-from rise_adapters.ros2.carriers import read_carriers, written_out
+from rise_adapters.ros2.mapping import read_carriers, written_out
 from rise_adapters.ros2.nodes.goal_reader import GoalReader
 from rise_adapters.ros2.nodes.running import NodeError
 from rise_adapters.ros2.nodes.simulated_robot import SimulatedRobot, find_robot

@@ -70,9 +70,9 @@ class ActionClient:
         """When a sign of life came last from the server: any answer, feedback or status."""
         self.statuses: dict[bytes, int] = {}
         """What the server said last about each goal that it knows, also about those of others."""
-        self.on_feedback: Callable[[bytes, Message], None] = _nothing
+        self.on_feedback: Callable[[bytes, Message], None] = _ignore
         """Called with the goal's id and the action's feedback."""
-        self.on_status: Callable[[Mapping[bytes, int]], None] = _nothing
+        self.on_status: Callable[[Mapping[bytes, int]], None] = _ignore
         """Called with `statuses` when the server has published it."""
         self._now = now
         types = action_types(type)
@@ -93,7 +93,7 @@ class ActionClient:
         """Send a goal under an id of our own (16 bytes); `answered` hears whether it was accepted. Raises PortError."""
 
         def answer(reply: Message) -> None:
-            self._live()
+            self._note_sign_of_life()
             answered(bool(reply["accepted"]))
 
         self._send.call({"goal_id": {"uuid": goal}, "goal": fields}, answer)
@@ -105,7 +105,7 @@ class ActionClient:
         """
 
         def answer(reply: Message) -> None:
-            self._live()
+            self._note_sign_of_life()
             ended(int(reply["status"]), reply["result"])
 
         self._result.call({"goal_id": {"uuid": goal}}, answer)
@@ -114,7 +114,7 @@ class ActionClient:
         """Ask the server to stop one goal, whether or not it was accepted. Raises PortError."""
 
         def answer(reply: Message) -> None:
-            self._live()
+            self._note_sign_of_life()
             stopping = tuple(bytes(each["goal_id"]["uuid"]) for each in reply["goals_canceling"])
             answered(CancelAnswer(int(reply["return_code"]), stopping))
 
@@ -138,19 +138,19 @@ class ActionClient:
             part.close()
 
     def _take_feedback(self, message: Message) -> None:
-        self._live()
+        self._note_sign_of_life()
         self.on_feedback(bytes(message["goal_id"]["uuid"]), message["feedback"])
 
     def _take_status(self, message: Message) -> None:
-        self._live()
+        self._note_sign_of_life()
         self.statuses = {
             bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]
         }
         self.on_status(self.statuses)
 
-    def _live(self) -> None:
+    def _note_sign_of_life(self) -> None:
         self.heard = self._now()
 
 
-def _nothing(*news: object) -> None:
+def _ignore(*arguments: object) -> None:
     """Nobody listens."""

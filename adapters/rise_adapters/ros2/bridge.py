@@ -1,22 +1,21 @@
-"""The session's one connection to ROS 2: its robot, and its face to other nodes (`rise_engine.bridge.Bridge`)."""
+"""The session's one connection to ROS 2: its robot, and what it shows to other nodes (`rise_engine.bridge.Bridge`)."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.carriers import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
 from rise_adapters.ros2.carriers.fields import Fields
 from rise_adapters.ros2.choose import available, open_transport
-from rise_adapters.ros2.face import Face
+from rise_adapters.ros2.mapping import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
 from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
 from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
 from rise_adapters.ros2.port import PortError, Transport
 from rise_adapters.ros2.robot import Ros2Robot
+from rise_adapters.ros2.session_node import RosSessionInterface
 from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 from rise_engine.bridge import BridgeError, Wire
 from rise_engine.kernel.inputs import Note
@@ -28,12 +27,9 @@ _LOG = logging.getLogger(__name__)
 
 WATCH_SECONDS = 0.5
 """How often it is looked whether the connection still stands."""
-SWITCH_SECONDS = 0.0001
-"""For which a thread that waits for Python's lock lets another one go on. A wizard's key changes threads three times
-(loop, journal, loop), and Python's own 5 ms would add up while the transport's thread takes a burst of messages."""
 NODE = "rise"
 """What the engine's node is called, unless `__node` says otherwise."""
-FACE_TYPES = (
+INTERFACE_TYPES = (
     "rise_interfaces/action/DomainTask_Goal",
     "rise_interfaces/srv/GetMemory_Request",
     "rise_interfaces/msg/Record",
@@ -48,54 +44,54 @@ class Ros2Bridge:
         self,
         transport: Transport,
         profile: RobotProfile | None,
-        carriers: Mapping[str, Carrier],
+        mappings: Mapping[str, Carrier],
         neighbours: Neighbours,
-        again: Callable[[], Awaitable[Transport]],
+        reconnect: Callable[[], Awaitable[Transport]],
         *,
         rosout: bool = True,
     ) -> None:
-        """`again` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
+        """`reconnect` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
         whether what happens is told on /rosout, too."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
-        self._carriers = carriers
+        self._mappings = mappings
         self._neighbours = neighbours
-        self._again = again
+        self._reconnect = reconnect
         self._rosout = rosout
         self._robot: Ros2Robot | None = None
         self._room: Room | None = None
-        self._face: Face | None = None
-        self._watching = asyncio.get_running_loop().create_task(self._watch())
+        self._interface: RosSessionInterface | None = None
+        self._watching = asyncio.get_running_loop().create_task(self._watch_connection())
 
     def robot(self, clock: Clock) -> Robot:
         assert self._profile is not None, "the bridge was opened without a robot"
-        self._robot = Ros2Robot(self._profile, clock, self._transport, self._carriers)
+        self._robot = Ros2Robot(self._profile, clock, self._transport, self._mappings)
         return self._robot
 
     def join(self, room: Room) -> None:
         self._room = room
-        self._show(self._neighbours)
+        self._open_interface(self._neighbours)
 
-    def _show(self, neighbours: Neighbours) -> None:
+    def _open_interface(self, neighbours: Neighbours) -> None:
         assert self._room is not None
         self._neighbours = neighbours
-        self._face = Face(self._transport, self._room, neighbours, rosout=self._rosout)
+        self._interface = RosSessionInterface(self._transport, self._room, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(settings_of, self._room))
-        neighbours.met = self._met
+        neighbours.met = self._note_other_session
         neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
 
-    def _met(self, other: Session) -> None:
+    def _note_other_session(self, other: Session) -> None:
         self._note(meeting(other))
 
     async def close(self) -> None:
         self._watching.cancel()
         self._neighbours.close()
-        if self._face is not None:
-            await self._face.close()
+        if self._interface is not None:
+            await self._interface.close()
         self._transport.close()
 
-    async def _watch(self) -> None:
+    async def _watch_connection(self) -> None:
         """A middleware that was shut down under the session is started again; the robot has noticed by itself."""
         said = ""
         while True:
@@ -107,22 +103,22 @@ class Ros2Bridge:
                 self._note(f"the connection to ROS is lost: {why}")
                 said = why
             try:
-                fresh = await self._again()
+                fresh = await self._reconnect()
             except BridgeError as error:
                 if str(error) != said:
                     said = str(error)
                     self._note(f"the connection to ROS cannot be made anew yet: {said}")
                 continue
             said = ""
-            face, self._face = self._face, None
-            if face is not None:
-                await face.close()
+            interface, self._interface = self._interface, None
+            if interface is not None:
+                await interface.close()
             before, self._transport = self._transport, fresh
             try:
                 if self._robot is not None:
                     self._robot.use(fresh)
                 if self._room is not None and not self._room.engine.ended:
-                    self._show(Neighbours(fresh, self._neighbours.me))
+                    self._open_interface(Neighbours(fresh, self._neighbours.me))
                 self._note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
                 self._note(f"the new connection to ROS cannot be used: {error}")
@@ -150,12 +146,11 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
         return open_transport(wire.transport, arguments, node=NODE, share=share)
 
     transport = await connect()
-    sys.setswitchinterval(SWITCH_SECONDS)
     try:
         neighbours = Neighbours(transport)
-        for type in FACE_TYPES:
+        for type in INTERFACE_TYPES:
             transport.fields(type)
-        carriers = read_carriers(profile, transport.fields) if profile is not None else {}
+        mappings = read_carriers(profile, transport.fields) if profile is not None else {}
         other = await neighbours.ask()
         if other is not None:
             neighbours.close()
@@ -170,7 +165,7 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
         transport.close()
         raise
     rosout = "--disable-rosout-logs" not in arguments
-    return Ros2Bridge(transport, profile, carriers, neighbours, connect, rosout=rosout)
+    return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
 
 
 def settings_of(room: Room) -> dict[str, Setting]:
@@ -206,7 +201,7 @@ def check_profile(profile: RobotProfile) -> list[str]:
     """What is wrong with a profile, as far as that shows without a connection (`rise-engine check` in real mode): the
     same that a session, which takes the types from where the check takes them, is refused for."""
     try:
-        fields = _fields(read_options(profile).share)
+        fields = _field_reader(read_options(profile).share)
     except CarrierErrors:
         return profile_findings(profile)
     except PortError as error:
@@ -214,21 +209,13 @@ def check_profile(profile: RobotProfile) -> list[str]:
     return profile_findings(profile, fields)
 
 
-def _fields(share: Sequence[str]) -> Fields | None:
+def _field_reader(share: Sequence[str]) -> Fields | None:
     """The types as the transport has them that a session would use here; None: there is none."""
     missing = available()
     if not missing["rclpy"]:
         return InstalledTypes().fields
     if missing["dds"]:
         return None
-    from rise_adapters.ros2.types import Types
+    from rise_adapters.ros2.types import Types  # needs rosbags, which is an extra
 
     return Types(share).fields
-
-
-def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:
-    """What `rise-engine doctor` prints, and its exit status."""
-    from rise_adapters.ros2.doctor import document, examine, status, text
-
-    found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
-    return (document(found) + "\n" if as_json else text(found)), status(found)

@@ -31,8 +31,8 @@ LISTEN = 1.0
 """Seconds for which others are listened for; to find each other takes programs on one network some hundredths."""
 LISTEN_ON = 1.0
 """Seconds more, when there is another one that has not said anything yet."""
-_LOOK = 0.02
-_LONGEST = 100
+_POLL_SECONDS = 0.02
+_MAX_CHARACTERS = 100
 _LOG = logging.getLogger(__name__)
 
 State = Literal["asking", "serving", "over"]
@@ -52,7 +52,7 @@ class Session(Struct, frozen=True, omit_defaults=True):
     pid: int = 0
 
     def __str__(self) -> str:
-        title, folder, node, host = map(_shown, (self.title, self.folder, self.node, self.host))
+        title, folder, node, host = map(_printable, (self.title, self.folder, self.node, self.host))
         what = " ".join(filter(None, [title and f"“{title}”", folder and f"({folder})"]))
         return f"{what or 'a session'}, node {node} on {host}, process {self.pid}"
 
@@ -67,7 +67,7 @@ class Neighbours:
 
     def __init__(self, transport: Transport, me: Session | None = None) -> None:
         """`me`: as it was known on a connection before this one. Raises PortError."""
-        self.met: Callable[[Session], object] = _nobody
+        self.met: Callable[[Session], object] = _ignore
         """Called with a session that appears while this one is serving."""
         self.me = me or Session(uuid4().hex, time_ns(), "asking", host=socket.gethostname(), pid=os.getpid())
         self.me = msgspec.structs.replace(self.me, node=transport.node)
@@ -76,8 +76,8 @@ class Neighbours:
         qos = QoS(depth=1, latched=True)
         self._publisher = transport.publisher(TOPIC, TYPE, qos)
         # As deep as there may be others: of each the latest counts.
-        self._subscription = transport.subscribe(TOPIC, TYPE, self._hear, QoS(depth=20, latched=True))
-        self._say()
+        self._subscription = transport.subscribe(TOPIC, TYPE, self._take_announcement, QoS(depth=20, latched=True))
+        self._announce()
 
     @property
     def others(self) -> list[Session]:
@@ -89,36 +89,36 @@ class Neighbours:
         loop = asyncio.get_running_loop()
         until = loop.time() + LISTEN
         at_most = until + LISTEN_ON
-        while loop.time() < (at_most if self._silent() else until):  # noqa: ASYNC110  # a graph tells nobody of changes
-            await asyncio.sleep(_LOOK)
+        while loop.time() < (at_most if self._is_someone_silent() else until):  # noqa: ASYNC110  # a graph tells nobody of changes
+            await asyncio.sleep(_POLL_SECONDS)
         first = min([self.me, *self._others.values()], key=lambda each: each.rank)
         return None if first is self.me else first
 
     def serve(self, title: str, folder: str) -> None:
         """From now on the names are this session's."""
         self.me = msgspec.structs.replace(self.me, state="serving", title=title, folder=folder)
-        self._say()
+        self._announce()
         for other in self.others:
             self.met(other)
 
     def close(self) -> None:
         """Leave the names to others."""
         self.me = msgspec.structs.replace(self.me, state="over")
-        self._say()
+        self._announce()
         for handle in (self._publisher, self._subscription):
             handle.close()
 
-    def _silent(self) -> bool:
+    def _is_someone_silent(self) -> bool:
         """Whether there are more who may speak than have."""
         return len(self._transport.publisher_ends(TOPIC)) > len(self._others)
 
-    def _say(self) -> None:
+    def _announce(self) -> None:
         try:
             self._publisher.publish({"data": msgspec.json.encode(self.me).decode()})
         except PortError as error:
             _LOG.warning("other sessions cannot be told of this one: %s", error)
 
-    def _hear(self, message: Message) -> None:
+    def _take_announcement(self, message: Message) -> None:
         try:
             other = msgspec.json.decode(message["data"], type=Session)
         except (msgspec.MsgspecError, RecursionError):
@@ -153,10 +153,10 @@ def meeting(other: Session) -> str:
     )
 
 
-def _shown(text: str) -> str:
+def _printable(text: str) -> str:
     """What others say of themselves, fit for a line on a screen."""
-    return "".join(letter for letter in text if letter.isprintable())[:_LONGEST]
+    return "".join(letter for letter in text if letter.isprintable())[:_MAX_CHARACTERS]
 
 
-def _nobody(other: Session) -> None:
+def _ignore(other: Session) -> None:
     """Nobody wants to know."""

@@ -25,7 +25,7 @@ _TICK = 0.001
 """Seconds that keep two reports about one goal apart, so that their order never depends on a tie."""
 
 
-class _Goal:
+class _SimulatedGoal:
     """One goal that runs."""
 
     def __init__(self, action_type: str, hangs: bool) -> None:
@@ -54,10 +54,10 @@ class SimulatedRobot:
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
         self._vanishes = [fault for fault in parsed if isinstance(fault, Vanish)]
-        self._goals: dict[str, _Goal] = {}
+        self._goals: dict[str, _SimulatedGoal] = {}
         self._counts: Counter[str] = Counter()
         self._links_down = 0
-        self._report: Report = _nobody
+        self._report: Report = _ignore
         self._timers: list[Timer] = []
         self._seen: float | None = None
 
@@ -77,22 +77,22 @@ class SimulatedRobot:
     def connect(self, report: Report) -> None:
         self._report = report
         for vanish in self._vanishes:
-            self._timers.append(self._clock.call_at(vanish.at, partial(self._lose, vanish)))
+            self._timers.append(self._clock.call_at(vanish.at, partial(self._cut_link, vanish)))
             if vanish.back is not None:
-                self._timers.append(self._clock.call_at(vanish.back, self._return))
+                self._timers.append(self._clock.call_at(vanish.back, self._restore_link))
         if not self._links_down:
-            report(RobotChanged(status="connected", detail=self._detail()))
+            report(RobotChanged(status="connected", detail=self._describe_link()))
 
     def start(self, goal: StartAction) -> None:
         self._counts[goal.type] += 1
-        fault = self._fault(goal.type)
+        fault = self._next_fault(goal.type)
         seconds = goal.expected
         if self._variation:
             seconds *= 1 + self._random.uniform(-self._variation, self._variation)
         if self._links_down:
-            self._after(self._latency, self._end_unknown, goal.action, "failed", "the robot cannot be reached")
+            self._after(self._latency, self._report_end, goal.action, "failed", "the robot cannot be reached")
             return
-        running = _Goal(goal.type, fault is not None and fault.kind == "hang")
+        running = _SimulatedGoal(goal.type, fault is not None and fault.kind == "hang")
         self._goals[goal.action] = running
         if fault is not None and fault.kind == "reject":
             running.timers.append(
@@ -122,7 +122,7 @@ class SimulatedRobot:
         for action in tuple(self._goals):
             self.cancel(action)
         # After the cancels that it causes or finds under way, so that the answer is true when it is given.
-        self._timers.append(self._after(self._stopping + _TICK, self._answer_stop))
+        self._timers.append(self._after(self._stopping + _TICK, self._report_stop))
 
     def seen(self) -> float | None:
         if not self._links_down:
@@ -130,7 +130,7 @@ class SimulatedRobot:
         return self._seen
 
     def close(self) -> None:
-        self._report = _nobody
+        self._report = _ignore
         for goal in self._goals.values():
             goal.drop_timers()
         self._goals.clear()
@@ -148,12 +148,12 @@ class SimulatedRobot:
 
     def _end(self, action: str, status: str, reason: str) -> None:
         self._goals.pop(action, None)
-        self._end_unknown(action, status, reason)
+        self._report_end(action, status, reason)
 
-    def _end_unknown(self, action: str, status: str, reason: str) -> None:
+    def _report_end(self, action: str, status: str, reason: str) -> None:
         self._report(ActionReport(action=action, status=status, reason=reason))  # type: ignore[arg-type]
 
-    def _answer_stop(self) -> None:
+    def _report_stop(self) -> None:
         silent = {
             f"{self._profile.name}/{channel}"
             for goal in self._goals.values()
@@ -165,23 +165,23 @@ class SimulatedRobot:
         confirmed = tuple(part for part in self.parts if part not in silent)
         self._report(StopReport(confirmed=confirmed, unconfirmed=tuple(sorted(silent))))
 
-    def _lose(self, vanish: Vanish) -> None:
+    def _cut_link(self, vanish: Vanish) -> None:
         self._links_down += 1
         for goal in self._goals.values():
             goal.drop_timers()
         self._goals.clear()
         self._report(RobotChanged(status="lost", detail=f"the link was cut at {vanish.at:g} s (simulated fault)"))
 
-    def _return(self) -> None:
+    def _restore_link(self) -> None:
         self._links_down -= 1
         if not self._links_down:
-            self._report(RobotChanged(status="connected", detail=self._detail()))
+            self._report(RobotChanged(status="connected", detail=self._describe_link()))
 
-    def _fault(self, action: str) -> ActionFault | None:
+    def _next_fault(self, action: str) -> ActionFault | None:
         count = self._counts[action]
         return next((fault for fault in self._faults if fault.hits(action, count)), None)
 
-    def _detail(self) -> str:
+    def _describe_link(self) -> str:
         return f"simulated {self._profile.title}: nothing leaves this machine"
 
 
@@ -203,5 +203,5 @@ def _read_options(profile: RobotProfile) -> dict[str, float]:
     return values
 
 
-def _nobody(report: object) -> None:
+def _ignore(report: object) -> None:
     """Nobody listens before `connect` and after `close`."""

@@ -15,12 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rise_adapters.ros2 import ends
+from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
-from rise_adapters.ros2.carriers import Carrier, Deadlines
+from rise_adapters.ros2.actions.server import ActionServer, Decide
+from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.carriers.fill import Group
 from rise_adapters.ros2.choose import open_transport
+from rise_adapters.ros2.mapping import Carrier, Deadlines
 from rise_adapters.ros2.nodes.hearing import hear
 from rise_adapters.ros2.parameters import ParameterServices, Setting
 from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport
@@ -62,11 +63,11 @@ class Peer:
         return [msgspec.to_builtins(end) for end in listed[what](name)]
 
     def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
-        """What `ends` says about an action."""
+        """What `compatibility` says about an action."""
         made = {part: QoS(**each) for part, each in qos.items()}
         carrier = Carrier("action", name, type, Deadlines(), Group({}), qos=made)
-        found = ends.look(self._transport, carrier)
-        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.all]}
+        found = compatibility.compare(self._transport, carrier)
+        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.misfits]}
 
     def topics(self) -> list[str]:
         return self._transport.topics()

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.carriers.fill import Filling, Group
 from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, Message, QoS
+from rise_engine.errors import RiseError
 
 NO_QOS: Mapping[str, QoS] = {}
 """Nothing but what is usual."""
@@ -45,7 +46,7 @@ class Options(Struct, frozen=True):
     """Folders with the definitions of further interface packages, for the transport without ROS."""
 
 
-class CarrierErrors(ValueError):
+class CarrierErrors(RiseError):
     """What is wrong with a profile's options and carriers: all of it, each a sentence for a person."""
 
     def __init__(self, robot: str, mistakes: list[str]) -> None:
@@ -123,7 +124,7 @@ class Verdict(Struct, frozen=True):
         said = self.said(result)
         if not self.code:
             return said
-        code = _at(result, self.code)
+        code = _field_at(result, self.code)
         if code is None or code == self.ok:
             return ""
         if isinstance(code, bool):
@@ -132,11 +133,11 @@ class Verdict(Struct, frozen=True):
         return f"{means} (error code {code})" if means else f"error code {code}"
 
     def said(self, result: Message) -> str:
-        text = _at(result, self.text) if self.text else None
+        text = _field_at(result, self.text) if self.text else None
         return " ".join(text.split()) if isinstance(text, str) else ""
 
 
-def _at(message: Any, path: tuple[str, ...]) -> Any:
+def _field_at(message: Any, path: tuple[str, ...]) -> Any:
     for name in path:
         message = message.get(name) if isinstance(message, dict) else None
     return message

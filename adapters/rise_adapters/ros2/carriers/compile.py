@@ -51,9 +51,9 @@ class Compiler:
 
     def message(self, table: Mapping[str, Any], type: str, where: str) -> Group:
         """A message out of a table of its fields; of any type when `type` is empty."""
-        return self._group(nested(table, where, self._notes), FieldType(type) if type else None, where)
+        return self._message(nested(table, where, self._notes), FieldType(type) if type else None, where)
 
-    def _group(self, table: Mapping[str, Any], type: FieldType | None, where: str) -> Group:
+    def _message(self, table: Mapping[str, Any], type: FieldType | None, where: str) -> Group:
         fields = self._types.of(type.name) if type is not None else None
         if type is not None and fields is None and (missing := self._types.missing(type.name)):
             self._notes.add(where, f"cannot be checked: {missing}")
@@ -63,18 +63,18 @@ class Compiler:
             if fields is not None and name not in fields:
                 assert type is not None
                 self._notes.add(at, f"is no field of {type.name}{suggestion(name, fields)}")
-            elif (maker := self._maker(value, fields[name] if fields is not None else None, at)) is not None:
+            elif (maker := self._source(value, fields[name] if fields is not None else None, at)) is not None:
                 makers[name] = maker
         return Group(makers)
 
-    def _maker(self, value: Any, type: FieldType | None, where: str) -> Maker | None:
+    def _source(self, value: Any, type: FieldType | None, where: str) -> Maker | None:
         try:
             if isinstance(value, dict):
                 if type is not None and (type.many or type.kind != "message"):
                     raise ValueError(f"takes {what_it_takes(type)}, and not a table of fields")
-                return self._group(value, type, where)
+                return self._message(value, type, where)
             if isinstance(value, list):
-                return self._row(value, type, where)
+                return self._list(value, type, where)
             if type is not None and type.many:
                 raise ValueError(f"takes {what_it_takes(type)}, and {shown(value)} is not")
             if isinstance(value, str):
@@ -86,13 +86,13 @@ class Compiler:
             self._notes.add(where, f"{error}{self._fields_of(type)}")
         return None
 
-    def _row(self, values: list[Any], type: FieldType | None, where: str) -> Maker | None:
+    def _list(self, values: list[Any], type: FieldType | None, where: str) -> Maker | None:
         if type is not None and not type.many:
             raise ValueError(f"takes {what_it_takes(type)}, and not a list")
         if type is not None and not type.least <= len(values) <= (type.most if type.most is not None else len(values)):
             raise ValueError(f"takes {what_it_takes(type)}, and here are {len(values)}")
         item = type.item if type is not None else None
-        made = [self._maker(value, item, f"{where}.{number}") for number, value in enumerate(values)]
+        made = [self._source(value, item, f"{where}.{number}") for number, value in enumerate(values)]
         makers = tuple(maker for maker in made if maker is not None)
         zero = type.zero if type is not None and type.least else NOTHING
         return Row(makers, zero, type is not None and type.as_bytes)
@@ -135,7 +135,7 @@ class Compiler:
         special = special_fallback(slot)
         if special is not None and type is not None and type.kind != "text":
             raise ValueError(f"takes {what_it_takes(type)}, and @{special} is a text")
-        return FromParameter(where, made, self._absent(slot, made, in_text=in_text), special)
+        return FromParameter(where, made, self._value_when_absent(slot, made, in_text=in_text), special)
 
     def _conversion(
         self, parameter: Parameter, type: FieldType | None = None, factor: float = 1.0, divisor: float = 1.0
@@ -144,7 +144,7 @@ class Compiler:
             factor, divisor = 1.0, 1.0  # it is a time in any unit
         return Conversion(parameter, dict(self._values.get(parameter.name, {})), type, factor, divisor)
 
-    def _absent(self, slot: Slot, made: Conversion, *, in_text: bool) -> Any:
+    def _value_when_absent(self, slot: Slot, made: Conversion, *, in_text: bool) -> Any:
         """What the field gets when the author gives nothing."""
         parameter = made.parameter
         if special_fallback(slot) is not None:
@@ -156,16 +156,16 @@ class Compiler:
                 if parameter.type != "name" or not (in_text or made.type is None or made.type.kind == "text"):
                     raise ValueError(f"has a fallback that cannot be: {error}") from None
                 value = slot.fallback  # a word of the robot's
-            return self._standing_in(made, value, "fallback")
+            return self._converted(made, value, "fallback")
         if parameter.default is None:
             return NOTHING
         try:
             value = convert(parameter, parameter.default)
         except ValueError as error:
             raise ValueError(f"cannot take the default: {error}") from None
-        return self._standing_in(made, value, "default")
+        return self._converted(made, value, "default")
 
-    def _standing_in(self, made: Conversion, value: Any, what: str) -> Any:
+    def _converted(self, made: Conversion, value: Any, what: str) -> Any:
         try:
             return made.of(value)
         except ValueError as error:

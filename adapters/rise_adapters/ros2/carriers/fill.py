@@ -24,11 +24,11 @@ class Filling(Struct, frozen=True):
     specials: Mapping[str, str]
 
 
-class _Nothing:
+class _NoValue:
     """Neither author, fallback nor declaration give a value: the field keeps its zero."""
 
 
-NOTHING = _Nothing()
+NOTHING = _NoValue()
 
 
 class Maker(Protocol):
@@ -158,12 +158,12 @@ class Conversion(Struct, frozen=True):
 
     def plain(self, value: Any) -> Any:
         """The value by its name, not by its number, and by the robot's own word if it has one."""
-        value = self._named(value)
+        value = self._by_name(value)
         return self.values.get(as_text(value), value) if self.values and value is not None else value
 
     def of(self, value: Any) -> Any:
         """The field's value. Raises ValueError: what the field takes instead."""
-        value = self._named(value)
+        value = self._by_name(value)
         if self.values and (word := as_text(value)) in self.values:
             return literal(self.values[word], self.type)
         if (self.factor, self.divisor) != (1.0, 1.0):
@@ -183,7 +183,7 @@ class Conversion(Struct, frozen=True):
             value = int(value)
         return fit(value, self.type)
 
-    def _named(self, value: Any) -> Any:
+    def _by_name(self, value: Any) -> Any:
         if self.parameter.type == "name" and isinstance(value, int) and not isinstance(value, bool):
             return next((name for name, code in self.parameter.codes.items() if code == value), value)
         return value

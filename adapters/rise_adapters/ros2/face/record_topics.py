@@ -32,18 +32,16 @@ RULES_LATCHED = 100
 """Or twice as many as the scenario has rules."""
 BACKLOG = 20_000
 """Records that wait to be published at most; it takes 2 seconds or so to publish them."""
-AT_ONCE = 2
-"""Records that make up one piece of work."""
 
 REPEATED = "repeated"
 """The status of a rule state that is said again only for those who subscribe later: nothing has happened."""
 
-_Waiting: TypeAlias = "AnyRecord | Message"
+_WaitingItem: TypeAlias = "AnyRecord | Message"
 """A record, or a task state of which there is no record."""
 
 
 class RecordTopics:
-    """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_some`."""
+    """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_next`."""
 
     def __init__(self, transport: Transport, room: Room, source: str, *, rosout: bool = True) -> None:
         """`source`: of tasks whose `ref` is the id of a DomainTask goal. Raises PortError."""
@@ -53,9 +51,7 @@ class RecordTopics:
         """Why the latest message could not be published; empty when it was."""
         self._session = Path(room.folder).name
         self._source = source
-        self._waiting: deque[_Waiting] = deque()
-        self._wall = ""
-        self._header: Message = {}
+        self._waiting: deque[_WaitingItem] = deque()
         self._records = transport.publisher(RECORD, RECORD_TYPE, QoS(RECORDS_LATCHED, latched=True))
         self._tasks = transport.publisher(TASK_STATE, TASK_STATE_TYPE, QoS(TASKS_LATCHED, latched=True))
         # A latched topic holds so many of the latest messages, whatever they are about. So that they always hold the
@@ -64,7 +60,7 @@ class RecordTopics:
         self._rules = transport.publisher(RULE_STATE, RULE_STATE_TYPE, QoS(self._depth, latched=True))
         self._rosout = transport.publisher(rosout_topic.TOPIC, rosout_topic.TYPE, rosout_topic.QOS) if rosout else None
         self._logger = transport.node.strip("/").replace("/", ".")
-        self._said = 0
+        self._rule_messages = 0
         self._running: dict[str, tuple[int, Message]] = {}
         """By running rule, the number of its latest message, and that; the one that was said first comes first."""
         for name, rule in room.view.rules.items():  # of a session that goes on
@@ -72,18 +68,18 @@ class RecordTopics:
                 state = _rule_state(
                     name, REPEATED, rule.state, rule.previous, rule.trigger, rule.priority, _header(time_ns())
                 )
-                self._say_rule(name, state, state)
+                self._publish_rule_message(name, state, state)
 
     @property
     def waiting(self) -> int:
         return len(self._waiting)
 
     def take(self, record: AnyRecord) -> None:
-        self._wait(record)
+        self._append(record)
 
     def refused(self, task: Submit, reason: str) -> None:
         """Tell of a task that was rejected before it came to the record. Its `ref` is the goal's id, if it was one."""
-        self._wait(
+        self._append(
             {
                 "header": _header(time_ns()),
                 "domain_task_behavior": task.behavior,
@@ -97,17 +93,16 @@ class RecordTopics:
             }
         )
 
-    def publish_some(self) -> bool:
-        """Publish some of what waits; false when nothing did."""
-        for done in range(AT_ONCE):
-            if not self._waiting:
-                return done > 0
-            each = self._waiting.popleft()
-            if isinstance(each, dict):
-                self._publish(self._tasks, each)
-                self._log(rosout_topic.of_refused(each), each["header"])
-            else:
-                self._publish_record(each)
+    def publish_next(self) -> bool:
+        """Publish one of those that wait; false when nothing did."""
+        if not self._waiting:
+            return False
+        each = self._waiting.popleft()
+        if isinstance(each, dict):
+            self._publish(self._tasks, each)
+            self._log(rosout_topic.of_refused(each), each["header"])
+        else:
+            self._publish_record(each)
         return True
 
     def close(self) -> None:
@@ -115,17 +110,14 @@ class RecordTopics:
             if publisher is not None:
                 publisher.close()
 
-    def _wait(self, each: _Waiting) -> None:
+    def _append(self, each: _WaitingItem) -> None:
         if len(self._waiting) >= BACKLOG:
             self._waiting.popleft()
             self.dropped += 1
         self._waiting.append(each)
 
     def _publish_record(self, record: AnyRecord) -> None:
-        if record.wall != self._wall:  # all records of a step are of one moment
-            self._wall = record.wall
-            self._header = _header(nanoseconds(record.wall))
-        header = self._header
+        header = _header(nanoseconds(record.wall))
         self._log(rosout_topic.of_record(record), header)
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
@@ -171,25 +163,25 @@ class RecordTopics:
         again = None
         if record.status in ("started", "entered", "stayed"):
             again = _rule_state(record.name, REPEATED, *parts)
-        self._say_rule(record.name, _rule_state(record.name, record.status, *parts), again)
+        self._publish_rule_message(record.name, _rule_state(record.name, record.status, *parts), again)
 
-    def _say_rule(self, name: str, message: Message, again: Message | None) -> None:
+    def _publish_rule_message(self, name: str, message: Message, again: Message | None) -> None:
         """`again`: how to say it for those who come later; None when the rule has ended."""
         running = self._running
         self._publish(self._rules, message)
-        self._said += 1
+        self._rule_messages += 1
         running.pop(name, None)
         if again is not None:
-            running[name] = (self._said, again)
+            running[name] = (self._rule_messages, again)
         while running:
             name = next(iter(running))
             number, again = running[name]
-            if self._said - number < self._depth - 1:
+            if self._rule_messages - number < self._depth - 1:
                 break
             self._publish(self._rules, again)
-            self._said += 1
+            self._rule_messages += 1
             del running[name]
-            running[name] = (self._said, again)
+            running[name] = (self._rule_messages, again)
 
     def _publish(self, publisher: Publisher, message: Message) -> None:
         try:

@@ -20,7 +20,7 @@ from rise_adapters.ros2.nodes.session import SessionClient, SessionGoneError
 from rise_adapters.ros2.port import Message, Transport
 
 NOTHING = "nothing"
-_LOOK_SECONDS = 0.02
+_POLL_SECONDS = 0.02
 
 
 class Region:
@@ -50,44 +50,44 @@ class Dwell:
         self.dwell, self.gap, self.away = dwell, gap, away
         self.target, self.since = NOTHING, 0.0
         """What is looked at, and since when."""
-        self._else: tuple[str, float] | None = None
+        self._instead: tuple[str, float] | None = None
         """What is seen instead since when, as long as it may be a blink ..."""
-        self._left = 0.0
+        self._interrupted_at = 0.0
         """... and since when the look is interrupted."""
-        self._last = 0.0
+        self._seen_at = 0.0
         """When the last word came; after `away` seconds of silence nobody is there."""
-        self._raised = NOTHING
+        self._last_raised = NOTHING
 
     def see(self, target: str, now: float) -> None:
         """The person looks there now."""
         self.pass_time(now)
-        self._last = now
+        self._seen_at = now
         if target == self.target:
-            self._else = None
+            self._instead = None
         elif self.target == NOTHING or not self.gap:
-            self._turn(target, now)
-        elif self._else is None or self._else[0] != target:
-            self._left = now if self._else is None else self._left
-            self._else = (target, now)
+            self._turn_to(target, now)
+        elif self._instead is None or self._instead[0] != target:
+            self._interrupted_at = now if self._instead is None else self._interrupted_at
+            self._instead = (target, now)
 
     def pass_time(self, now: float) -> None:
         """What becomes of the look as time goes on."""
-        if self._else is not None and now - self._left >= self.gap:
-            self._turn(*self._else)
-        if self.target != NOTHING and now - self._last > self.away:
-            self._turn(NOTHING, self._last)
+        if self._instead is not None and now - self._interrupted_at >= self.gap:
+            self._turn_to(*self._instead)
+        if self.target != NOTHING and now - self._seen_at > self.away:
+            self._turn_to(NOTHING, self._seen_at)
 
     def lasted(self, now: float) -> str:
         """What has been looked at for long enough just now, once for each look; else empty."""
         self.pass_time(now)
         needed = self.away if self.target == NOTHING else self.dwell
-        if self._else is not None or self.target == self._raised or now - self.since < needed:
+        if self._instead is not None or self.target == self._last_raised or now - self.since < needed:
             return ""
-        self._raised = self.target
-        return self._raised
+        self._last_raised = self.target
+        return self._last_raised
 
-    def _turn(self, target: str, since: float) -> None:
-        self.target, self.since, self._else = target, since, None
+    def _turn_to(self, target: str, since: float) -> None:
+        self.target, self.since, self._instead = target, since, None
 
 
 class GazeTrigger:
@@ -107,7 +107,7 @@ class GazeTrigger:
 
     async def work(self) -> None:
         while True:
-            await asyncio.sleep(_LOOK_SECONDS)
+            await asyncio.sleep(_POLL_SECONDS)
             now = asyncio.get_running_loop().time()
             target = self.dwell.lasted(now)
             if not target:

@@ -19,24 +19,24 @@ class GoalReader:
 
     def __init__(self, specs: Sequence[ActionSpec]) -> None:
         """`specs` have carriers, all written out, that `read_carriers` has found right."""
-        self._actions = [_Action(spec) for spec in specs]
+        self._actions = [_ActionPattern(spec) for spec in specs]
 
     def read(self, message: Message) -> tuple[ActionSpec, dict[str, Any]]:
         """The action that this message is most likely of, and its parameters; those that say nothing are left out."""
-        candidates = [(action.spec, action.parameters(message)) for action in self._actions if action.could_be(message)]
+        candidates = [(action.spec, action.parameters(message)) for action in self._actions if action.matches(message)]
         for spec, parameters in candidates:
-            if _complete(spec, parameters):
+            if _is_complete(spec, parameters):
                 return spec, parameters
         return candidates[0] if candidates else (self._actions[0].spec, self._actions[0].parameters(message))
 
 
-class _Action:
+class _ActionPattern:
     def __init__(self, spec: ActionSpec) -> None:
         self.spec = spec
         self._values: dict[str, dict[str, Any]] = spec.carrier.get("values", {})
         self._fields = list(_fields(spec.carrier.get("goal") or spec.carrier.get("message") or {}))
 
-    def could_be(self, message: Message) -> bool:
+    def matches(self, message: Message) -> bool:
         """Whether its constants are there."""
         return all(
             _at(message, path) == value
@@ -51,7 +51,7 @@ class _Action:
             there = _at(message, path)
             for slot in (piece for piece in pieces if isinstance(piece, Slot)):
                 if slot.special:
-                    found.update(_all(there) if slot.name == "parameters" else {})
+                    found.update(_json_object(there) if slot.name == "parameters" else {})
                     continue
                 parameter = self.spec.parameters[slot.name]
                 read = self._parameter(parameter, slot, there) if len(pieces) == 1 else _text(parameter, there)
@@ -62,16 +62,18 @@ class _Action:
     def _parameter(self, parameter: Parameter, slot: Slot, value: Any) -> Any:
         """None: the sender left it to the robot."""
         for written, sent in self._values.get(parameter.name, {}).items():
-            if sent == value or (isinstance(value, float) and isinstance(sent, float | int) and _short(value) == sent):
-                return _short(float(written)) if parameter.type in ("number", "integer") else written
+            if sent == value or (
+                isinstance(value, float) and isinstance(sent, float | int) and _rounded(value) == sent
+            ):
+                return _rounded(float(written)) if parameter.type in ("number", "integer") else written
         if isinstance(value, dict) and {"sec", "nanosec"} <= set(value):
             size = seconds(parameter) or 1.0
-            value = _short((value["sec"] + value["nanosec"] / 1e9) / size)
+            value = _rounded((value["sec"] + value["nanosec"] / 1e9) / size)
         elif isinstance(value, float | int) and not isinstance(value, bool):
             if slot.unit is not None:
                 times, by = conversion(parameter, slot.unit)
                 value = value * by / times
-            value = _short(float(value))
+            value = _rounded(float(value))
             if parameter.type == "name":
                 return next((name for name, code in parameter.codes.items() if code == value), value)
         # What is not said at all, and what would be so if it were not said.
@@ -79,7 +81,7 @@ class _Action:
         return None if left_out else value
 
 
-def _complete(spec: ActionSpec, parameters: Mapping[str, Any]) -> bool:
+def _is_complete(spec: ActionSpec, parameters: Mapping[str, Any]) -> bool:
     """Whether the names that it needs are there, and are names that it has."""
     for each in spec.parameters.values():
         if each.type != "name":
@@ -116,7 +118,7 @@ def _text(parameter: Parameter, value: Any) -> str | None:
     return value if isinstance(value, str) and parameter.type == "text" else None
 
 
-def _all(text: Any) -> dict[str, Any]:
+def _json_object(text: Any) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except (TypeError, ValueError):
@@ -124,7 +126,7 @@ def _all(text: Any) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _short(number: float) -> int | float:
+def _rounded(number: float) -> int | float:
     """Without the digits that single precision makes up: 0.30000001 is 0.3."""
     rounded = round(number, 6)
     return int(rounded) if rounded == int(rounded) else rounded

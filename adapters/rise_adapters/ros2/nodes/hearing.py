@@ -7,7 +7,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 
-from rise_adapters.ros2.ends import other_versions
+from rise_adapters.ros2.graph_checks import describe_other_versions
 from rise_adapters.ros2.port import RELIABLE, SENSOR, Message, Subscription, Transport
 
 LOOK = 0.5
@@ -51,38 +51,38 @@ class Heard:
     ) -> None:
         self._transport, self._name, self._type, self._say = transport, topic, type, say
         self._topic = transport.resolve(topic)
-        self._seconds, self._patience = look, patience
-        self._taken = taken
-        self._came = False
-        self._garbled: list[str] = []
+        self._interval, self._patience = look, patience
+        self._on_message = taken
+        self._has_arrived = False
+        self._other_versions: list[str] = []
         """Who publishes another version of the type."""
-        self._said = ""
+        self._reported = ""
         self._unmatched = False
         """At the last look there was a publisher that it does not take from. (It may only just be coming.)"""
         self._loop = asyncio.get_running_loop()
         self._begun = self._loop.time()
         self._best_effort = False
-        self._subscription: Subscription = transport.subscribe(topic, type, self._take, RELIABLE)
-        self._timer = self._loop.call_later(look, self._look)
+        self._subscription: Subscription = transport.subscribe(topic, type, self._take_message, RELIABLE)
+        self._timer = self._loop.call_later(look, self._poll)
 
     def close(self) -> None:
         self._timer.cancel()
         self._subscription.close()
 
-    def _take(self, message: Message) -> None:
-        if not self._came:
-            self._came = True
-            self._compare()
-        if not self._garbled:
-            self._taken(message)
+    def _take_message(self, message: Message) -> None:
+        if not self._has_arrived:
+            self._has_arrived = True
+            self._compare_types()
+        if not self._other_versions:
+            self._on_message(message)
 
-    def _compare(self) -> None:
-        self._garbled = other_versions(self._transport, self._topic, self._type)
-        for sentence in self._garbled:
-            self._tell(sentence)
+    def _compare_types(self) -> None:
+        self._other_versions = describe_other_versions(self._transport, self._topic, self._type)
+        for sentence in self._other_versions:
+            self._report(sentence)
 
-    def _look(self) -> None:
-        self._timer = self._loop.call_later(self._seconds, self._look)
+    def _poll(self) -> None:
+        self._timer = self._loop.call_later(self._interval, self._poll)
         if self._transport.lost():
             return
         published = [end.type for end in self._transport.publisher_ends(self._topic)]
@@ -91,15 +91,15 @@ class Heard:
         if unmatched and self._unmatched and not self._best_effort:
             self._best_effort = True
             self._subscription.close()
-            self._subscription = self._transport.subscribe(self._name, self._type, self._take, SENSOR)
+            self._subscription = self._transport.subscribe(self._name, self._type, self._take_message, SENSOR)
         self._unmatched = unmatched
-        self._compare()
-        if not self._came and self._loop.time() - self._begun >= self._patience:
-            self._tell(trouble_with(self._topic, self._type, published))
+        self._compare_types()
+        if not self._has_arrived and self._loop.time() - self._begun >= self._patience:
+            self._report(trouble_with(self._topic, self._type, published))
 
-    def _tell(self, trouble: str) -> None:
-        if trouble != self._said:
-            self._said = trouble
+    def _report(self, trouble: str) -> None:
+        if trouble != self._reported:
+            self._reported = trouble
             if trouble:
                 self._say(trouble)
 

@@ -29,16 +29,17 @@ from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, Va
 from rise_adapters.ros2.port import PortError, Transport
 from rise_engine.bridge import BridgeError
 from rise_engine.cli.arguments import split_ros_args
+from rise_engine.errors import RiseError
 from rise_engine.terminal import guarded
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]
 
 FAILED, USAGE = 1, 2
-_LOOK_SECONDS: Final = 0.5
+_POLL_SECONDS: Final = 0.5
 
 
-class NodeError(Exception):
+class NodeError(RiseError):
     """The node cannot do what it is for; a sentence for a person."""
 
 
@@ -105,7 +106,9 @@ def parameters_of(parser: ArgumentParser) -> dict[str, Option]:
 def settings_of(parser: ArgumentParser, options: Namespace) -> dict[str, Setting]:
     """Its options with their values, as parameters."""
     return {
-        action.dest: Setting(_plain(getattr(options, action.dest)), (action.help or "").partition(" (default")[0])
+        action.dest: Setting(
+            _parameter_value(getattr(options, action.dest)), (action.help or "").partition(" (default")[0]
+        )
         for action in _options(parser)
     }
 
@@ -114,7 +117,7 @@ def _options(parser: ArgumentParser) -> list[Action]:
     return [action for action in parser._actions if action.option_strings and action.dest != "help"]
 
 
-def _plain(value: object) -> Value:
+def _parameter_value(value: object) -> Value:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return [str(each) for each in value] if isinstance(value, list) else str(value)
@@ -137,7 +140,7 @@ async def _run(work: Work, options: Namespace, theirs: Sequence[str], parser: Ar
             with suppress(NotImplementedError):  # Windows has its own way, KeyboardInterrupt
                 loop.add_signal_handler(number, working.cancel)
         while not working.done():
-            await asyncio.wait([working], timeout=_LOOK_SECONDS)
+            await asyncio.wait([working], timeout=_POLL_SECONDS)
             if transport.lost():
                 working.cancel()
                 with suppress(asyncio.CancelledError):

@@ -21,15 +21,16 @@ from msgspec import Struct
 
 from rise_adapters.ros2.action_client import ActionClient
 from rise_adapters.ros2.port import Message, Transport
+from rise_engine.errors import RiseError
 
 T = TypeVar("T")
 
 _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}
 """Of an action's goal (action_msgs/msg/GoalStatus), for a server that says nothing more."""
-_LOOK_SECONDS = 0.5
+_POLL_SECONDS = 0.5
 
 
-class SessionGoneError(Exception):
+class SessionGoneError(RiseError):
     """No session answers; a sentence that says what was not there."""
 
 
@@ -63,20 +64,20 @@ class SessionClient:
         `function`: startCommunicationRobotAct, stopCommunicationRobotAct, startInteractionRule, stopInteractionRule,
         raiseEventTopic or assignValue. Raises SessionGoneError.
         """
-        await self._until(self._tasks.servers, "no session offers rise/domain_task")
+        await self._wait_until(self._tasks.servers, "no session offers rise/domain_task")
         goal = uuid4().bytes
         task: Message = {
             "function_type": function,
             "domain_task_behavior": behavior,
             "calling_type": calling_type,
         }
-        accepted = await self._answer(partial(self._tasks.send, goal, task), "the session did not take a task")
+        accepted = await self._wait_for_answer(partial(self._tasks.send, goal, task), "the session did not take a task")
         if not accepted[0]:
             return TaskResult("REJECTED", "the session refused it; rise/task_state and its record say why")
         ended: asyncio.Future[tuple[Any, ...]] = asyncio.get_running_loop().create_future()
-        self._tasks.get_result(goal, partial(_settle, ended))
+        self._tasks.get_result(goal, partial(_set_result, ended))
         while True:  # a session that dies says no word
-            await asyncio.wait([ended], timeout=_LOOK_SECONDS)
+            await asyncio.wait([ended], timeout=_POLL_SECONDS)
             if ended.done():
                 status, result = ended.result()
                 said = result.get("status") or _STATUS.get(status, "ABORTED")
@@ -103,9 +104,9 @@ class SessionClient:
 
     async def memory(self, key: str, otherwise: Any = None) -> Any:
         """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""
-        await self._until(self._memory.servers, "no session offers rise/get_memory")
+        await self._wait_until(self._memory.servers, "no session offers rise/get_memory")
         ask = partial(self._memory.call, {"request_by_key": key})
-        (answer,) = await self._answer(ask, "the session did not say what is in its memory")
+        (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")
         return json.loads(answer["value"]) if answer["found"] else otherwise
 
     def rule_states(self, heard: Callable[[Message], None]) -> None:
@@ -113,7 +114,7 @@ class SessionClient:
         ended, stopped, faulted), state, previous_state, trigger, priority."""
         self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", heard)
 
-    async def _until(self, there: Callable[[], int], missing: str) -> None:
+    async def _wait_until(self, there: Callable[[], int], missing: str) -> None:
         """Wait until somebody answers. A request that is sent earlier is lost without a word."""
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self.patience
@@ -122,9 +123,9 @@ class SessionClient:
                 raise SessionGoneError(missing)
             await asyncio.sleep(0.02)
 
-    async def _answer(self, ask: Callable[[Callable[..., None]], None], missing: str) -> tuple[Any, ...]:
+    async def _wait_for_answer(self, ask: Callable[[Callable[..., None]], None], missing: str) -> tuple[Any, ...]:
         answer: asyncio.Future[tuple[Any, ...]] = asyncio.get_running_loop().create_future()
-        ask(partial(_settle, answer))
+        ask(partial(_set_result, answer))
         try:
             async with asyncio.timeout(self.patience):  # wait_for of Python 3.11 may swallow that the node is ended
                 return await answer
@@ -132,6 +133,6 @@ class SessionClient:
             raise SessionGoneError(missing) from None
 
 
-def _settle(future: asyncio.Future[tuple[Any, ...]], *values: Any) -> None:
+def _set_result(future: asyncio.Future[tuple[Any, ...]], *values: Any) -> None:
     if not future.done():
         future.set_result(values)

@@ -8,8 +8,9 @@ from functools import partial
 from math import inf
 from typing import Any, Literal, TypeAlias
 
-from rise_adapters.ros2.action_server import ActionServer, Decide, ServerGoal
-from rise_adapters.ros2.carriers import Carrier
+from rise_adapters.ros2.actions.server import ActionServer, Decide
+from rise_adapters.ros2.actions.server_goal import ServerGoal
+from rise_adapters.ros2.mapping import Carrier
 from rise_adapters.ros2.nodes.goal_reader import GoalReader
 from rise_adapters.ros2.port import Message, Transport
 from rise_adapters.simulated.faults import ActionFault
@@ -37,7 +38,7 @@ class SimulatedAction:
     def __init__(
         self,
         transport: Transport,
-        carrier: Carrier,
+        mapping: Carrier,
         specs: Sequence[ActionSpec],
         clock: Clock,
         say: Say,
@@ -46,76 +47,84 @@ class SimulatedAction:
     ) -> None:
         """`specs` are the actions that come under this name, with their carriers (`written_out`); `fault` tells what
         goes wrong with the next goal of an action."""
-        self._clock, self._say, self._fault, self._busy = clock, say, fault, busy
+        self._clock, self._print, self._fault, self._busy = clock, say, fault, busy
         self._reader = GoalReader(specs)
-        self._results = _Results(transport, carrier.type, specs[0].carrier.get("error", {}))
-        self._progress = _progress(transport, carrier.type)
-        self._waiting: deque[_Run] = deque()
-        self._running: _Run | None = None
-        self._server = ActionServer(transport, carrier.name, carrier.type, self._wanted, self._cancel, clock=clock)
+        self._results = _ResultMaker(transport, mapping.type, specs[0].carrier.get("error", {}))
+        self._progress = _progress_feedback(transport, mapping.type)
+        self._waiting: deque[_RunningGoal] = deque()
+        self._running: _RunningGoal | None = None
+        self._server = ActionServer(
+            transport, mapping.name, mapping.type, self._take_goal, self._take_cancel, clock=clock
+        )
 
     def close(self) -> None:
         """Abort what runs and waits, and offer the action no more."""
-        for run in self._waiting:
-            run.drop_timers()
-        if self._running is not None:
-            self._running.drop_timers()
-        self._server.close(self._results.made("the simulated robot was switched off", FAILED))
+        self._drop_timers()
+        self._server.close(self._results.make("the simulated robot was switched off", FAILED))
 
-    def _wanted(self, goal: ServerGoal) -> None:
+    def vanish(self) -> None:
+        """Be gone, without a word about what was running."""
+        self._drop_timers()
+        self._server.vanish()
+
+    def _drop_timers(self) -> None:
+        for run in (*self._waiting, *([self._running] if self._running is not None else [])):
+            run.drop_timers()
+
+    def _take_goal(self, goal: ServerGoal) -> None:
         spec, parameters = self._reader.read(goal.message)
-        run = goal.data = _Run(goal, spec, parameters, self._fault(spec.name))
-        if run.does("reject") or (self._running is not None and self._busy == "reject"):
+        run = goal.data = _RunningGoal(goal, spec, parameters, self._fault(spec.name))
+        if run.has_fault("reject") or (self._running is not None and self._busy == "reject"):
             goal.reject()
-            self._say(f"{run}: rejected, {'a simulated fault' if run.does('reject') else 'the robot is busy'}")
+            self._print(f"{run}: rejected, {'a simulated fault' if run.has_fault('reject') else 'the robot is busy'}")
             return
         goal.accept()
         self._waiting.append(run)
         if self._running is not None:
-            self._say(f"{run}: waits")
-        self._next()
+            self._print(f"{run}: waits")
+        self._start_next()
 
-    def _next(self) -> None:
+    def _start_next(self) -> None:
         if self._running is not None or not self._waiting:
             return
         run = self._running = self._waiting.popleft()
         run.goal.execute()
         run.begun, run.seconds = self._clock.now(), expected_seconds(run.spec, run.parameters)
-        if run.fault is not None and run.does("slow"):
+        if run.fault is not None and run.has_fault("slow"):
             run.seconds *= run.fault.factor
         self._tell_progress(run)
-        if run.does("hang"):
+        if run.has_fault("hang"):
             run.seconds = inf
-        elif run.does("fail"):
+        elif run.has_fault("fail"):
             run.ending = self._after(run.seconds / 2, partial(self._fail, run))
         else:
             run.ending = self._after(run.seconds, partial(self._succeed, run))
-        self._say(f"{run}{': hangs, a simulated fault' if run.does('hang') else ''}")
+        self._print(f"{run}{': hangs, a simulated fault' if run.has_fault('hang') else ''}")
 
-    def _succeed(self, run: _Run) -> None:
-        run.goal.succeed(self._results.made("", 0))
-        self._over(run, f"done, {run.seconds:.1f} s")
+    def _succeed(self, run: _RunningGoal) -> None:
+        run.goal.succeed(self._results.make("", 0))
+        self._finish(run, f"done, {run.seconds:.1f} s")
 
-    def _fail(self, run: _Run) -> None:
-        run.goal.abort(self._results.made("it went wrong on the robot (simulated fault)", FAILED))
-        self._over(run, "failed, a simulated fault")
+    def _fail(self, run: _RunningGoal) -> None:
+        run.goal.abort(self._results.make("it went wrong on the robot (simulated fault)", FAILED))
+        self._finish(run, "failed, a simulated fault")
 
-    def _stop(self, run: _Run) -> None:
-        run.goal.cancel(self._results.made("canceled", CANCELED))
-        self._over(run, "stopped")
+    def _stop(self, run: _RunningGoal) -> None:
+        run.goal.cancel(self._results.make("canceled", CANCELED))
+        self._finish(run, "stopped")
 
-    def _over(self, run: _Run, how: str) -> None:
+    def _finish(self, run: _RunningGoal, how: str) -> None:
         run.drop_timers()
-        self._say(f"{run}: {how}")
+        self._print(f"{run}: {how}")
         if run is self._running:
             self._running = None
         else:
             self._waiting.remove(run)
-        self._next()
+        self._start_next()
 
-    def _cancel(self, goal: ServerGoal, decide: Decide) -> None:
+    def _take_cancel(self, goal: ServerGoal, decide: Decide) -> None:
         run = goal.data
-        assert isinstance(run, _Run)
+        assert isinstance(run, _RunningGoal)
         if run.seconds == inf:
             return  # it hangs, and says nothing to that either
         decide(True)
@@ -125,7 +134,7 @@ class SimulatedAction:
         else:
             self._stop(run)
 
-    def _tell_progress(self, run: _Run) -> None:
+    def _tell_progress(self, run: _RunningGoal) -> None:
         if self._progress is None:
             return
         done = (self._clock.now() - run.begun) / run.seconds if run.seconds else 1.0
@@ -141,7 +150,7 @@ def described(spec: ActionSpec, parameters: dict[str, Any]) -> str:
     return f"{spec.name} {parameters_text(parameters)}".rstrip()
 
 
-class _Run:
+class _RunningGoal:
     """A goal on its way."""
 
     def __init__(
@@ -154,7 +163,7 @@ class _Run:
         self.ending: Timer | None = None
         self.progress: Timer | None = None
 
-    def does(self, wrong: str) -> bool:
+    def has_fault(self, wrong: str) -> bool:
         return self.fault is not None and self.fault.kind == wrong
 
     def drop_timers(self) -> None:
@@ -166,7 +175,7 @@ class _Run:
         return described(self.spec, self.parameters)
 
 
-class _Results:
+class _ResultMaker:
     """The results of an action, whatever fields they have: a reason, an error code with its text."""
 
     def __init__(self, transport: Transport, type: str, error: Mapping[str, Any]) -> None:
@@ -181,7 +190,7 @@ class _Results:
         if fields.get("reason") == "string":
             self._paths.setdefault("text", ["reason"])
 
-    def made(self, reason: str, code: int) -> Message:
+    def make(self, reason: str, code: int) -> Message:
         said: dict[str, Any] = {"text": reason, "code": code}
         if not code:
             said["code"] = self._ok
@@ -196,7 +205,7 @@ class _Results:
         return result
 
 
-def _progress(transport: Transport, type: str) -> Callable[[float], Message] | None:
+def _progress_feedback(transport: Transport, type: str) -> Callable[[float], Message] | None:
     """How this action's feedback tells what part is done, from 0 to 1; None: it has no field for that."""
     fields = transport.fields(f"{type}_Feedback")
     if fields.get("progress") in ("float32", "float64"):

@@ -21,17 +21,19 @@ from functools import partial
 from math import inf
 from pathlib import Path
 
-from rise_adapters.ros2.carriers import CarrierErrors, read_carriers, written_out
-from rise_adapters.ros2.nodes.cuttable import CuttableTransport
+from rise_adapters.ros2.mapping import CarrierErrors, read_carriers, written_out
 from rise_adapters.ros2.nodes.goal_reader import GoalReader
 from rise_adapters.ros2.nodes.running import NodeError, forever, node_parser, run_node
 from rise_adapters.ros2.nodes.simulated_action import Busy, Say, SimulatedAction, described
-from rise_adapters.ros2.port import Message, Transport
+from rise_adapters.ros2.port import Message, Subscription, Transport
 from rise_adapters.simulated.faults import ActionFault, Vanish, parse_fault
 from rise_engine.clock import RealClock
 from rise_engine.robot import Clock, Timer
 from rise_engine.scenario.findings import Findings
+from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Place, RobotProfile
+from rise_engine.scenario.robots import find_profile, read_profile, read_robot
+from rise_engine.scenario.source import Files
 
 
 class SimulatedRobot:
@@ -51,11 +53,12 @@ class SimulatedRobot:
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
         self._transport, self._profile, self._clock = transport, written_out(profile), clock
-        self._say, self._busy = say, busy
+        self._print, self._busy = say, busy
         self._counts: Counter[str] = Counter()
-        self._carriers = read_carriers(profile, transport.fields)
-        self._link: CuttableTransport | None = None
+        self._mappings = read_carriers(profile, transport.fields)
+        self._is_there = False
         self._actions: list[SimulatedAction] = []
+        self._subscriptions: list[Subscription] = []
         self._timers: list[Timer] = []
         self.appear()
         for vanish in parsed:
@@ -66,48 +69,60 @@ class SimulatedRobot:
 
     def appear(self) -> None:
         """Offer everything."""
-        if self._link is not None:
+        if self._is_there:
             return
-        link = self._link = CuttableTransport(self._transport)
+        self._is_there = True
         shared: dict[tuple[str, str, str], list[str]] = {}
-        for name, carrier in self._carriers.items():
-            shared.setdefault((carrier.kind, carrier.name, carrier.type), []).append(name)
+        for name, mapping in self._mappings.items():
+            shared.setdefault((mapping.kind, mapping.name, mapping.type), []).append(name)
         for (kind, name, type), actions in shared.items():
-            self._say(f"{kind} {link.resolve(name)} ({type}) for {', '.join(actions)}")
+            self._print(f"{kind} {self._transport.resolve(name)} ({type}) for {', '.join(actions)}")
             specs = [self._profile.actions[action] for action in actions]
             if kind == "topic":
-                link.subscribe(name, type, partial(self._take, GoalReader(specs)))
-                continue
-            carrier = self._carriers[actions[0]]
-            self._actions.append(SimulatedAction(link, carrier, specs, self._clock, self._say, self._fault, self._busy))
+                take = partial(self._take_message, GoalReader(specs))
+                self._subscriptions.append(self._transport.subscribe(name, type, take))
+            else:
+                self._actions.append(
+                    SimulatedAction(
+                        self._transport,
+                        self._mappings[actions[0]],
+                        specs,
+                        self._clock,
+                        self._print,
+                        self._next_fault,
+                        self._busy,
+                    )
+                )
 
     def vanish(self) -> None:
         """Be gone, without a word about what was running."""
-        if self._link is not None:
-            self._link.cut()
-            self._say("the robot has vanished (simulated fault)")
-            self._leave()
+        if self._is_there:
+            for action in self._actions:
+                action.vanish()
+            self._withdraw()
+            self._print("the robot has vanished (simulated fault)")
 
     def close(self) -> None:
         """Abort what runs, and offer nothing any more."""
         for timer in self._timers:
             timer.cancel()
-        self._leave()
-
-    def _leave(self) -> None:
         for action in self._actions:
             action.close()
-        self._actions.clear()
-        if self._link is not None:
-            self._link.close()
-            self._link = None
+        self._withdraw()
 
-    def _fault(self, action: str) -> ActionFault | None:
+    def _withdraw(self) -> None:
+        self._actions.clear()
+        for subscription in self._subscriptions:
+            subscription.close()
+        self._subscriptions.clear()
+        self._is_there = False
+
+    def _next_fault(self, action: str) -> ActionFault | None:
         self._counts[action] += 1
         return next((fault for fault in self._faults if fault.hits(action, self._counts[action])), None)
 
-    def _take(self, reader: GoalReader, message: Message) -> None:
-        self._say(described(*reader.read(message)))
+    def _take_message(self, reader: GoalReader, message: Message) -> None:
+        self._print(described(*reader.read(message)))
 
 
 def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
@@ -115,10 +130,6 @@ def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
 
     Raises NodeError with everything that is wrong with it.
     """
-    from rise_engine.scenario.loader import load
-    from rise_engine.scenario.robots import find_profile, read_profile, read_robot
-    from rise_engine.scenario.source import Files
-
     folder = Path() if scenario is None else scenario.parent if scenario.is_file() else scenario
     findings = Findings()
     if robot is None or (scenario is not None and find_profile(robot, folder) is not None):

@@ -1,0 +1,345 @@
+"""Serving a ROS 2 action, on the three services and two topics that one is made of (https://design.ros2.org/articles/actions.html).
+
+    def wanted(goal: ServerGoal) -> None:        # at once or later: accept or reject, then exactly one ending
+        goal.accept()
+        goal.execute()
+        goal.feedback({"progress": 0.5})
+        goal.succeed({"reason": ""})
+
+    def cancel(goal: ServerGoal, decide: Decide) -> None:        # at once or later
+        decide(True)
+        goal.cancel({"reason": "cancelled"})
+
+    server = ActionServer(transport, "rise/robot/speech", "rise_interfaces/action/Speech", wanted, cancel, clock=clock)
+
+Several goals at once, one at a time, the latest wins: that is the caller's policy. What the server sees to, whatever
+the caller and the clients do:
+- a goal has one acceptance or rejection and one ending; what comes after is ignored and says so by giving False;
+- an id is taken once, and so is one that has been seen lately;
+- a cancel that comes before the acceptance is not lost: it is asked about as soon as the goal is accepted;
+- a result can be asked for before the goal is accepted, while it runs, and `result_timeout` seconds after its end;
+- what is published and kept has bounds: the status array lists what runs and the latest that ended.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from itertools import islice
+from typing import TypeAlias
+
+from rise_adapters.ros2.action_client import (
+    ABORTED,
+    ACCEPTED,
+    CANCEL_NONE,
+    CANCEL_REJECTED,
+    CANCEL_TERMINATED,
+    CANCEL_UNKNOWN,
+    CANCELED,
+    CANCELING,
+    EVERYTHING,
+    EXECUTING,
+    SUCCEEDED,
+    UNKNOWN,
+)
+from rise_adapters.ros2.actions.cancel_request import MOST_WAITING, CancelRequest
+from rise_adapters.ros2.actions.server_goal import ServerGoal
+from rise_adapters.ros2.actions.status_publisher import StatusPublisher
+from rise_adapters.ros2.port import (
+    CANCEL_GOAL,
+    FEEDBACK,
+    GET_RESULT,
+    SEND_GOAL,
+    STATUS,
+    STATUS_TOPIC,
+    Message,
+    PortError,
+    Reply,
+    Transport,
+    action_topic,
+    action_types,
+)
+from rise_engine.robot import Clock, Timer
+
+_LOG = logging.getLogger(__name__)
+
+RESULT_TIMEOUT = 10.0
+"""Seconds for which a result can be asked for after the end. A client asks as soon as its goal is accepted, so this is
+for one that was cut off for a moment; rclpy's 15 minutes would list 900,000 goals at 1,000 in a second."""
+KEPT = 10_000
+"""Ended goals that are kept at most, whatever the timeout."""
+LISTED = 20
+"""Ended goals that the status array lists at most, the latest."""
+
+Decide: TypeAlias = Callable[[bool], None]
+"""Says whether a goal will be cancelled. Only the first call counts."""
+TakeGoal: TypeAlias = Callable[[ServerGoal], object]
+TakeCancel: TypeAlias = Callable[[ServerGoal, Decide], object]
+
+
+def accept_cancel(goal: ServerGoal, decide: Decide) -> None:
+    """The policy of a server that cancels whatever it is asked to, and looks at `goal.status` meanwhile."""
+    decide(True)
+
+
+class ActionServer:
+    """Offers an action. All methods belong to the loop of the transport."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        name: str,
+        type: str,
+        take_goal: TakeGoal,
+        take_cancel: TakeCancel = accept_cancel,
+        *,
+        clock: Clock,
+        result_timeout: float = RESULT_TIMEOUT,
+    ) -> None:
+        """`take_goal` gets each new goal, `take_cancel` each that is to be cancelled (a goal not twice at a time).
+
+        Neither is called inside a method of a goal. `clock` measures the timeout: `RealClock(loop)` outside of tests.
+        Raises PortError when the transport does not know the type.
+        """
+        self.name = transport.resolve(name)
+        self.type = type
+        self._take_goal = take_goal
+        self._take_cancel = take_cancel
+        self._clock = clock
+        self._timeout = result_timeout
+        self._goals: dict[bytes, ServerGoal] = {}
+        """Those that have not ended, also those that nobody has decided about yet; the oldest first."""
+        self._ended: dict[bytes, ServerGoal] = {}
+        """Those that have, whose results can still be asked for; the one that ended first comes first."""
+        self._closed = False
+        self._expiry: Timer | None = None
+        types = action_types(type)
+        topics = {part: action_topic(self.name, part) for part in types}
+        self._feedback = transport.publisher(topics[FEEDBACK], types[FEEDBACK])
+        status = transport.publisher(topics[STATUS_TOPIC], types[STATUS_TOPIC], STATUS)
+        self._status = StatusPublisher(status, clock, self._listed_goals)
+        # The service for goals comes last: who sees it can count on the others.
+        self._services = [
+            transport.serve(topics[GET_RESULT], types[GET_RESULT], self._take_result_request),
+            transport.serve(topics[CANCEL_GOAL], types[CANCEL_GOAL], self._take_cancel_request),
+            transport.serve(topics[SEND_GOAL], types[SEND_GOAL], self._take_goal_request),
+        ]
+
+    @property
+    def goals(self) -> list[ServerGoal]:
+        """Those that have not ended, the oldest first; also those that are still to be accepted or rejected."""
+        return list(self._goals.values())
+
+    def adopt(self, id: bytes, message: Message | None = None) -> ServerGoal:
+        """Take up a goal that a server of this name had accepted before it went down, so that its client can still
+        cancel it and get its result. Raises ValueError when there is one of that id."""
+        if len(id) != 16 or id == EVERYTHING or id in self._goals or id in self._ended:
+            raise ValueError(f"a goal of the id {id.hex()} cannot be taken up")
+        goal = self._goals[id] = ServerGoal(self, id, message or {}, None)
+        goal.status = EXECUTING
+        self._status.publish_soon()
+        return goal
+
+    def close(self, result: Message | None = None) -> None:
+        """Reject what is still to be decided about, abort what runs with `result`, and offer the action no more."""
+        if self._closed:
+            return
+        self._closed = True
+        for goal in self.goals:
+            if goal.decided:
+                self.end(goal, ABORTED, result)
+            else:
+                self.reject(goal)
+        self._status.close()
+        self._release()
+
+    def vanish(self) -> None:
+        """Be gone as a program that was killed: nobody is answered, nothing is published, and goals are forgotten."""
+        if self._closed:
+            return
+        self._closed = True
+        for goal in self.goals:
+            goal.status, goal.reply = ABORTED, None
+            goal.result_requests.clear()
+            goal.cancel_requests.clear()
+        self._goals.clear()
+        self._status.close(silently=True)
+        self._release()
+
+    def _release(self) -> None:
+        if self._expiry is not None:
+            self._expiry.cancel()
+        for handle in (*self._services, self._feedback):
+            handle.close()
+
+    # --- the life of a goal (`GoalServer`) ----------------------------------------------------------------------
+
+    def accept(self, goal: ServerGoal) -> bool:
+        reply, goal.reply = goal.reply, None
+        if reply is None:
+            return False
+        goal.status = ACCEPTED
+        self._answer(reply, {"accepted": True, "stamp": goal.info["stamp"]})
+        if goal.cancel_requests:
+            self._clock.call_at(self._clock.now(), partial(self._ask_to_cancel, goal))
+        self._status.publish_soon()
+        return True
+
+    def reject(self, goal: ServerGoal) -> bool:
+        reply, goal.reply = goal.reply, None
+        if reply is None:
+            return False
+        self._goals.pop(goal.id, None)
+        goal.message = {}
+        self._answer(reply, {"accepted": False})
+        for each in goal.result_requests:
+            self._answer(each, {"status": UNKNOWN})
+        goal.result_requests.clear()
+        _answer_cancels(goal, CANCEL_UNKNOWN)
+        return True
+
+    def execute(self, goal: ServerGoal) -> bool:
+        if goal.status == UNKNOWN and not self.accept(goal):
+            return False
+        if goal.status != ACCEPTED:
+            return goal.status == CANCELING
+        goal.status = EXECUTING
+        self._status.publish_soon()
+        return True
+
+    def publish_feedback(self, goal: ServerGoal, message: Message) -> bool:
+        if goal.status not in (ACCEPTED, EXECUTING, CANCELING):
+            return False
+        self._feedback.publish({"goal_id": goal.info["goal_id"], "feedback": message})
+        return True
+
+    def end(self, goal: ServerGoal, status: int, result: Message | None) -> bool:
+        if goal.status >= SUCCEEDED or (goal.status == UNKNOWN and not self.accept(goal)):
+            return False
+        del self._goals[goal.id]
+        goal.status = status
+        goal.message = {}
+        goal.result = {"status": status, "result": result or {}}
+        for reply in goal.result_requests:
+            self._answer_result(goal, reply)
+        goal.result_requests.clear()
+        _answer_cancels(goal, CANCEL_NONE if status == CANCELED else CANCEL_TERMINATED)
+        goal.expires_at = self._clock.now() + self._timeout
+        self._ended[goal.id] = goal
+        if len(self._ended) > KEPT:
+            del self._ended[next(iter(self._ended))]
+        if self._expiry is None and not self._closed:
+            self._expiry = self._clock.call_at(goal.expires_at, self._expire)
+        self._status.publish_soon()
+        return True
+
+    def _expire(self) -> None:
+        self._expiry = None
+        now, ended = self._clock.now(), self._ended
+        over = 0
+        for goal in ended.values():
+            if goal.expires_at > now + 0.001:
+                self._expiry = self._clock.call_at(goal.expires_at, self._expire)
+                break
+            over += 1
+        for id in list(islice(ended, over)):
+            del ended[id]
+        self._status.publish_soon()
+
+    def _listed_goals(self) -> list[ServerGoal]:
+        """What runs, and the latest that ended."""
+        running = [goal for goal in self._goals.values() if goal.status != UNKNOWN]
+        return [*running, *reversed(list(islice(reversed(self._ended.values()), LISTED)))]
+
+    # --- requests -----------------------------------------------------------------------------------------------
+
+    def _take_goal_request(self, request: Message, reply: Reply) -> None:
+        id = bytes(request["goal_id"]["uuid"])
+        if self._closed or id == EVERYTHING or id in self._goals or id in self._ended:
+            self._answer(reply, {"accepted": False})
+            return
+        goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
+        try:
+            self._take_goal(goal)
+        except Exception:  # without an answer the client would wait for ever
+            _LOG.exception("a goal of %s could not be handled", self.name)
+            if not self.reject(goal):
+                self.end(goal, ABORTED, None)
+
+    def _take_result_request(self, request: Message, reply: Reply) -> None:
+        id = bytes(request["goal_id"]["uuid"])
+        goal = self._goals.get(id)
+        if goal is not None:
+            if len(goal.result_requests) == MOST_WAITING:
+                del goal.result_requests[0]  # who asks again and again for the same
+            goal.result_requests.append(reply)
+            return
+        goal = self._ended.get(id)
+        if goal is None:
+            self._answer(reply, {"status": UNKNOWN})
+        else:
+            self._answer_result(goal, reply)
+
+    def _take_cancel_request(self, request: Message, reply: Reply) -> None:
+        info = request["goal_info"]
+        id = bytes(info["goal_id"]["uuid"])
+        until = int(info["stamp"]["sec"]) * 1_000_000_000 + int(info["stamp"]["nanosec"])
+        if id != EVERYTHING and not until:
+            goal = self._goals.get(id)
+            if goal is None:
+                code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
+                self._answer(reply, {"return_code": code})
+                return
+            goals = [goal]
+        else:
+            goals = [goal for goal in self._goals.values() if not until or goal.nanoseconds <= until or goal.id == id]
+        CancelRequest(goals, partial(self._answer, reply), one=id != EVERYTHING and not until)
+        for goal in goals:
+            if goal.decided:
+                self._ask_to_cancel(goal)
+
+    def _ask_to_cancel(self, goal: ServerGoal) -> None:
+        if goal.status == CANCELING:
+            _answer_cancels(goal, CANCEL_NONE)
+        if goal.is_asked_to_cancel or not goal.cancel_requests:
+            return
+        goal.is_asked_to_cancel = True
+        try:
+            self._take_cancel(goal, partial(self._decide_cancel, goal))
+        except Exception:
+            _LOG.exception("a goal of %s could not be cancelled", self.name)
+            self._decide_cancel(goal, False)
+
+    def _decide_cancel(self, goal: ServerGoal, agreed: bool) -> None:
+        if not goal.is_asked_to_cancel:
+            return
+        if agreed and not goal.ended:
+            goal.status = CANCELING
+            self._status.publish_soon()
+        _answer_cancels(goal, CANCEL_NONE if agreed else CANCEL_REJECTED)
+
+    # --- answers ------------------------------------------------------------------------------------------------
+
+    def _answer_result(self, goal: ServerGoal, reply: Reply) -> None:
+        goal.told = True
+        if not self._answer(reply, goal.result) and goal.result["result"]:
+            # A result that does not fit its type would leave the client waiting; what happened is not known then.
+            goal.status = ABORTED
+            goal.result = {"status": ABORTED, "result": {}}
+            self._answer(reply, goal.result)
+
+    def _answer(self, reply: Reply, message: Message) -> bool:
+        try:
+            reply(message)
+        except PortError as error:
+            _LOG.warning("an answer of %s could not be sent: %s", self.name, error)
+            return False
+        return True
+
+
+def _answer_cancels(goal: ServerGoal, code: int) -> None:
+    goal.is_asked_to_cancel = False
+    requests, goal.cancel_requests = goal.cancel_requests, []
+    for answer in requests:
+        answer(code)

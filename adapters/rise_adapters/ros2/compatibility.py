@@ -1,0 +1,300 @@
+"""Whether what a robot has on ROS fits what its profile says: one answer, in one set of sentences, for the session
+(before every goal, and while it looks after the robot), for `rise-engine doctor`, and for whoever asks next.
+
+ROS 2 itself says nothing when the two ends of a name do not fit. Another version of a type is filled with whatever
+bytes come; another quality of service, another type or another vendor's middleware is silence, although the other
+program can be seen. So each end that somebody has on the names of an action is compared with this side's: its type
+by name and by hash (REP-2016), whose software carries it, and its quality of service.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct
+
+from rise_adapters.ros2 import vendors
+from rise_adapters.ros2.mapping import Carrier
+from rise_adapters.ros2.port import (
+    CANCEL_GOAL,
+    FEEDBACK,
+    GET_RESULT,
+    SEND_GOAL,
+    STATUS_TOPIC,
+    End,
+    QoS,
+    Transport,
+    action_topic,
+    action_types,
+)
+
+OTHER_TYPE, OTHER_VERSION, OTHER_MIDDLEWARE, OTHER_QUALITY = (
+    "other-type",
+    "other-version",
+    "other-middleware",
+    "other-quality",
+)
+"""Words that a reason begins with (docs/explanation/ros2.md)."""
+SHORT_MISFITS = {
+    OTHER_TYPE: "offers other types than its profile names",
+    OTHER_VERSION: "has other versions of types; build both anew",
+    OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
+    OTHER_QUALITY: "wants another quality of service",
+}
+"""What a whole robot is or does of which nothing fits, as short as a small screen needs it."""
+MISFIT_KINDS = tuple(SHORT_MISFITS)
+
+SAME_RELEASE = "build its interface package from the same release on both sides, and start both again"
+
+
+class Misfit(Struct, frozen=True):
+    """Something of the other side that does not fit."""
+
+    kind: str
+    name: str
+    """What it is about, the full name of an action or topic, with which the sentence begins."""
+    statement: str
+    """The rest of the sentence, without a full stop."""
+    remedy: str
+
+    @property
+    def sentence(self) -> str:
+        return f"{self.name} {self.statement}"
+
+
+class EndpointComparison(Struct, frozen=True):
+    """What was found of the other side of one action of a profile."""
+
+    unusable: tuple[Misfit, ...] = ()
+    """Because of these nothing may be sent to it, or nothing sent would arrive."""
+    unheard: tuple[Misfit, ...] = ()
+    """Because of these some of what it says would not be heard; what is sent arrives."""
+    seen: tuple[str, ...] = ()
+    """Whose programs have any of it, for a person; empty when nobody has."""
+    unannounced: bool = False
+    """It does not say which version of its types it has, or that is not known of this side's: nobody can compare."""
+    complete: bool = False
+    """Everything that it must have to be of use has been seen, and so was compared. (Discovery brings one after the
+    other, and the middleware may let messages pass before it lists who they come from.)"""
+
+    @property
+    def misfits(self) -> tuple[Misfit, ...]:
+        return self.unusable + self.unheard
+
+
+NOT_COMPARED = EndpointComparison()
+
+
+def compare(transport: Transport, mapping: Carrier) -> EndpointComparison:
+    """Compare what is there now with what the profile says of one action."""
+    found = _compare_action(transport, mapping) if mapping.kind == "action" else _compare_topic(transport, mapping)
+    return EndpointComparison(
+        tuple(dict.fromkeys(found.unusable)),
+        tuple(dict.fromkeys(found.unheard)),
+        tuple(map(describe_node, found.nodes)),
+        found.unannounced,
+        found.complete,
+    )
+
+
+def describe_absence(comparison: EndpointComparison, mapping: Carrier, full: str) -> str:
+    """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
+    if comparison.seen:
+        return f"{full} is seen at {_join(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
+    return f"nothing {'offers' if mapping.kind == 'action' else 'listens to'} {full}"
+
+
+def several_servers(count: int, full: str) -> str:
+    """The sentence about an action that is offered more than once."""
+    return f"{count} nodes offer {full}, so the robot would do everything {count} times"
+
+
+def describe_uncompared(full: str) -> str:
+    """The sentence about an other side that does not say what its types are."""
+    return f"{full} does not say which version of its types it has, so nobody can tell whether it is that of this side"
+
+
+def describe_misfits(misfits: Iterable[Misfit]) -> str:
+    """One text for a person of what is wrong, each cause once, with what to do."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for misfit in misfits:
+        names.setdefault((misfit.statement, misfit.remedy), []).append(misfit.name)
+    return "; ".join(
+        f"{first} {says}{f' (and so with {_join(more)})' if more else ''}; {remedy}"
+        for (says, remedy), (first, *more) in names.items()
+    )
+
+
+# --- comparing ----------------------------------------------------------------------------------------------------
+
+
+class _Collected:
+    def __init__(self, full: str, verb: str) -> None:
+        self.full = full
+        self.verb = verb
+        """What the other side does with it: it is `offered` or `taken`."""
+        self.unusable: list[Misfit] = []
+        self.unheard: list[Misfit] = []
+        self.unannounced = False
+        self.complete = False
+        self.nodes: dict[str, None] = {}
+
+
+def _compare_action(transport: Transport, mapping: Carrier) -> _Collected:
+    full = transport.resolve(mapping.name)
+    found, types = _Collected(full, "offered"), action_types(mapping.type)
+    services = (SEND_GOAL, GET_RESULT, CANCEL_GOAL)
+    seen: set[tuple[str, bool]] = set()
+    for part in services:
+        asked, answered = f"{types[part]}_Request", f"{types[part]}_Response"
+        for end in transport.server_ends(action_topic(full, part)):
+            found.nodes[end.node] = None
+            answers = end.type.endswith("_Response")
+            seen.add((part, answers))
+            misfit = _middleware_misfit(transport, full, end) or _type_misfit(
+                transport, found, mapping.type, end, answered if answers else asked
+            )
+            if misfit is None and (lacks := qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)):
+                does = f"answers {lacks[0]}" if answers else f"wants goals {lacks[1]}"
+                misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no service of ROS is", "correct it in the wrapper")
+            if misfit is not None:
+                found.unusable.append(misfit)
+    takes, answers_all = (all((part, answers) in seen for part in services) for answers in (False, True))
+    found.complete = takes and (answers_all or not any(answers for _, answers in seen))
+    for part, wanted in ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos)):
+        for end in transport.publisher_ends(action_topic(full, part)):
+            misfit = _type_misfit(transport, found, mapping.type, end, types[part])
+            if misfit is not None:
+                found.unusable.append(misfit)
+            elif lacks := qos_conflict(end.qos, wanted):
+                says = f"publishes its {part} {lacks[0]}, and here it is wanted {lacks[1]}"
+                found.unheard.append(_qos_misfit(full, says, f"qos.{part}", lacks[2]))
+    return found
+
+
+def _compare_topic(transport: Transport, mapping: Carrier) -> _Collected:
+    full = transport.resolve(mapping.name)
+    found = _Collected(full, "taken")
+    misfits: list[Misfit] = []
+    fits = False
+    for end in transport.subscriber_ends(full):
+        found.nodes[end.node] = None
+        misfit = _type_misfit(transport, found, mapping.type, end, mapping.type)
+        if misfit is None and (lacks := qos_conflict(mapping.topic_qos, end.qos)):
+            says = f"is wanted {lacks[1]}{_owner(end)}, and is published here {lacks[0]}"
+            misfit = _qos_misfit(full, says, "qos", lacks[3])
+        if misfit is None:
+            fits = True
+        elif misfit.kind == OTHER_VERSION:
+            found.unusable.append(misfit)
+        else:
+            misfits.append(misfit)
+    found.complete = bool(found.nodes)
+    if not fits:  # else these are somebody's who listens, too, as `ros2 topic echo` does
+        found.unusable += misfits
+    return found
+
+
+def _middleware_misfit(transport: Transport, full: str, end: End) -> Misfit | None:
+    if vendors.services_cross(transport.vendor, end.vendor) != "no":
+        return None
+    says = (
+        f"is offered{_owner(end)} over {vendors.called(end.vendor)}, and this program uses "
+        f"{vendors.called(transport.vendor)}: services and actions do not cross from one to the other"
+    )
+    return Misfit(OTHER_MIDDLEWARE, full, says, same_middleware_remedy(transport, end.vendor))
+
+
+def same_middleware_remedy(transport: Transport, other: str) -> str:
+    """What to do about two vendors."""
+    own, theirs = vendors.rmw(transport.vendor), vendors.rmw(other)
+    there = f"start the robot's program with RMW_IMPLEMENTATION={own} on its computer" if own else ""
+    if not theirs:
+        return there or "use the same middleware on both sides"
+    rclpy = "--ros rclpy and " if transport.kind == "dds" else ""
+    here = f"start this program with {rclpy}RMW_IMPLEMENTATION={theirs} on this one"
+    return f"{there}, or {here}" if there else here
+
+
+def _type_misfit(transport: Transport, found: _Collected, named: str, end: End, wanted: str) -> Misfit | None:
+    """`named`: as the profile names the type; `wanted`: what of it this end has to carry."""
+    if end.type != wanted:
+        there = ros_type(end.type) or "something that is no type of ROS"
+        remedy = "correct `carrier.type` in the robot's profile, or start the wrapper that fits it"
+        return Misfit(OTHER_TYPE, found.full, f"is {found.verb} as {there}, not as {named}", remedy)
+    own = transport.type_hash(wanted)
+    if not own or not end.hash:
+        found.unannounced = True
+    elif end.hash not in (
+        own,
+        transport.type_hash(_service_of(wanted)),
+    ):  # some middleware announces that of the service
+        what = named if wanted.startswith(named) else ros_type(wanted)
+        says = f"is {found.verb}{_owner(end)} with another version of {what}"
+        return Misfit(OTHER_VERSION, found.full, says, SAME_RELEASE)
+    return None
+
+
+def _service_of(type: str) -> str:
+    """The service that this is the request or the response of; other types as they are."""
+    return type.removesuffix("_Request").removesuffix("_Response")
+
+
+def ros_type(type: str) -> str:
+    """Of a part of an action or service, the type that people write."""
+    type = _service_of(type)
+    for ending in ("_SendGoal", "_GetResult", "_FeedbackMessage"):
+        type = type.removesuffix(ending)
+    return type
+
+
+def qos_conflict(offered: QoS | None, wanted: QoS | None) -> tuple[str, str, str, str] | None:
+    """Why a reader that wants `wanted` hears nothing of a writer that offers `offered`: how the one offers it and how
+    the other wants it, in words; and what to write on the reader's and on the writer's side. None: it hears."""
+    if offered is None or wanted is None:
+        return None
+    if wanted.reliable and not offered.reliable:
+        return "as best effort", "reliably", 'reliability = "best_effort"', 'reliability = "reliable"'
+    if wanted.latched and not offered.latched:
+        return (
+            "as volatile",
+            "with what was said before (transient local)",
+            'durability = "volatile"',
+            'durability = "transient_local"',
+        )
+    return None
+
+
+def _qos_misfit(full: str, statement: str, key: str, setting: str) -> Misfit:
+    remedy = f"write `{key} = {{ {setting} }}` into the carrier in the robot's profile, or change it in the wrapper"
+    return Misfit(OTHER_QUALITY, full, statement, remedy)
+
+
+# --- words --------------------------------------------------------------------------------------------------------
+
+
+def _why_unreachable(mapping: Carrier) -> str:
+    if mapping.kind == "action":
+        return "one of its services is missing, or has a deadline or liveliness that this program does not promise"
+    return "it wants a deadline or liveliness that this program does not promise"
+
+
+def describe_node(name: str) -> str:
+    if name.startswith("/"):
+        return f"the node {name}"
+    return f"a program {name or 'whose node is not known'}"
+
+
+def _owner(end: End) -> str:
+    """Whose it is. (That is announced separately, and may come later or never.)"""
+    return f" by {describe_node(end.node)}" if end.node else ""
+
+
+def _join(names: Iterable[str]) -> str:
+    return " and ".join(_with_commas(list(names)))
+
+
+def _with_commas(names: list[str]) -> Iterator[str]:
+    if len(names) > 1:
+        yield ", ".join(names[:-1])
+    yield from names[-1:]

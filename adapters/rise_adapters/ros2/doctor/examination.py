@@ -1,0 +1,65 @@
+"""Everything that the doctor looks at, in the order in which it matters."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TypeAlias
+
+from rise_adapters.ros2 import choose
+from rise_adapters.ros2.doctor import finding
+from rise_adapters.ros2.doctor.environment import Environment
+from rise_adapters.ros2.doctor.finding import Finding
+from rise_adapters.ros2.doctor.graph import check_graph
+from rise_adapters.ros2.doctor.installation import check_installation, check_middleware, check_transport
+from rise_adapters.ros2.doctor.interfaces import check_interfaces
+from rise_adapters.ros2.doctor.network import check_network
+from rise_adapters.ros2.doctor.robot import SECONDS, check_robot, definition_folders
+from rise_adapters.ros2.port import PortError, Transport
+from rise_engine.bridge import BridgeError, Wire
+from rise_engine.scenario.model import RobotProfile
+
+TransportOpener: TypeAlias = Callable[..., Awaitable[Transport]]
+
+NODE = "rise_doctor"
+
+
+async def examine(
+    choice: str = "auto",
+    profile: RobotProfile | None = None,
+    *,
+    arguments: Sequence[str] = (),
+    environment: Environment = os.environ,
+    seconds: float = SECONDS,
+    open_transport: TransportOpener = choose.open_transport,
+) -> list[Finding]:
+    """Everything, in the order in which it matters. `choice` and `arguments` as a session has them (`--ros`,
+    `--ros-args`); with a profile, its robot is looked for for `seconds` at most. Never raises for what it finds."""
+    if choice == "off":
+        return [Finding("note", "transport", "ROS is off", "leave `--ros off` away to have it looked at")]
+    kind, about_transport = check_transport(choice)
+    found = [*check_installation(environment, wanted=kind == "rclpy" or choice == "rclpy")]
+    found += check_middleware(environment, kind)
+    found += check_network(environment, kind)
+    found += about_transport
+    found += check_interfaces(environment, kind)
+    if kind is None:
+        return found
+    try:
+        transport = await open_transport(choice, arguments, node=NODE, share=definition_folders(profile))
+    except (BridgeError, PortError) as error:
+        return [*found, *(Finding("problem", "transport", line) for line in str(error).splitlines())]
+    try:
+        found.append(Finding("ok", "transport", f"connected: {transport.about}, as the node {transport.node}"))
+        found += await check_robot(transport, profile, seconds)
+        found += check_graph(transport)
+    finally:
+        transport.close()
+    return found
+
+
+def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:
+    """What `rise-engine doctor` prints, and its exit status (`rise_engine.bridge.Examiner`)."""
+    found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
+    return (finding.as_json(found) + "\n" if as_json else finding.as_text(found)), finding.exit_status(found)

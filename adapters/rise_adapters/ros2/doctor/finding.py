@@ -1,0 +1,50 @@
+"""One thing that the doctor says, and how all of them are printed."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from typing import Literal, TypeAlias
+
+import msgspec
+from msgspec import Struct
+
+Level: TypeAlias = Literal["ok", "note", "warning", "problem"]
+
+
+class Finding(Struct, frozen=True):
+    """One thing to know."""
+
+    level: Level
+    about: str
+    """ros, rmw, network, transport, interfaces, robot or graph."""
+    sentence: str
+    remedy: str = ""
+    """What to do about it."""
+
+
+def exit_status(findings: Sequence[Finding]) -> int:
+    """The exit status: 1 when there is a problem."""
+    return 1 if any(finding.level == "problem" for finding in findings) else 0
+
+
+def as_text(findings: Sequence[Finding], width: int = 100) -> str:
+    """For a person, with a last line that counts."""
+    lines: list[str] = []
+    for finding in findings:
+        head = f"{finding.level:<9}"
+        lines += textwrap.wrap(finding.sentence, width, initial_indent=head, subsequent_indent=" " * 9)
+        if finding.remedy:
+            lines += textwrap.wrap(finding.remedy, width, initial_indent=" " * 9 + "→ ", subsequent_indent=" " * 11)
+    counts = [(level, sum(finding.level == level for finding in findings)) for level in ("problem", "warning")]
+    said = [f"{number} {level}{'s' if number != 1 else ''}" for level, number in counts if number]
+    lines.append(", ".join(said) if said else "nothing is in the way")
+    return "\n".join(lines) + "\n"
+
+
+def as_json(findings: Sequence[Finding]) -> str:
+    """The same as one JSON object."""
+    levels = [finding.level for finding in findings]
+    return msgspec.json.encode(
+        {"problems": levels.count("problem"), "warnings": levels.count("warning"), "findings": list(findings)}
+    ).decode()

@@ -1,0 +1,97 @@
+"""Whether the interface package `rise_interfaces` is built and sourced, and is the one that this program speaks."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+from rise_adapters.ros2 import choose
+from rise_adapters.ros2.doctor.environment import Environment, sourced_prefixes
+from rise_adapters.ros2.doctor.finding import Finding
+from rise_adapters.ros2.port import PortError
+
+INTERFACES = "rise_interfaces"
+
+
+def check_interfaces(environment: Environment, kind: choose.Kind | None = None) -> Iterator[Finding]:
+    """Whether `rise_interfaces` is built and sourced, and is the one that this program speaks."""
+    built = [prefix / "share" / INTERFACES for prefix in sourced_prefixes(environment)]
+    built = [folder for folder in built if folder.is_dir()]
+    remedy = f"colcon build --packages-select {INTERFACES}, and source install/setup.bash"
+    if not built:
+        if kind == "rclpy":
+            yield Finding(
+                "problem", "interfaces", f"{INTERFACES} is not built, or its workspace is not sourced", remedy
+            )
+        elif sourced_prefixes(environment):
+            yield Finding(
+                "note", "interfaces", f"{INTERFACES} is not built here; `dds` needs no build, but `ros2` does", remedy
+            )
+        else:
+            yield Finding("ok", "interfaces", f"{INTERFACES} comes with this program")
+        return
+    if len(built) > 1:
+        yield Finding(
+            "warning",
+            "interfaces",
+            f"{INTERFACES} is sourced {len(built)} times; the first counts: {', '.join(map(str, built))}",
+        )
+    if kind == "rclpy" and not _is_importable(INTERFACES):
+        yield Finding("problem", "interfaces", f"{INTERFACES} is built, but this Python does not find it", remedy)
+        return
+    ours, theirs = own_hashes(environment), built_hashes(built[0])
+    if not ours:
+        yield Finding(
+            "note", "interfaces", f"{INTERFACES} is built; whether it is the right one cannot be told without rosbags"
+        )
+        return
+    missing = sorted(set(ours) - set(theirs))
+    other = sorted(name for name in ours if name in theirs and ours[name] != theirs[name])
+    for names, what in ((missing, "lacks"), (other, "has another version of")):
+        if names:
+            said = ", ".join(name.removeprefix(f"{INTERFACES}/") for name in names)
+            yield Finding(
+                "problem",
+                "interfaces",
+                f"the {INTERFACES} in {built[0]} {what} {said}",
+                f"build the {INTERFACES} of this release: {remedy}",
+            )
+    if not missing and not other:
+        yield Finding("ok", "interfaces", f"{INTERFACES} is built and is the one of this program ({len(ours)} types)")
+
+
+def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
+    """Of the types that this program speaks, by name; empty when that cannot be told here."""
+    try:
+        from rise_adapters.ros2.types import SHARE, Types
+    except ImportError:
+        return {}
+    types = Types([SHARE], environment)  # ours first; ROS has the standard ones that they are made of
+    names = [
+        f"{INTERFACES}/{kind}/{file.stem}"
+        for kind in ("msg", "srv", "action")
+        for file in sorted((SHARE / INTERFACES / kind).glob(f"*.{kind}"))
+    ]
+    try:
+        return {name: types.type_hash(name) for name in names}
+    except PortError:  # neither ROS nor rosbags has those
+        return {}
+
+
+def built_hashes(folder: Path) -> dict[str, str]:
+    """Those that were computed when an interface package was built, `PREFIX/share/PACKAGE`."""
+    found: dict[str, str] = {}
+    for file in (*folder.glob("msg/*.json"), *folder.glob("srv/*.json"), *folder.glob("action/*.json")):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            for each in json.loads(file.read_text("utf-8"))["type_hashes"]:
+                found[each["type_name"]] = each["hash_string"]
+    return found
+
+
+def _is_importable(package: str) -> bool:
+    spec = find_spec(package)
+    return spec is not None and spec.origin is not None  # a mere folder of that name is no package

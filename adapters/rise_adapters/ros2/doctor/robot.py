@@ -1,0 +1,159 @@
+"""Whether each action of the robot is offered: once, and as what its profile says."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rise_adapters.ros2 import compatibility, graph_checks
+from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.doctor.finding import Finding
+from rise_adapters.ros2.mapping import Carrier, CarrierErrors, read_carriers, read_options
+from rise_adapters.ros2.port import PortError, Transport
+from rise_engine.scenario.model import RobotProfile
+
+DRIVER = "ros2"
+SECONDS = 3.0
+"""For which the robot's servers are waited for. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
+SETTLE = 0.5
+"""For which it goes on after all were found, because a second server may come."""
+_POLL_SECONDS = 0.05
+_MOST_NAMES = 8
+
+
+async def check_robot(transport: Transport, profile: RobotProfile | None, seconds: float = SECONDS) -> list[Finding]:
+    """Whether each of the robot's actions is offered: once, and as what the profile says (`compatibility`)."""
+    if profile is None:
+        return [Finding("note", "robot", "no robot was named, so none was looked for", "add --robot NAME")]
+    if profile.driver != DRIVER:
+        return [
+            Finding(
+                "note",
+                "robot",
+                f"the robot {profile.name} was not looked for: its driver is {profile.driver!r}, which is not on ROS",
+            )
+        ]
+    try:
+        mappings = read_carriers(profile, transport.fields)
+    except CarrierErrors as errors:
+        return [Finding("problem", "robot", sentence) for sentence in errors.findings]
+    expected: list[_ExpectedEndpoint] = []
+    try:
+        for name, mapping in _by_mapping(mappings).items():
+            expected.append(_ExpectedEndpoint(transport, name, mapping))
+        await _wait_for(expected, seconds)
+        if len(expected) > 1 and not any(each.is_seen() for each in expected):
+            names = ", ".join(each.full for each in expected)
+            others = list(dict.fromkeys(name for each in expected for name in each.names_elsewhere()))
+            remedy = _advise_renaming("these", others) if others else _advise_start("these")
+            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
+        return [finding for each in expected for finding in each.findings()]
+    except PortError as error:
+        return [Finding("problem", "robot", str(error))]
+    finally:
+        for each in expected:
+            each.close()
+
+
+def _by_mapping(mappings: Mapping[str, Carrier]) -> dict[str, Carrier]:
+    """Several actions may go the same way: `Emotion, SocialExpression`."""
+    ways: dict[tuple[str, str, str], list[str]] = {}
+    for name, mapping in mappings.items():
+        ways.setdefault((mapping.kind, mapping.name, mapping.type), []).append(name)
+    return {", ".join(names): mappings[names[0]] for names in ways.values()}
+
+
+async def _wait_for(expected: Sequence[_ExpectedEndpoint], seconds: float) -> None:
+    loop = asyncio.get_running_loop()
+    until = loop.time() + seconds
+    complete: float | None = None
+    while loop.time() < until and (complete is None or loop.time() < complete + SETTLE):
+        if complete is None and all(each.is_complete() for each in expected):
+            complete = loop.time()
+        await asyncio.sleep(_POLL_SECONDS)
+
+
+class _ExpectedEndpoint:
+    """What carries one action of the robot, or several."""
+
+    def __init__(self, transport: Transport, name: str, mapping: Carrier) -> None:
+        self._transport = transport
+        self._name = name
+        self._mapping = mapping
+        self.full = transport.resolve(mapping.name)
+        self._handle: Any
+        if mapping.kind == "action":
+            self._handle = ActionClient(
+                transport, mapping.name, mapping.type, feedback=mapping.feedback_qos, status=mapping.status_qos
+            )
+        else:
+            self._handle = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
+
+    def close(self) -> None:
+        self._handle.close()
+
+    def count(self) -> int:
+        """How many offer it, or take it."""
+        return int(self._handle.servers() if self._mapping.kind == "action" else self._handle.subscribers())
+
+    def is_complete(self) -> bool:
+        """Everything of it is there, and can be compared."""
+        return self.count() > 0 and compatibility.compare(self._transport, self._mapping).complete
+
+    def is_seen(self) -> bool:
+        """Whether there is anything of that name, be it the right thing or not."""
+        return self.count() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
+
+    def names_elsewhere(self) -> list[str]:
+        """The names under which there is something of its type."""
+        return graph_checks.names_elsewhere(self._transport, self._mapping)
+
+    def findings(self) -> Iterator[Finding]:
+        number, name, full = self.count(), self._name, self.full
+        action = self._mapping.kind == "action"
+        found = compatibility.compare(self._transport, self._mapping)
+        for misfit in found.misfits:
+            yield Finding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
+        if number > 1 and action:
+            yield Finding(
+                "problem", "robot", f"{name}: {compatibility.several_servers(number, full)}", "end all but one of them"
+            )
+        elif number and not found.misfits:
+            listens = f"has {number} subscriber{'s' if number > 1 else ''}"
+            yield Finding(
+                "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if action else listens}"
+            )
+        elif not found.misfits:
+            others = self.names_elsewhere()
+            remedy = "" if found.seen else _advise_renaming(full, others) if others else _advise_start(full)
+            yield Finding(
+                "problem", "robot", f"{name}: {compatibility.describe_absence(found, self._mapping, full)}", remedy
+            )
+        if found.unannounced:
+            yield Finding("note", "robot", f"{name}: {compatibility.describe_uncompared(full)}")
+
+
+def _advise_renaming(name: str, others: Sequence[str]) -> str:
+    are = "there is one of this type" if name.startswith("/") else "of their types there are"
+    names = ", ".join(others[:_MOST_NAMES]) + (", ..." if len(others) > _MOST_NAMES else "")
+    return f"{are}, by other names: {names}; correct the names in the profile, or start with --ros-args -r FROM:=TO"
+
+
+def _advise_start(name: str) -> str:
+    names = f"is {name} the name" if name.startswith("/") else f"are {name} the names"
+    return (
+        f"is the robot's wrapper running, in the same ROS domain, and {names} that it uses "
+        "(else: --ros-args -r FROM:=TO)?"
+    )
+
+
+def definition_folders(profile: RobotProfile | None) -> list[Path]:
+    """Folders with definitions that the robot needs."""
+    if profile is None or profile.driver != DRIVER:
+        return []
+    try:
+        return [Path(folder).expanduser() for folder in read_options(profile).share]
+    except CarrierErrors:  # said with everything else that is wrong in the profile
+        return []

@@ -1,0 +1,71 @@
+"""What can be told from the ROS graph about programs that do not fit together, as sentences for a person: for
+`rise-engine doctor`, and for nodes that hear what others publish (`compatibility` does it for the actions of a robot).
+"""
+
+from __future__ import annotations
+
+from rise_adapters.ros2 import vendors
+from rise_adapters.ros2.compatibility import (
+    SAME_RELEASE,
+    describe_node,
+    qos_conflict,
+    ros_type,
+    same_middleware_remedy,
+)
+from rise_adapters.ros2.mapping import Carrier
+from rise_adapters.ros2.port import FEEDBACK, Transport, action_topic
+
+
+def names_elsewhere(transport: Transport, mapping: Carrier) -> list[str]:
+    """The full names under which others offer an action of the mapping's type (listen to a topic of it)."""
+    own = transport.resolve(mapping.name)
+    names: list[str] = []
+    for topic in transport.topics():
+        if mapping.kind == "action":
+            name = topic.removesuffix(action_topic("", FEEDBACK))
+            found = transport.publisher_ends(topic) if name != topic else []
+        else:
+            name, found = topic, transport.subscriber_ends(topic)
+        if name != own and any(ros_type(end.type) == mapping.type for end in found):
+            names.append(name)
+    return names
+
+
+def describe_strangers(transport: Transport) -> list[str]:
+    """A sentence about each program that can be seen but not be talked to as ROS wants it."""
+    return [
+        f"{describe_node(who)} uses {vendors.called(vendor)}: topics may arrive, services and actions "
+        f"{'do' if vendors.services_cross(transport.vendor, vendor) == 'no' else 'may'} not. "
+        f"What to do: {same_middleware_remedy(transport, vendor)}"
+        for who, vendor in transport.strangers()
+    ]
+
+
+def describe_other_versions(transport: Transport, topic: str, type: str) -> list[str]:
+    """Who publishes a topic with another version of `type` than this side's: a sentence for each."""
+    own, full = transport.type_hash(type), transport.resolve(topic)
+    return [
+        f"{describe_node(end.node)} publishes {full} with another version of {type} than this node listens for: what "
+        f"arrives would be garbage. What to do: {SAME_RELEASE}"
+        for end in transport.publisher_ends(topic)
+        if end.type == type and own and end.hash and end.hash != own
+    ]
+
+
+def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
+    """Of what other nodes have on one topic, who does not hear whom, and who would hear garbage: a sentence for each
+    pair."""
+    found: dict[str, None] = {}
+    for publisher in transport.publisher_ends(topic):
+        for listener in transport.subscriber_ends(topic):
+            who, whom = describe_node(publisher.node), describe_node(listener.node)
+            if publisher.type != listener.type:
+                if publisher.type and listener.type:
+                    what = f"{who} publishes {topic} as {publisher.type}, and {whom} listens for {listener.type}"
+                    found[f"{what}: nothing arrives"] = None
+            elif publisher.hash and listener.hash and publisher.hash != listener.hash:
+                what = f"{who} publishes {topic} with another version of {publisher.type} than {whom} listens for"
+                found[f"{what}: what arrives is garbage"] = None
+            elif lacks := qos_conflict(publisher.qos, listener.qos):
+                found[f"{who} publishes {topic} {lacks[0]}, and {whom} wants it {lacks[1]}: nothing arrives"] = None
+    return list(found)

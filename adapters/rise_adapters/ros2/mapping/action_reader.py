@@ -1,0 +1,161 @@
+"""Reading and checking what carries one action to the robot: the table `carrier` of a profile's action."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal, TypeAlias
+
+from msgspec.structs import replace
+
+from rise_adapters.ros2.carriers.carrier import Carrier, Options
+from rise_adapters.ros2.carriers.compile import Compiler, Notes
+from rise_adapters.ros2.carriers.fields import Types
+from rise_adapters.ros2.carriers.fill import Group
+from rise_adapters.ros2.mapping.options import is_ros_name, parse_deadlines
+from rise_adapters.ros2.mapping.quality import parse_qos
+from rise_adapters.ros2.mapping.result_rule import parse_result_rule
+from rise_engine.nearest_name import suggestion
+from rise_engine.scenario.model import ActionSpec
+from rise_engine.scenario.parameters import accepts_any_name, known_names
+
+MappingKind: TypeAlias = Literal["action", "topic"]
+
+_KEYS: dict[MappingKind, tuple[str, ...]] = {
+    "action": ("action", "type", "goal", "values", "error", "deadlines", "qos"),
+    "topic": ("topic", "type", "message", "reset", "values", "deadlines", "qos"),
+}
+_EXAMPLES: dict[MappingKind, str] = {"action": "pepper/speech", "topic": "pepper/tablet"}
+_TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?:(?P<kind>[a-z]+)/)?(?P<name>[A-Z][A-Za-z0-9]*)\Z", re.ASCII)
+
+
+class ActionReader:
+    """Reads the carrier of one action. What is wrong goes into its notes, all of it."""
+
+    def __init__(self, spec: ActionSpec, options: Options, types: Types, notes: Notes) -> None:
+        self._spec = spec
+        self._table = spec.carrier
+        self._options = options
+        self._types = types
+        self._notes = notes
+
+    def read(self) -> Carrier | None:
+        """None when it cannot even be told what carries the action."""
+        kind = self._kind()
+        if kind is None:
+            return None
+        for key in self._table:
+            if key not in _KEYS[kind]:
+                self._note(key, f"does not exist{suggestion(key, _KEYS[kind])}")
+        name, type = self._name(kind), self._known_type(kind)
+        deadlines = parse_deadlines(
+            self._part("deadlines"), self._options.deadlines, self._where("deadlines"), self._notes
+        )
+        part = "goal" if kind == "action" else "message"
+        compiler = Compiler(self._spec, self._values(), self._types, self._notes)
+        sent = f"{type}_Goal" if type and kind == "action" else type
+        message = compiler.message(self._part(part), sent, self._where(part))
+        used = compiler.used
+        if kind == "topic":  # its time is kept here, whether it has a field for it or not
+            used = used | {"duration", "repetitions"}
+        rule = None
+        if kind == "action":
+            rule = parse_result_rule(self._part("error"), type, self._where("error"), self._types, self._notes)
+        return Carrier(
+            kind,
+            name,
+            type,
+            deadlines,
+            message,
+            self._reset(type) if kind == "topic" else None,
+            rule,
+            tuple(each for each in self._spec.parameters if each not in used),
+            parse_qos(self._part("qos"), kind, self._where("qos"), self._notes),
+        )
+
+    def _kind(self) -> MappingKind | None:
+        if not self._table:
+            self._notes.sentences.append(
+                f"`actions.{self._spec.name}` has no `carrier`, which says what carries it to the robot; "
+                f"if the robot cannot do it, leave the action out"
+            )
+        elif "action" in self._table and "topic" in self._table:
+            self._note("topic", "stands beside `action`; a carrier is one or the other")
+        elif "action" in self._table:
+            return "action"
+        elif "topic" in self._table:
+            return "topic"
+        else:
+            self._notes.add(f"actions.{self._spec.name}.carrier", "has neither `action` nor `topic`: the name on ROS")
+        return None
+
+    def _name(self, kind: MappingKind) -> str:
+        name = self._table[kind]
+        if is_ros_name(name):
+            return str(name)
+        self._note(kind, f"is a ROS name such as `{_EXAMPLES[kind]}`: letters, digits and `_`, parts divided by `/`")
+        return "unknown"
+
+    def _known_type(self, kind: MappingKind) -> str:
+        """The type on ROS; empty when it is none, or cannot be had here."""
+        type = self._type(kind)
+        parts = [f"{type}_Goal", f"{type}_Result", f"{type}_Feedback"] if kind == "action" else [type]
+        if type and (missing := next(filter(None, map(self._types.missing, parts)), "")):
+            self._note("type", f"cannot be used here: {missing}")
+            return ""
+        return type
+
+    def _type(self, kind: MappingKind) -> str:
+        wanted = "action" if kind == "action" else "msg"
+        type = self._table.get("type")
+        found = _TYPE.match(type) if isinstance(type, str) else None
+        if found is not None and found["kind"] == wanted:
+            assert isinstance(type, str)
+            return type
+        example = "rise_interfaces/action/Speech" if wanted == "action" else "std_msgs/msg/String"
+        what = f"is the type of the {kind} on ROS, such as `{example}`"
+        if "type" not in self._table:
+            self._notes.add(f"actions.{self._spec.name}.carrier", f"has no `type`; it {what}")
+        elif found is not None:
+            self._note("type", f"{what}; did you mean `{found['package']}/{wanted}/{found['name']}`?")
+        else:
+            self._note("type", what)
+        return ""
+
+    def _values(self) -> dict[str, dict[str, Any]]:
+        result: dict[str, dict[str, Any]] = {}
+        for name, table in self._part("values").items():
+            parameter = self._spec.parameters.get(name)
+            if parameter is None:
+                known = suggestion(name, self._spec.parameters)
+                self._note(f"values.{name}", f"is no parameter of {self._spec.name}{known}")
+            elif not isinstance(table, dict) or not all(isinstance(each, str | int | float) for each in table.values()):
+                self._note(f"values.{name}", 'translates values: { fear = "scared" }')
+            else:
+                known_here = known_names(parameter)
+                for key in table:
+                    if parameter.type == "name" and not accepts_any_name(parameter) and key not in known_here:
+                        self._note(f"values.{name}.{key}", f"is no name of `{name}`{suggestion(key, known_here)}")
+                result[name] = table
+        return result
+
+    def _reset(self, type: str) -> Group | None:
+        if "reset" not in self._table:
+            return None
+        # When it is sent nobody knows the parameters any more: an action without any.
+        nobody = replace(self._spec, parameters={})
+        compiler = Compiler(nobody, {}, self._types, self._notes)
+        return compiler.message(self._part("reset"), type, self._where("reset"))
+
+    def _part(self, key: str) -> dict[str, Any]:
+        """One of the carrier's tables; empty when it is not there."""
+        table = self._table.get(key, {})
+        if isinstance(table, dict):
+            return table
+        self._note(key, "is a table")
+        return {}
+
+    def _where(self, key: str) -> str:
+        return f"actions.{self._spec.name}.carrier.{key}"
+
+    def _note(self, key: str, sentence: str) -> None:
+        self._notes.add(self._where(key), sentence)

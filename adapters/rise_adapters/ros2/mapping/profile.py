@@ -1,0 +1,105 @@
+"""Reading and checking everything that a profile says about ROS: its options, and the mapping of each action."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Collection, Mapping
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from msgspec.structs import replace
+
+from rise_adapters.ros2.carriers.carrier import Carrier, CarrierErrors, Options
+from rise_adapters.ros2.carriers.compile import Notes
+from rise_adapters.ros2.carriers.fields import Fields, Types
+from rise_adapters.ros2.mapping.action_reader import ActionReader
+from rise_adapters.ros2.mapping.options import parse_options
+from rise_engine.scenario.model import ActionSpec, RobotProfile
+
+_STANDARD = "rise/robot"
+"""What the names of the profile `rise` begin with."""
+
+
+def read_options(profile: RobotProfile) -> Options:
+    """The profile's `[options]`. Raises CarrierErrors."""
+    notes = Notes()
+    options = parse_options(profile, notes)
+    if notes.sentences:
+        raise CarrierErrors(profile.name, notes.sentences)
+    return options
+
+
+def read_carriers(
+    profile: RobotProfile, fields: Fields | None = None, *, actions: Collection[str] | None = None
+) -> dict[str, Carrier]:
+    """By name, the mapping of every action that the robot itself does.
+
+    `fields` is `Transport.fields`; without it, types are taken as they are and everything else is checked. `actions`
+    narrows it down to some actions. Raises CarrierErrors with everything that is wrong.
+    """
+    notes = Notes()
+    options = parse_options(profile, notes)
+    types = Types(fields)
+    mappings: dict[str, Carrier] = {}
+    for name, spec in profile.actions.items():
+        if not _is_done_by_itself(spec) or (actions is not None and name not in actions):
+            continue
+        mapping = ActionReader(_written_out(spec, options), options, types, notes).read()
+        if mapping is not None:
+            mappings[name] = mapping
+            _check_qos(name, mappings, notes)
+    if notes.sentences:
+        raise CarrierErrors(profile.name, list(dict.fromkeys(notes.sentences)))
+    return mappings
+
+
+def profile_findings(profile: RobotProfile, fields: Fields | None = None) -> list[str]:
+    """Everything that is wrong with what a profile says about ROS, as sentences; empty when it can be used."""
+    try:
+        read_carriers(profile, fields)
+    except CarrierErrors as errors:
+        return errors.findings
+    return []
+
+
+def written_out(profile: RobotProfile) -> RobotProfile:
+    """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
+    options = parse_options(profile, Notes())
+    return replace(profile, actions={name: _written_out(spec, options) for name, spec in profile.actions.items()})
+
+
+def _check_qos(name: str, mappings: Mapping[str, Carrier], notes: Notes) -> None:
+    """Actions that go the same way have one subscription or publisher between them, and it has one quality of service.
+    `name`: that of the action that was read last."""
+    mapping = mappings[name]
+    for other, before in mappings.items():
+        if (before.kind, before.name, before.type) == (mapping.kind, mapping.name, mapping.type) and (
+            (before.topic_qos, before.feedback_qos, before.status_qos)
+            != (mapping.topic_qos, mapping.feedback_qos, mapping.status_qos)
+        ):
+            where = f"actions.{name}.carrier.qos"
+            notes.add(where, f"differs from that of {other}, which goes to {mapping.name} too; give both the same")
+            return
+
+
+@cache
+def _standard_carriers() -> Mapping[str, Mapping[str, Any]]:
+    """The carriers of the profile `rise`, which a wrapper in the manner of RISE offers under a name of its own."""
+    profile = tomllib.loads(resources.files("rise_adapters.robots").joinpath("rise.toml").read_text("utf-8"))
+    return {name: table["carrier"] for name, table in profile["actions"].items()}
+
+
+def _written_out(spec: ActionSpec, options: Options) -> ActionSpec:
+    """The action with its carrier, also when that is its wrapper's; without one if there is none."""
+    carrier = spec.carrier
+    standard = _standard_carriers().get(spec.name)
+    if not carrier and options.wrapper and standard is not None and _is_done_by_itself(spec):
+        carrier = {**standard, "action": standard["action"].replace(_STANDARD, options.wrapper, 1)}
+    if "action" in carrier and "error" not in carrier and options.error:
+        carrier = {**carrier, "error": options.error}
+    return replace(spec, carrier=carrier)
+
+
+def _is_done_by_itself(spec: ActionSpec) -> bool:
+    return spec.supported and not spec.engine and spec.substitute is None

@@ -1,0 +1,56 @@
+"""The quality of service of what an action publishes, or listens to (`carrier.qos`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rise_adapters.ros2.carriers.compile import Notes
+from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, QoS
+from rise_engine.nearest_name import nearest, suggestion
+
+_KEYS = ("reliability", "durability", "depth")
+_RELIABILITY = {"reliable": True, "best_effort": False}
+_DURABILITY = {"volatile": False, "transient_local": True}
+_DEEPEST = 10_000
+"""Messages that may be kept for one topic."""
+
+
+def parse_qos(table: Mapping[str, Any], kind: str, where: str, notes: Notes) -> dict[str, QoS]:
+    """By what it is of: `topic`, or `feedback` and `status` of an action (`kind`). What is wrong goes into `notes`."""
+    if kind == "topic":
+        return {"topic": _quality(table, RELIABLE, where, notes)}
+    usual = {FEEDBACK: RELIABLE, STATUS_TOPIC: STATUS}
+    for key in table:
+        if key in _KEYS:
+            notes.add(f"{where}.{key}", f"stands in `qos.{FEEDBACK}` or `qos.{STATUS_TOPIC}`: goals have no other")
+        elif key not in usual:
+            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, usual)}")
+    return {key: _quality(table.get(key, {}), before, f"{where}.{key}", notes) for key, before in usual.items()}
+
+
+def _quality(table: Any, before: QoS, where: str, notes: Notes) -> QoS:
+    if not isinstance(table, dict):
+        notes.add(where, 'is a table: { reliability = "best_effort" }')
+        return before
+    for key in table:
+        if key not in _KEYS:
+            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, _KEYS)}")
+    depth = table.get("depth", before.depth)
+    if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= _DEEPEST:
+        notes.add(f"{where}.depth", f"is a whole number of messages from 1 to {_DEEPEST}")
+        depth = before.depth
+    reliable = _choice(table.get("reliability"), _RELIABILITY, before.reliable, f"{where}.reliability", notes)
+    latched = _choice(table.get("durability"), _DURABILITY, before.latched, f"{where}.durability", notes)
+    return QoS(depth, reliable, latched)
+
+
+def _choice(word: Any, words: Mapping[str, bool], before: bool, where: str, notes: Notes) -> bool:
+    if word is None:
+        return before
+    if isinstance(word, str) and word in words:
+        return words[word]
+    near = nearest(word, words) if isinstance(word, str) else None
+    meant = f"; did you mean `{near}`?" if near is not None else ""
+    notes.add(where, f"is {' or '.join(f'`{each}`' for each in words)}{meant}")
+    return before

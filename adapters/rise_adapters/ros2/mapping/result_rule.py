@@ -1,0 +1,68 @@
+"""Where the result of an action says that it failed (`carrier.error`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rise_adapters.ros2.carriers.carrier import Verdict
+from rise_adapters.ros2.carriers.compile import Notes
+from rise_adapters.ros2.carriers.fields import FieldType, Types
+from rise_engine.nearest_name import suggestion
+
+_KEYS = ("code", "ok", "text", "codes")
+
+
+def parse_result_rule(table: Mapping[str, Any], type: str, where: str, types: Types, notes: Notes) -> Verdict:
+    """`type`: the action's; empty when it is not known. What is wrong goes into `notes`, and is left out."""
+    for key in table:
+        if key not in _KEYS:
+            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, _KEYS)}")
+    code, code_type = _field(table, "code", type, where, types, notes)
+    text, text_type = _field(table, "text", type, where, types, notes)
+    if text_type is not None and (text_type.kind != "text" or text_type.many):
+        notes.add(f"{where}.text", f"is the field with the robot's words, and this one is `{text_type}`")
+    ok = table.get("ok", 0)
+    if code_type is not None and (code_type.many or code_type.kind not in ("integer", "boolean")):
+        notes.add(f"{where}.code", f"is a whole number or true or false, and this field is `{code_type}`")
+    elif code_type is not None and code_type.kind == "boolean" and not isinstance(ok, bool):
+        notes.add(where, "has a `code` that is true or false; say which one is success: `ok = true`")
+    elif not isinstance(ok, int) or (code_type is not None and code_type.kind == "integer" and ok is True):
+        notes.add(f"{where}.ok", "is the value of `code` that means success: a whole number, true or false")
+        ok = 0
+    codes = table.get("codes", {})
+    if not isinstance(codes, dict) or not all(isinstance(each, str) for each in codes.values()):
+        notes.add(f"{where}.codes", 'says what numbers mean: { 134 = "the robot cannot do this" }')
+        codes = {}
+    for key in ("ok", "codes"):
+        if key in table and "code" not in table:
+            notes.add(f"{where}.{key}", "needs `code`: the field of the result that it is about")
+    return Verdict(code, ok, text, codes)
+
+
+def _field(
+    table: Mapping[str, Any], key: str, type: str, where: str, types: Types, notes: Notes
+) -> tuple[tuple[str, ...], FieldType | None]:
+    """The path of a field of the result, and its type where that is known."""
+    path = table.get(key)
+    if path is None:
+        return (), None
+    if not isinstance(path, str) or not all(path.split(".")):
+        notes.add(f"{where}.{key}", "is a field of the result, such as `result.error_code`")
+        return (), None
+    names = tuple(path.split("."))
+    if not type:
+        return names, None
+    inside = FieldType(f"{type}_Result")
+    for name in names:
+        fields = types.of(inside.name)
+        if fields is None:
+            if missing := types.missing(inside.name):
+                notes.add(f"{where}.{key}", f"cannot be checked: {missing}")
+            return names, None
+        if name not in fields:
+            wrong = f"names `{name}`, which is no field of {inside.name}{suggestion(name, fields)}"
+            notes.add(f"{where}.{key}", wrong)
+            return names, None
+        inside = fields[name]
+    return names, inside

@@ -1,0 +1,493 @@
+"""One action on its way to a server and back: a deadline for each phase, and exactly one ending whatever happens.
+
+    waiting --a server is there--> sent --accepted--> running --result--> ended
+       |                            |                   |
+       +-- server-missing           +-- rejected        +-- lost, timed-out, aborted, cancel-refused, ...
+           two-servers              +-- no-accept
+
+A goal that has ended for the engine may still run on the robot: one that was accepted too late, or that refused to be
+cancelled. It is remembered under its id and cancelled as soon as the server can be reached, and what it then says is
+noted and changes nothing.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from functools import partial
+from math import inf
+from uuid import uuid4
+
+from rise_adapters.ros2.action_client import (
+    CANCEL_NONE,
+    CANCEL_REJECTED,
+    CANCEL_TERMINATED,
+    CANCELED,
+    CANCELING,
+    TERMINAL,
+    UNKNOWN,
+    CancelAnswer,
+)
+from rise_adapters.ros2.mapping import Carrier
+from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.robot import endings
+from rise_adapters.ros2.robot.cancellation import MAX_TRIES, Cancellation
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint
+from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+from rise_adapters.ros2.robot.result_query import ResultQuery
+
+_LOG = logging.getLogger(__name__)
+
+STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
+"""Of a goal's status, for a person."""
+
+MAX_SENDS = 3
+"""How often a goal is sent at most, when its server goes away before it has answered. It keeps its id, so that a server
+which has it already refuses it."""
+
+
+class ActionGoal:
+    """One goal of ours at one action server. Implements `Goal`."""
+
+    def __init__(
+        self,
+        host: GoalHost,
+        endpoint: ActionEndpoint,
+        action: str,
+        mapping: Carrier,
+        message: Message,
+        expected: float,
+        limit: float,
+    ) -> None:
+        """`expected` and `limit` in seconds: how long it will take, and when the kernel gives it up."""
+        self.id = uuid4().bytes
+        self.action = action
+        self.phase: Phase = "waiting"
+        self.endpoint = endpoint
+        self.may_be_running = False
+        """On the robot, whatever the engine thinks of it."""
+        self._host = host
+        self._mapping = mapping
+        self._message = message
+        self._expected = expected
+        now = host.clock.now()
+        self._limit_at = now + limit
+        self._server_by = now + mapping.deadlines.server
+        self._deadline = self._server_by
+        """Of the phase."""
+        self._sends = 0
+        self._answers = 0
+        """How often the server said whether it takes the goal."""
+        self._accepted: bool | None = None
+        """What it said; None: nothing yet."""
+        self._heard_at = 0.0
+        """Its last sign of life."""
+        self._result = ResultQuery()
+        self._cancellation = Cancellation(mapping.deadlines.cancel)
+        self._ending: Ending | None = None
+        self._ended_at = 0.0
+        self._noted: set[tuple[str, str]] = set()
+        """What was remarked already: a server that repeats itself is reported once."""
+
+    # --- from the engine ----------------------------------------------------------------------------------------
+
+    def cancel(self) -> None:
+        """Stop it. Before it was sent that is all; after that the server is asked as soon as it has accepted it. One
+        that has ended here, and may be going on there, is asked about once more."""
+        cancellation = self._cancellation
+        if self.phase == "ended" and self.may_be_running:
+            cancellation.tries = 0
+            self._ask_cancel()
+        if self.phase == "ended" or cancellation.wanted:
+            return
+        cancellation.request(self._host.clock.now(), self._limit_at)
+        if self.phase == "waiting":
+            self._end("canceled", "its server had gone before taking it" if self._sends else "it had not been sent yet")
+        elif self.phase == "running":
+            self._ask_cancel()
+        self._host.goal_changed(self)
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether its server has said that it cancels it."""
+        return self._cancellation.confirmed
+
+    def is_live(self) -> bool:
+        return self.phase != "ended" or self._cancellation.next_try < inf
+
+    # --- from the clock -----------------------------------------------------------------------------------------
+
+    def next_deadline(self) -> float:
+        cancellation = self._cancellation
+        if self.phase == "ended":
+            return cancellation.next_try
+        deadline = min(self._deadline, cancellation.deadline)
+        if self.phase == "running":
+            deadline = min(deadline, cancellation.next_try, self._silent_at(), self._result.next_deadline())
+        return deadline
+
+    def poll(self) -> None:
+        now = self._host.clock.now() + TIMER_TOLERANCE
+        if self.phase == "waiting":
+            self._poll_waiting(now)
+        elif self.phase == "sent":
+            self._poll_sent(now)
+        elif self.phase == "running":
+            self._poll_running(now)
+        elif now >= self._cancellation.next_try:
+            self._ask_cancel()
+
+    def _poll_waiting(self, now: float) -> None:
+        endpoint, presence = self.endpoint, self.endpoint.presence
+        endpoint.compare()
+        if endpoint.misfit:
+            self._end("failed", endpoint.misfit)
+        elif endpoint.is_ready:
+            self._send()
+        elif presence.count > 1 and (presence.appeared_twice or now >= self._deadline):
+            self._end(*endings.of_two_servers(endpoint))
+        elif now >= self._deadline:
+            self._end(*endings.of_missing_server(endpoint, self._sends))
+
+    def _poll_sent(self, now: float) -> None:
+        name = self.endpoint.name
+        if now >= self._deadline:
+            self.endpoint.mark_unanswered()
+            seconds = self._mapping.deadlines.acceptance
+            self._end("timed-out", f"no-accept: {name} did not say within {seconds:g} s whether it takes it")
+        elif now >= self._cancellation.deadline:
+            self.endpoint.mark_unanswered()
+            self._end("timed-out", f"no-accept: it was to be stopped, and {name} has not even taken it")
+
+    def _poll_running(self, now: float) -> None:
+        endpoint, deadlines, result = self.endpoint, self._mapping.deadlines, self._result
+        if result.is_discarded(now):
+            self._end_discarded()
+        elif now >= self._cancellation.deadline:
+            if not self._cancellation.confirmed and self._cancellation.refused_at is None:
+                endpoint.mark_unanswered()
+            self._end(*endings.of_failed_cancel(self._cancellation, endpoint.name))
+        elif now >= self._deadline:
+            self._end(
+                "timed-out",
+                f"no-result: it was to take {self._expected:.1f} s, and {endpoint.name} had not ended it "
+                f"{deadlines.result:g} s later",
+            )
+        elif now >= self._silent_at():
+            endpoint.mark_unanswered()
+            self._end("lost", f"silent: {endpoint.name} has sent no feedback for {deadlines.feedback:g} s")
+        elif result.is_missing(now):
+            self._end_without_result()
+        else:
+            if now >= self._cancellation.next_try:
+                self._ask_cancel()
+            if result.is_due(now):
+                self._ask_result()
+
+    def _silent_at(self) -> float:
+        """When its silence means something."""
+        expected = self._mapping.deadlines.feedback
+        return self._heard_at + expected if expected and not self._cancellation.wanted else inf
+
+    # --- from the robot as a whole ------------------------------------------------------------------------------
+
+    def server_gone(self) -> None:
+        """Nothing offers the action any more. What runs there, nobody knows."""
+        name = self.endpoint.name
+        if self.phase == "sent":
+            self._deadline = self._server_by
+            may_send = self._sends < MAX_SENDS and not self._cancellation.wanted
+            if may_send and self._host.clock.now() < self._server_by:
+                self.phase = "waiting"
+                self._host.goal_changed(self)
+            else:
+                self._end(*endings.of_missing_server(self.endpoint, self._sends))
+        elif self.phase == "running":
+            self._end("lost", f"server-gone: what offered {name} has gone away in the middle of it")
+
+    def server_changed(self) -> None:
+        """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
+        if self.phase == "running":
+            self._ask_result()
+        elif self.phase == "ended" and self.may_be_running:
+            self._cancellation.next_try = self._host.clock.now()
+            self._host.goal_changed(self)
+
+    def robot_lost(self, reason: str) -> None:
+        if self.phase != "ended":
+            self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting" or self._sends > 0))
+
+    def move_to(self, endpoint: ActionEndpoint) -> None:
+        """Its server is reached in another way from now on."""
+        self.endpoint = endpoint
+        self._cancellation.forget_servers()
+
+    # --- from the wire ------------------------------------------------------------------------------------------
+
+    def take_feedback(self) -> None:
+        """A sign of life. It changes nothing, however many come."""
+        self._heard_at = self._host.clock.now()
+
+    def take_status(self, statuses: Mapping[bytes, int]) -> None:
+        """The server has said how its goals stand."""
+        status = statuses.get(self.id)
+        now = self._host.clock.now()
+        if status is not None:
+            self._heard_at = now
+        if status == CANCELING:
+            self.confirm_cancel()
+        if status is None:
+            if self.phase == "running" and self._result.may_doubt(now):
+                self._ask_result()
+        elif status in TERMINAL:
+            self._take_terminal_status(status, now)
+        elif status and self._is_unanswered():
+            self._accept()
+        elif status and self.phase == "ended" and self._accepted is None:
+            self._accept_late()
+
+    def _take_terminal_status(self, status: int, now: float) -> None:
+        result = self._result
+        if self._is_unanswered():
+            self._accept()
+        if self.phase == "running" and result.finished_at is None:
+            result.finish(now, status)
+            if result.unknown_since is not None:
+                self._end_discarded()
+            elif result.may_doubt(now):
+                self._ask_result()
+            self._host.goal_changed(self)
+        elif self.phase == "ended":
+            self._mark_over()
+
+    def confirm_cancel(self) -> None:
+        """Its server has said that it cancels it, whoever asked for that."""
+        self._cancellation.confirm()
+
+    # --- sending ------------------------------------------------------------------------------------------------
+
+    def _send(self) -> None:
+        now = self._host.clock.now()
+        self._sends += 1
+        number = self._sends
+        self.phase = "sent"
+        self.may_be_running = True
+        self._deadline = now + self._mapping.deadlines.acceptance
+        try:
+            self.endpoint.client.send(self.id, self._message, lambda accepted: self._take_answer(accepted, number))
+        except PortError as error:
+            self.may_be_running = number > 1
+            self._end("failed", f"not-sent: {error}")
+        self._host.goal_changed(self)
+
+    def _take_answer(self, accepted: bool, number: int) -> None:
+        """The server has said whether it takes the goal that was sent as the `number`-th."""
+        name = self.endpoint.name
+        self._answers += 1
+        if self._answers > self._sends:
+            self._note("duplicate", f"{name} answered twice whether it takes {self.action}")
+        elif self._is_unanswered():
+            if accepted:
+                self._accept()
+            elif number > 1:
+                # The server that had gone away before may be the same one, which has the goal and refuses it twice.
+                self._end("failed", f"rejected: {name} refused it when it was sent once more")
+            else:
+                self.may_be_running = False
+                self._accepted = False
+                self._end("failed", f"rejected: {name} refused it")
+        elif self._accepted is None and self.phase == "ended":
+            if accepted:
+                self._accept_late()
+            else:
+                self._accepted = False
+                self._note("late", f"{name} refused {self.action} {self._since_end()} after its end")
+                self._mark_over()
+
+    def _is_unanswered(self) -> bool:
+        """It was sent, and the server has not said whether it takes it. (It may have gone away meanwhile.)"""
+        return self.phase == "sent" or (self.phase == "waiting" and self._sends > 0)
+
+    def _accept(self) -> None:
+        now = self._host.clock.now()
+        self._accepted = True
+        self.phase = "running"
+        self._heard_at = now
+        grace = self._mapping.deadlines.result
+        self._deadline = now + self._expected + grace if grace else inf
+        self._ask_result()
+        if self._cancellation.wanted:
+            self._ask_cancel()
+        self._host.report_accepted(self.action)
+        self._host.goal_changed(self)
+
+    def _accept_late(self) -> None:
+        self._accepted = True
+        self.may_be_running = True
+        self._note(
+            "late",
+            f"{self.endpoint.name} took {self.action} {self._since_end()} after its end ({self._ending}); "
+            "it is cancelled at once",
+        )
+        self._cancellation.tries = 0
+        self._ask_result()
+        self._ask_cancel()
+
+    # --- results ------------------------------------------------------------------------------------------------
+
+    def _ask_result(self) -> None:
+        self._result.request(self._host.clock.now())
+        try:
+            self.endpoint.client.get_result(self.id, partial(self._take_result, self.endpoint.presence.changes))
+        except PortError as error:
+            _LOG.debug("the result of %s could not be asked for: %s", self.action, error)
+        self._host.goal_changed(self)
+
+    def _take_result(self, servers: int, status: int, message: Message) -> None:
+        """`servers`: those that there were when it was asked for (`ServerPresence.changes`)."""
+        if self._result.receive():
+            self._note(
+                "duplicate", f"the result of {self.action} came twice; the second one counts for nothing", "result"
+            )
+        if self.phase == "ended":
+            self._take_late_result(servers, status)
+        elif status not in TERMINAL:  # UNKNOWN, or what no result can have: never a success by itself
+            self._take_unknown(servers)
+        else:
+            self._result.taken = True
+            self.may_be_running = False
+            wanted, name = self._cancellation.wanted, self.endpoint.name
+            self._end(*endings.of_result(status, message, self._mapping, name, cancel_wanted=wanted))
+
+    def _take_late_result(self, servers: int, status: int) -> None:
+        ended = status in TERMINAL
+        if not self._result.taken and ended and not (self._cancellation.tries and status == CANCELED):
+            self._note(
+                "late",
+                f"the result of {self.action} ({STATUS_NAMES[status]}) came {self._since_end()} after its end "
+                f"({self._ending}); it changes nothing",
+                "result",
+            )
+        self._result.taken = self._result.taken or ended
+        if ended or self._is_answer_of_all(servers):
+            self._mark_over()
+
+    def _is_answer_of_all(self, servers: int) -> bool:
+        """Whether what was asked of the servers of then was answered by the only one that there is."""
+        presence = self.endpoint.presence
+        return presence.count == 1 and presence.changes == servers
+
+    def _take_unknown(self, servers: int) -> None:
+        """The server does not know it: one that was restarted, or that keeps no results. The latter's status topic says
+        how it ended, perhaps a moment later."""
+        presence = self.endpoint.presence
+        if presence.changes != servers:
+            return  # whoever is there now has been asked since
+        if self._result.finished_at is not None:
+            self._end_discarded()
+        elif presence.count > 1:
+            self._result.taken = True
+            self._end(*endings.of_restart(self.endpoint.name))  # another one may have it, and is told to stop
+        elif self._result.unknown_since is None:
+            self._result.unknown_since = self._host.clock.now()
+            self._host.goal_changed(self)
+
+    def _end_discarded(self) -> None:
+        """It is over there, and nobody has its result."""
+        self._result.taken = True
+        self.may_be_running = False
+        status, wanted = self._result.finished_as, self._cancellation.wanted
+        self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted))
+
+    def _end_without_result(self) -> None:
+        """The status topic has said how it ended, and the result does not come."""
+        status = self.endpoint.client.statuses.get(self.id)
+        ending = endings.of_missing_result(status, self.endpoint.name, cancel_wanted=self._cancellation.wanted)
+        if ending[0] != "timed-out":
+            self.may_be_running = False
+        self._end(*ending)
+
+    # --- cancelling ---------------------------------------------------------------------------------------------
+
+    def _ask_cancel(self) -> None:
+        presence, cancellation = self.endpoint.presence, self._cancellation
+        cancellation.start_over_for(presence.changes)
+        if not presence.count:
+            cancellation.pause()  # `server_changed` comes when it is back
+        elif self.phase == "ended" and cancellation.tries >= MAX_TRIES:
+            cancellation.pause()
+            self._note(
+                "still-running",
+                f"{self.action} could not be stopped at {self.endpoint.name} in {MAX_TRIES} tries; "
+                "the robot may go on with it",
+            )
+        else:
+            cancellation.begin_try(self._host.clock.now())
+            try:
+                self.endpoint.client.cancel(self.id, partial(self._take_cancel_answer, presence.changes))
+            except PortError as error:
+                _LOG.debug("%s could not be cancelled: %s", self.action, error)
+        self._host.goal_changed(self)
+
+    def _take_cancel_answer(self, servers: int, answer: CancelAnswer) -> None:
+        """`servers`: those that there were when it was asked (`ServerPresence.changes`)."""
+        if self.id in answer.goals:
+            self.confirm_cancel()
+            self._cancellation.pause()
+            if not self._result.requests:
+                self._ask_result()
+        elif answer.code in (CANCEL_NONE, CANCEL_REJECTED):
+            self._take_refusal()
+        elif self.phase == "ended":  # the server does not have it, or it is over
+            if answer.code == CANCEL_TERMINATED:
+                # rcl says this also of a goal that it is cancelling already; then its end is still to come.
+                self._cancellation.pause()
+                if self.endpoint.client.statuses.get(self.id, UNKNOWN) != CANCELING:
+                    self._mark_over()
+            elif self._is_answer_of_all(servers):
+                self._mark_over()
+            elif self.endpoint.presence.changes == servers:
+                self._cancellation.pause()  # one of several; `server_changed` comes when only one is left
+        elif self.phase == "running":
+            self._cancellation.pause()
+            self._ask_result()  # it has ended, or the server has forgotten it: both come as a result
+        self._host.goal_changed(self)
+
+    def _take_refusal(self) -> None:
+        if not self.may_be_running or self._cancellation.confirmed:
+            return
+        if self._cancellation.refuse(self._host.clock.now()):
+            self._note("cancel-refused", f"{self.endpoint.name} does not stop {self.action}; it goes on")
+
+    # --- the end ------------------------------------------------------------------------------------------------
+
+    def _end(self, status: Ending, reason: str) -> None:
+        """The one place where a goal ends."""
+        assert self.phase != "ended"
+        self.phase = "ended"
+        self._ending = status
+        self._ended_at = self._host.clock.now()
+        self._deadline = self._cancellation.deadline = inf
+        self._cancellation.pause()
+        if self.may_be_running and not self._cancellation.confirmed:
+            self._cancellation.tries = 0
+            self._ask_cancel()
+        if self._cancellation.overdue and status != "canceled":
+            self._note("late", f"{self.action} {status}{f' ({reason})' if reason else ''}, after its time was over")
+        self._host.goal_changed(self)
+        self._host.report_ended(self.action, status, reason)
+
+    def _mark_over(self) -> None:
+        """Nothing of it runs on the robot any more."""
+        self.may_be_running = False
+        self._cancellation.pause()
+        self._host.goal_changed(self)
+
+    def _since_end(self) -> str:
+        return f"{self._host.clock.now() - self._ended_at:.1f} s"
+
+    def _note(self, word: str, text: str, about: str = "") -> None:
+        """For the record, each kind once."""
+        if (word, about) not in self._noted:
+            self._noted.add((word, about))
+            self._host.report_note(self.endpoint, f"{word}: {text}")

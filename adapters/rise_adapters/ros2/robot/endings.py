@@ -1,0 +1,120 @@
+"""How an action at a server ends: for everything that the wire can bring, the one ending and its reason.
+
+A reason begins with a word that programs can look for (docs/explanation/ros2.md, "Nothing is lost on the way to the
+robot"), and goes on with a sentence for the people who run the study. Nothing here has a state.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import TypeAlias
+
+from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.compatibility import MISFIT_KINDS, several_servers
+from rise_adapters.ros2.mapping import Carrier
+from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.robot.cancellation import Cancellation
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.robot.goal_host import Ending
+
+_LOG = logging.getLogger(__name__)
+
+RESULT_GRACE = 2.0
+"""Seconds that a result may come after the status topic has said that the goal is over."""
+_NO_RESULT = f"and its result did not come within {RESULT_GRACE:g} s"
+
+Outcome: TypeAlias = tuple[Ending, str]
+"""A status, and its reason."""
+
+
+def of_result(status: int, result: Message, mapping: Carrier, name: str, *, cancel_wanted: bool) -> Outcome:
+    """The server has given the result. `status` is one of SUCCEEDED, CANCELED, ABORTED; `name` the action's on ROS."""
+    if status == CANCELED:
+        return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
+    if status == ABORTED:
+        why = _read(mapping.reason, result, name) or "the robot gave it up and did not say why"
+        return "failed", f"aborted: {why}"
+    if wrong := _read(mapping.error, result, name):
+        return "failed", f"robot-error: {wrong}"
+    if cancel_wanted:
+        return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
+    return "succeeded", ""
+
+
+def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> Outcome:
+    """The status topic has said that it is over (as `status`), and the result does not come."""
+    if status == CANCELED:
+        return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it, {_NO_RESULT}"
+    if status == ABORTED:
+        return "failed", f"aborted: {_NO_RESULT}"
+    return "timed-out", f"no-result: {name} says that it has ended, {_NO_RESULT}"
+
+
+def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outcome:
+    """The server does not know it any more. What its status topic has said of the end is `status`, if it did."""
+    gone = f"{name} did not keep its result (its result_timeout is too short)"
+    if status == SUCCEEDED and cancel_wanted:
+        return "succeeded", f"succeeded-during-cancel: {gone}"
+    if status == SUCCEEDED:
+        return "succeeded", f"result-not-kept: it says that it succeeded, and {gone}"
+    if status == CANCELED:
+        return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it; {gone}"
+    if status == ABORTED:
+        return "failed", f"aborted: why is not known; {gone}"
+    return of_restart(name)
+
+
+def of_restart(name: str) -> Outcome:
+    """The server does not know it, and says nothing else."""
+    return "lost", f"server-restarted: {name} does not know it any more; was the robot's wrapper restarted?"
+
+
+def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
+    """It was to be stopped and was not, in the time that there was for that."""
+    seconds = cancellation.seconds
+    if cancellation.confirmed:
+        return "lost", f"cancel-unconfirmed: {name} said that it stops, and did not within {seconds:g} s"
+    if cancellation.refused_at is not None:
+        return "failed", f"cancel-refused: {name} did not let it be stopped; it may still be going on"
+    return "lost", f"cancel-unanswered: {name} did not answer within {seconds:g} s"
+
+
+def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
+    """Nothing took it in time. `sends`: how often it was sent nevertheless."""
+    presence = endpoint.presence
+    if sends:
+        why = f"what offers {endpoint.name} went away {times(sends)} before it took it"
+    elif presence.count and not presence.settled:
+        why = f"{endpoint.name} comes and goes, {times(presence.losses)} lately"
+    else:
+        why = trouble_of_missing(endpoint)
+    return "failed", f"server-missing: {why}"
+
+
+def of_two_servers(endpoint: ActionEndpoint) -> Outcome:
+    return "failed", f"two-servers: {several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
+
+
+def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
+    """The robot is lost as a whole, for this reason. What was not sent has failed; what was, nobody knows."""
+    if was_sent:
+        return "lost", reason
+    return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"
+
+
+def trouble_of_missing(endpoint: Endpoint) -> str:
+    """Why an endpoint cannot be reached, with a hint where nothing of it is seen."""
+    return endpoint.trouble + ("" if endpoint.comparison.seen else "; is the robot's wrapper running?")
+
+
+def times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _read(read: Callable[[Message], str], result: Message, name: str) -> str:
+    try:
+        return read(result)
+    except Exception as error:
+        _LOG.exception("a result of %s cannot be read", name)
+        return f"its result cannot be read ({error})"

@@ -1,0 +1,193 @@
+"""What of a robot goals go to: its action servers and the topics that it listens to, and whether they can be relied on.
+
+ROS 2 tells a client nothing when a server dies, so all this is found by polling, several times a second.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Literal, TypeAlias
+
+from rise_adapters.ros2 import compatibility
+from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.compatibility import NOT_COMPARED
+from rise_adapters.ros2.mapping import Carrier
+from rise_adapters.ros2.port import Message, PortError, Publisher, Transport
+from rise_adapters.ros2.robot.presence import ServerPresence
+from rise_engine.robot import Clock
+
+_LOG = logging.getLogger(__name__)
+
+Fault: TypeAlias = Literal["", "unfit", "missing", "double", "silent", "unheard"]
+"""What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
+unheard: what is sent reaches it, and some of what it says does not arrive."""
+
+UNLISTED = 1.0
+"""Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
+anything. What the middleware has not listed by then it does not list."""
+
+
+class _ComparedEndpoint:
+    """What `compatibility` says about an endpoint's other side."""
+
+    def __init__(self, label: str, transport: Transport, mapping: Carrier, clock: Clock) -> None:
+        self.label = label
+        """For a person: `pepper/speech`."""
+        self.presence = ServerPresence(clock)
+        self.comparison = NOT_COMPARED
+        """What was seen when it was compared last."""
+        self._transport = transport
+        self._mapping = mapping
+        self._clock = clock
+
+    def compare(self) -> None:
+        """Compare what is there with what the profile says."""
+        before, self.comparison = self.comparison, compatibility.compare(self._transport, self._mapping)
+        if before.complete and not self.comparison.complete:  # another one is appearing
+            self.presence.appeared_at = self._clock.now()
+
+    @property
+    def is_compared(self) -> bool:
+        """Everything of it has been compared, or what is missing will not be listed any more."""
+        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED
+
+    @property
+    def is_usable(self) -> bool:
+        """It is there, and to stay, and is what the profile says, as far as can be known."""
+        return self.presence.settled and self.is_compared and not self.comparison.unusable
+
+    @property
+    def misfit_kind(self) -> str:
+        """The kind of what does not fit (`other-version`, ...); empty when something can be sent to it."""
+        return self.comparison.unusable[0].kind if self.comparison.unusable else ""
+
+    @property
+    def misfit(self) -> str:
+        """Why nothing may be sent to it: the reason of an action that is not, with what to do. Empty when it may."""
+        unusable = self.comparison.unusable
+        return f"{self.misfit_kind}: {compatibility.describe_misfits(unusable)}" if unusable else ""
+
+
+class ActionEndpoint(_ComparedEndpoint):
+    """One action server of the robot."""
+
+    def __init__(self, label: str, client: ActionClient, transport: Transport, mapping: Carrier, clock: Clock) -> None:
+        super().__init__(label, transport, mapping, clock)
+        self.client = client
+        self._unanswered_at: float | None = None
+
+    @property
+    def name(self) -> str:
+        return self.client.name
+
+    def poll(self, count: int | None = None) -> bool:
+        """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
+        gone = self.presence.update(self.client.servers() if count is None else count)
+        if gone:
+            self.client.forget()
+            self._unanswered_at = None
+        return gone
+
+    @property
+    def is_ready(self) -> bool:
+        """A goal can be sent: it is there, once, and to stay."""
+        return self.is_usable and self.presence.count == 1
+
+    def mark_unanswered(self) -> None:
+        """It owes an answer that did not come in time."""
+        self._unanswered_at = self._clock.now()
+
+    @property
+    def is_silent(self) -> bool:
+        """It owed an answer and has given no sign of life since."""
+        since, heard = self._unanswered_at, self.client.heard
+        return since is not None and (heard is None or heard <= since)
+
+    @property
+    def fault(self) -> Fault:
+        if self.comparison.unusable:
+            return "unfit"
+        if not self.is_usable:
+            return "missing"
+        if self.presence.count > 1:
+            return "double"
+        return "silent" if self.is_silent else "unheard" if self.comparison.unheard else ""
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it, for a person."""
+        if self.comparison.unusable or self.fault == "unheard":
+            return compatibility.describe_misfits(self.comparison.misfits)
+        if not self.presence.count:
+            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
+        if not self.presence.settled:
+            return f"{self.name} comes and goes"
+        if self.presence.count > 1:
+            return compatibility.several_servers(self.presence.count, self.name)
+        return f"{self.name} does not answer" if self.is_compared else f"{self.name} has only just been found"
+
+    def close(self) -> None:
+        self.client.close()
+
+
+class TopicEndpoint(_ComparedEndpoint):
+    """One topic that something of the robot listens to."""
+
+    def __init__(self, label: str, transport: Transport, mapping: Carrier, clock: Clock) -> None:
+        """Raises PortError."""
+        super().__init__(label, transport, mapping, clock)
+        self.name = transport.resolve(mapping.name)
+        self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
+        self.user: object | None = None
+        """The goal that published last: only its end takes back what was said."""
+
+    def poll(self, count: int | None = None) -> bool:
+        return self.presence.update(self.publisher.subscribers() if count is None else count)
+
+    def publish(self, message: Message) -> None:
+        """Publish what needs no answer and may be lost."""
+        try:
+            self.publisher.publish(message)
+        except PortError as error:
+            _LOG.warning("nothing can be published on %s: %s", self.name, error)
+
+    @property
+    def is_ready(self) -> bool:
+        return self.is_usable
+
+    @property
+    def fault(self) -> Fault:
+        return "unfit" if self.comparison.unusable else "" if self.is_usable else "missing"
+
+    @property
+    def trouble(self) -> str:
+        if self.comparison.unusable:
+            return compatibility.describe_misfits(self.comparison.unusable)
+        if not self.presence.count:
+            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
+        return f"what listens to {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
+
+    def close(self) -> None:
+        self.publisher.close()
+
+
+Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint
+
+
+def close_all(endpoints: tuple[Endpoint, ...]) -> None:
+    """Let go of them; whoever owns the transport may have closed it before."""
+    for endpoint in endpoints:
+        try:
+            endpoint.close()
+        except Exception:
+            _LOG.debug("%s could not be let go of", endpoint.name, exc_info=True)
+
+
+def short_labels(robot: str, names: list[str]) -> dict[str, str]:
+    """By full name, short ones for a person: `/pepper/rise/speech` is `pepper/speech`, unless that could be two."""
+    split = [name.strip("/").split("/") for name in names]
+    short: dict[str, str] = {}
+    for name, words in zip(names, split, strict=True):
+        length = next((n for n in range(1, len(words)) if sum(other[-n:] == words[-n:] for other in split) == 1), 0)
+        short[name] = "/".join((robot, *words[-length:]))
+    return short

@@ -1,0 +1,78 @@
+"""What all goals of a robot have in common, and what each of them needs of the robot that it belongs to."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol, TypeAlias
+
+from rise_adapters.ros2.robot.endpoints import Endpoint
+from rise_engine.robot import Clock
+
+Phase: TypeAlias = Literal["waiting", "sent", "running", "ended"]
+Ending: TypeAlias = Literal["succeeded", "failed", "canceled", "timed-out", "lost"]
+
+TIMER_TOLERANCE = 1e-5
+"""Seconds that a timer may be early."""
+
+
+class Goal(Protocol):
+    """One action on its way to the robot and back.
+
+    It has no timer of its own: `next_deadline` says when it wants to be polled, and `poll` does what is due.
+    """
+
+    action: str
+    """As the engine calls it."""
+    phase: Phase
+
+    @property
+    def endpoint(self) -> Endpoint:
+        """Where it is sent."""
+        ...
+
+    def cancel(self) -> None:
+        """Stop it. Before it was sent, that ends it."""
+        ...
+
+    def is_live(self) -> bool:
+        """Whether it is still to be polled: it has not ended, or it has to be stopped on the robot."""
+        ...
+
+    def next_deadline(self) -> float:
+        """Session time, in seconds, at which it wants to be polled; `inf`: never."""
+        ...
+
+    def poll(self) -> None:
+        """Do what is due."""
+        ...
+
+    def server_gone(self) -> None:
+        """Nothing offers the action (listens to the topic) any more."""
+        ...
+
+    def server_changed(self) -> None:
+        """There are more servers than before, or fewer."""
+        ...
+
+    def robot_lost(self, reason: str) -> None:
+        """The robot is lost as a whole."""
+        ...
+
+
+class GoalHost(Protocol):
+    """What a goal needs of its robot."""
+
+    clock: Clock
+
+    def report_accepted(self, action: str) -> None: ...
+
+    def report_ended(self, action: str, status: Ending, reason: str) -> None:
+        """The one ending of an action."""
+        ...
+
+    def report_note(self, endpoint: Endpoint, text: str) -> None:
+        """Something for the record only."""
+        ...
+
+    def goal_changed(self, goal: Goal) -> None:
+        """A goal wants to be polled at another time than before, or has entered another phase."""
+        ...

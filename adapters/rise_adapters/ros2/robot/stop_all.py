@@ -1,0 +1,207 @@
+"""Stop-all: every action server of the robot is asked to cancel everything, also goals of others; each answer counts.
+
+A server has confirmed when its answer has come and every goal that is known to run there has ended: ours by their
+results, those of others by the server's status topic. A goal that its answer does not name is asked about by its id,
+because what the status topic said last may be the word of a server that has been restarted since. What cannot confirm
+is named with the reason. A server that is not there is never called confirmed, even if nothing was known to run: nobody
+could be asked.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import TypeAlias
+
+from rise_adapters.ros2.action_client import (
+    CANCEL_NONE,
+    CANCEL_REJECTED,
+    CANCEL_UNKNOWN,
+    CANCELING,
+    TERMINAL,
+    CancelAnswer,
+)
+from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.robot.action_goal import ActionGoal
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_engine.kernel.inputs import StopReport
+from rise_engine.robot import Clock, Timer
+
+_LOG = logging.getLogger(__name__)
+
+ANSWER_WITHIN = 2.5
+"""Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
+REPEAT_SECONDS = 0.8
+"""After which a server that has not answered is asked once more."""
+
+MOST_BY_ID = 20
+"""Goals of others that one server is asked about by id at most, in one stop."""
+
+OwnGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
+"""Our goals at a server that are remembered, by id."""
+
+
+class CancelAll:
+    """One action server that was asked to cancel everything."""
+
+    def __init__(self, endpoint: ActionEndpoint, own_goals: OwnGoals) -> None:
+        self.endpoint = endpoint
+        self.answer: CancelAnswer | None = None
+        self._own_goals = own_goals
+        self._known: set[bytes] = set()
+        """Goals that it is cancelling, or that it called unfinished."""
+        self._stopping: set[bytes] = set()
+        """Those that it has said it cancels."""
+        self._listed: set[bytes] = set()
+        """Those that its status topic has named: when it names one no more, that one is over."""
+        self._asked_by_id: set[bytes] = set()
+        """Those of others that it was asked about one by one ..."""
+        self._over: set[bytes] = set()
+        """... and of which it said that it does not have them (any more)."""
+
+    def take_answer(self, answer: CancelAnswer) -> None:
+        if self.answer is None or answer.goals:
+            self.answer = answer
+        self._known.update(answer.goals)
+        self._stopping.update(answer.goals)
+        own = self._own_goals(self.endpoint)
+        for goal in answer.goals:
+            if goal in own:
+                own[goal].confirm_cancel()
+
+    def still_running(self) -> set[bytes]:
+        """Goals that may be running there."""
+        statuses = self.endpoint.client.statuses
+        self._known |= self.endpoint.client.running()
+        self._listed |= self._known & statuses.keys()
+        own = self._own_goals(self.endpoint)
+        over = {
+            goal
+            for goal in self._known
+            if statuses.get(goal) in TERMINAL or (goal in self._listed and goal not in statuses)
+        }
+        others = self._known - over - self._over - own.keys()
+        return {id for id, goal in own.items() if goal.may_be_running} | others
+
+    def is_confirmed(self) -> bool:
+        """Whether the one server that there is has answered, and nothing runs there."""
+        running = self.still_running()  # also notes what is listed, so it is asked first
+        return not running and self.answer is not None and self.endpoint.presence.count == 1
+
+    def why_not(self) -> str:
+        """Why it has not confirmed, for a person."""
+        count = self.endpoint.presence.count
+        if count != 1:
+            return f"{count} servers, and only one can have answered" if count else "gone"
+        if self.answer is None:
+            self.endpoint.mark_unanswered()
+            return "no answer"
+        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.still_running()):
+            return "it refused"
+        return "still running"
+
+    def _is_stopping(self, goals: set[bytes]) -> bool:
+        """Whether it has said of all these that it stops them."""
+        statuses, own = self.endpoint.client.statuses, self._own_goals(self.endpoint)
+        return all(
+            goal in self._stopping or statuses.get(goal) == CANCELING or (goal in own and own[goal].is_stopping)
+            for goal in goals
+        )
+
+    def ask_by_id(self, changed: Callable[[], None]) -> None:
+        """About goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
+        `changed` is called with each answer."""
+        if self.answer is None:
+            return
+        unclear = self.still_running() - self._stopping - self._asked_by_id - self._own_goals(self.endpoint).keys()
+        for goal in sorted(unclear)[: max(MOST_BY_ID - len(self._asked_by_id), 0)]:
+            self._asked_by_id.add(goal)
+            servers = self.endpoint.presence.changes
+            try:
+                self.endpoint.client.cancel(goal, partial(self._take_answer_about, goal, servers, changed))
+            except PortError as error:
+                _LOG.warning("%s could not be asked about a goal: %s", self.endpoint.name, error)
+
+    def _take_answer_about(self, goal: bytes, servers: int, changed: Callable[[], None], answer: CancelAnswer) -> None:
+        self._stopping.update(answer.goals)
+        if answer.code == CANCEL_UNKNOWN and self.endpoint.presence.changes == servers:
+            self._over.add(goal)
+        changed()
+
+
+class StopAll:
+    """One stop, from the request to its report."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        endpoints: Iterable[Endpoint],
+        own_goals: OwnGoals,
+        report: Callable[[StopReport], None],
+    ) -> None:
+        self._clock = clock
+        self._report = report
+        self._is_over = False
+        self._until = clock.now() + ANSWER_WITHIN
+        self._timer: Timer | None = None
+        self._cancels: list[CancelAll] = []
+        self._unasked: list[str] = []
+        """Endpoints that cannot even be asked, with the reason."""
+        for endpoint in endpoints:
+            presence = endpoint.presence
+            if not presence.count:
+                why = endpoint.misfit_kind or ("not there" if presence.was_seen else "never seen")
+                self._unasked.append(f"{endpoint.label} ({why})")
+            elif isinstance(endpoint, ActionEndpoint):
+                self._cancels.append(CancelAll(endpoint, own_goals))
+            else:
+                self._unasked.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
+
+    def begin(self) -> None:
+        self._ask()
+        self.poll()
+
+    def poll(self) -> None:
+        """Something has changed: have all confirmed?"""
+        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `still_running`
+        if not self._is_over and all(confirmed):
+            self._finish()
+
+    def abandon(self) -> None:
+        """No report any more."""
+        self._is_over = True
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _ask(self) -> None:
+        for cancel in self._cancels:
+            if cancel.answer is None and not self._is_over:
+                try:
+                    cancel.endpoint.client.cancel_all(partial(self._take_answer, cancel))
+                except PortError as error:
+                    _LOG.warning("%s could not be asked to stop: %s", cancel.endpoint.name, error)
+        again = self._clock.now() + REPEAT_SECONDS
+        if self._is_over:
+            return
+        if again < self._until:
+            self._timer = self._clock.call_at(again, self._ask)
+        else:
+            self._timer = self._clock.call_at(self._until, self._finish)
+
+    def _take_answer(self, cancel: CancelAll, answer: CancelAnswer) -> None:
+        cancel.take_answer(answer)
+        cancel.ask_by_id(self.poll)
+        self.poll()
+
+    def _finish(self) -> None:
+        if self._is_over:
+            return
+        self.abandon()
+        confirmed, unconfirmed = [], self._unasked
+        for cancel in self._cancels:
+            if cancel.is_confirmed():
+                confirmed.append(cancel.endpoint.label)
+            else:
+                unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_not()})")
+        self._report(StopReport(confirmed=tuple(sorted(confirmed)), unconfirmed=tuple(sorted(unconfirmed))))

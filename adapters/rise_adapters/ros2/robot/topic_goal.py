@@ -1,0 +1,94 @@
+"""An action that a topic carries: it is published, takes its expected time, and is taken back by the profile's reset.
+
+Nobody answers on a topic. That something listens counts as acceptance, that the time is over as success.
+"""
+
+from __future__ import annotations
+
+from rise_adapters.ros2.mapping import Carrier
+from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.robot import endings
+from rise_adapters.ros2.robot.endpoints import TopicEndpoint
+from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+
+
+class TopicGoal:
+    """One message of ours on one topic, until its time is over. Implements `Goal`."""
+
+    def __init__(
+        self,
+        host: GoalHost,
+        endpoint: TopicEndpoint,
+        action: str,
+        mapping: Carrier,
+        message: Message,
+        reset: Message | None,
+        expected: float,
+    ) -> None:
+        """`expected`: seconds after which it has succeeded. `reset`: what is published at its end, if anything."""
+        self.action = action
+        self.phase: Phase = "waiting"
+        self.endpoint = endpoint
+        self._host = host
+        self._message = message
+        self._reset = reset
+        self._expected = expected
+        self._deadline = host.clock.now() + mapping.deadlines.server
+
+    def cancel(self) -> None:
+        if self.phase == "waiting":
+            self._end("canceled", "it had not been sent yet")
+        elif self.phase == "running":
+            self._end("canceled", "")
+
+    def is_live(self) -> bool:
+        return self.phase != "ended"
+
+    def next_deadline(self) -> float:
+        return self._deadline
+
+    def poll(self) -> None:
+        now = self._host.clock.now() + TIMER_TOLERANCE
+        if self.phase == "waiting":
+            self.endpoint.compare()
+            if self.endpoint.misfit:
+                self._end("failed", self.endpoint.misfit)
+            elif self.endpoint.is_ready:
+                self._publish()
+            elif now >= self._deadline:
+                self._end("failed", f"server-missing: {endings.trouble_of_missing(self.endpoint)}")
+        elif self.phase == "running" and now >= self._deadline:
+            self._end("succeeded", "")
+
+    def server_gone(self) -> None:
+        if self.phase == "running":
+            self._end("lost", f"server-gone: what listened to {self.endpoint.name} has gone away in the middle of it")
+
+    def server_changed(self) -> None:
+        """More or fewer listen: nothing to ask them."""
+
+    def robot_lost(self, reason: str) -> None:
+        if self.phase != "ended":
+            self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
+
+    def _publish(self) -> None:
+        try:
+            self.endpoint.publisher.publish(self._message)
+        except PortError as error:
+            self._end("failed", f"not-sent: {error}")
+            return
+        self.endpoint.user = self
+        self.phase = "running"
+        self._deadline = self._host.clock.now() + self._expected
+        self._host.report_accepted(self.action)
+        self._host.goal_changed(self)
+
+    def _end(self, status: Ending, reason: str) -> None:
+        assert self.phase != "ended"
+        self.phase = "ended"
+        if self.endpoint.user is self:  # a later one has the topic to itself
+            self.endpoint.user = None
+            if self._reset is not None:
+                self.endpoint.publish(self._reset)
+        self._host.goal_changed(self)
+        self._host.report_ended(self.action, status, reason)

@@ -1,0 +1,365 @@
+"""The action `rise/domain_task`: other nodes submit tasks, follow them, and cancel them.
+
+A goal is accepted when its task is: when it is on the disk. It ends as its task does. A goal whose client has gone goes
+on, as every task does whose wizard has gone; ROS tells a server nothing of that anyway.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import cast
+
+from msgspec import Struct, field
+
+from rise_adapters.ros2.actions.server import ActionServer, Decide
+from rise_adapters.ros2.actions.server_goal import ServerGoal
+from rise_adapters.ros2.face.record_topics import RecordTopics
+from rise_adapters.ros2.port import SEND_GOAL, PortError, Transport, action_topic
+from rise_engine.clock import RealClock
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import FINAL, TaskRecord
+from rise_engine.link import client as link
+from rise_engine.link.messages import MESSAGE_LIMIT
+from rise_engine.link.room import Member, Room
+
+_LOG = logging.getLogger(__name__)
+
+DOMAIN_TASK, DOMAIN_TASK_TYPE = "rise/domain_task", "rise_interfaces/action/DomainTask"
+
+UNDECIDED = 1000
+"""Goals that wait to be taken, or for the disk, at most."""
+OPEN = 1000
+"""Acts and rules that goals have started and that have not ended, at most."""
+RELEASING = 10
+"""Goals to release a stop that wait for that at most."""
+REFUSALS_NOTED = 100
+"""Different refusals to release a stop that come to the record at most."""
+KNOWN_SECONDS, KNOWN_POLL = 1.0, 0.05
+"""For which a node that releases a stop may still be unknown: its goal can be here before word of its name is."""
+FETCH_SECONDS, FETCH_POLL = 0.5, 0.01
+"""For which results of goals that end with the session wait to be asked for."""
+
+
+class _GoalTask(Struct):
+    """What is known about a goal's task (`ServerGoal.data`)."""
+
+    id: int = 0
+    source: str = ""
+    """Under which it was submitted."""
+    accepted: bool = False
+    records: list[TaskRecord] = field(default_factory=list)
+    """Those that came before the goal was accepted."""
+
+
+class DomainTaskServer:
+    """Goals in, tasks to the session, and what becomes of them back to the goals."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        room: Room,
+        member: Member,
+        topics: RecordTopics,
+        wake: Callable[[], object],
+    ) -> None:
+        """`member`: who submits the tasks. `topics` tell of tasks that never come to the record. `wake` is called when
+        there is something to do for `work`. Raises PortError when the transport does not have the type."""
+        self.refused = 0
+        """Goals that were rejected without a task."""
+        self._transport = transport
+        self._room = room
+        self._member = member
+        self._topics = topics
+        self._wake = wake
+        self._loop = asyncio.get_running_loop()
+        self._answers: deque[Callable[[], object]] = deque()
+        """What has become of goals and is still to be told to their clients."""
+        self._cancels: deque[tuple[ServerGoal, Decide]] = deque()
+        self._goals: deque[ServerGoal] = deque()
+        """Those that are still to be submitted."""
+        self._submitted: dict[str, ServerGoal] = {}
+        """By id, those that are submitted and not accepted yet."""
+        self._running: dict[int, ServerGoal] = {}
+        """By task, those whose task has not ended."""
+        self._ended_here: list[ServerGoal] = []
+        """Those that have ended because the session, or this, has."""
+        self._releasing: set[bytes] = set()
+        """Goals to release a stop that wait until their node is known."""
+        self._refused_releases: set[str] = set()
+        """What the record says already."""
+        self._gone = ""
+        """Why no goal is taken any more."""
+        self._server = ActionServer(
+            transport,
+            DOMAIN_TASK,
+            DOMAIN_TASK_TYPE,
+            self._take_goal,
+            self._take_cancel,
+            clock=RealClock(self._loop),
+        )
+        self._adopt_running()
+
+    @property
+    def running(self) -> int:
+        """How many goals have a task that has not ended."""
+        return len(self._running)
+
+    @property
+    def waiting(self) -> int:
+        """How many goals are neither accepted nor rejected yet."""
+        return len(self._goals) + len(self._submitted)
+
+    def work(self) -> bool:
+        """Do one piece of each kind of what waits; false when nothing did."""
+        did = False
+        for kind in (self._answer_next, self._cancel_next, self._submit_next):
+            did = kind() or did
+        return did
+
+    def end_all(self, reason: str) -> None:
+        """No goal waits for what never comes."""
+        while self._answers:
+            self._answer_next()
+        while self._goals:
+            self._refuse(self._goals.popleft(), reason)
+        while self._cancels:
+            self._cancels.popleft()[1](False)
+        self._submitted.clear()
+        self._running.clear()
+        for goal in self._server.goals:
+            if not goal.decided:
+                self._refuse(goal, reason)
+            else:
+                self._ended_here.append(goal)
+                goal.abort({"status": "ABORTED", "reason": reason, "task": _task_of(goal).id})
+
+    async def close(self, reason: str) -> None:
+        """Take no more goals, wait a moment until the last results were asked for, and offer the action no more."""
+        self._gone = reason
+        await self._wait_for_fetches()
+        self._server.close({"status": "ABORTED", "reason": reason})
+        await asyncio.sleep(0)
+
+    async def _wait_for_fetches(self) -> None:
+        """Whoever has just heard that a goal was accepted is only about to ask for its result."""
+        for _ in range(round(FETCH_SECONDS / FETCH_POLL)):
+            if all(goal.told for goal in self._ended_here):
+                return
+            await asyncio.sleep(FETCH_POLL)
+
+    # --- goals in -----------------------------------------------------------------------------------------------
+
+    def _take_goal(self, goal: ServerGoal) -> None:
+        message = goal.message
+        function, behavior, calling_type = (
+            message[name] for name in ("function_type", "domain_task_behavior", "calling_type")
+        )
+        is_stop = function == "stopAll"
+        if self._gone:
+            self._refuse(goal, self._gone)
+        elif len(function) + len(behavior) + len(calling_type) > MESSAGE_LIMIT:
+            message.update(function_type=function[:100], domain_task_behavior=behavior[:100], calling_type="")
+            self._refuse(goal, f"a task may have {MESSAGE_LIMIT:,} characters at most")
+        elif self.waiting >= (2 * UNDECIDED if is_stop else UNDECIDED):
+            self._refuse(goal, f"{self.waiting:,} goals are waiting already; send the next when one has been accepted")
+        else:
+            if is_stop:
+                self._goals.appendleft(goal)  # nothing waits for less than who wants everything to stop
+            else:
+                self._goals.append(goal)
+            self._wake()
+
+    def _submit_next(self) -> bool:
+        if not self._goals:
+            return False
+        goal = self._goals.popleft()
+        submit = _submit_of(goal)
+        if submit.function == "releaseStop":
+            self._release(goal, self._loop.time() + KNOWN_SECONDS)
+        elif submit.function.startswith("start") and len(self._running) >= OPEN:
+            self._refuse(goal, f"{OPEN:,} tasks that came as goals are running or waiting already")
+        else:
+            self._submit(goal, submit, self._member)
+        return True
+
+    def _submit(self, goal: ServerGoal, submit: Submit, member: Member) -> None:
+        goal.data = _GoalTask(source=member.source)
+        self._submitted[goal.hex] = goal
+        try:
+            self._room.send(member, submit, partial(self._take_reply, goal))
+        except Exception as error:  # the engine's own failure, which ends the session
+            if self._submitted.pop(goal.hex, None) is not None:
+                self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
+
+    def _take_reply(self, goal: ServerGoal, reply: link.Reply) -> None:
+        """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
+        self._submitted.pop(goal.hex, None)
+        task = _task_of(goal)
+        if not reply.accepted:
+            if task.records:  # which say why
+                self._answer_later(goal.reject)
+            else:
+                self._answer_later(partial(self._refuse, goal, reply.reason))
+            return
+        task.accepted = True
+        self._answer_later(goal.accept)
+        for record in task.records:
+            self._answer_later(partial(_apply, goal, record))
+        task.records = []
+
+    def _refuse(self, goal: ServerGoal, reason: str) -> None:
+        """Reject what has not come to the record; the topic says why, because the wire cannot."""
+        submit = _submit_of(goal)
+        self.refused += 1
+        goal.reject()
+        self._topics.refused(submit, reason)
+        self._wake()
+
+    def _adopt_running(self) -> None:
+        """Of a session that goes on: the goals whose tasks still run."""
+        for task in self._room.tasks()[0]:
+            if task.source != self._member.source or task.ref is None or task.status in FINAL:
+                continue
+            try:
+                goal = self._server.adopt(bytes.fromhex(task.ref))
+            except ValueError:
+                continue
+            goal.data = _GoalTask(task.id, task.source, accepted=True)
+            self._running[task.id] = goal
+
+    # --- releasing a stop ---------------------------------------------------------------------------------------
+
+    def _release(self, goal: ServerGoal, until: float) -> None:
+        """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
+        says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
+        self._releasing.discard(goal.id)
+        if goal.decided:
+            return
+        who = str(goal.message["domain_task_behavior"]).strip()
+        named = self._room.engine.scenario.may_release
+        if not who.startswith("/") or who not in named:
+            self._refuse_release(goal, _why_not_released(who, named))
+            return
+        action = self._transport.resolve(DOMAIN_TASK)
+        if who in self._transport.clients_of(action_topic(action, SEND_GOAL)):
+            member = self._room.attach("node", "node", f"ros:{who}")
+            self._submit(goal, Submit(function="releaseStop", ref=goal.hex), member)
+            self._loop.call_soon(self._room.leave, member)
+        elif self._loop.time() < until and not self._gone and len(self._releasing) < RELEASING:
+            self._releasing.add(goal.id)
+            self._loop.call_later(KNOWN_POLL, self._release, goal, until)
+        else:
+            self._refuse_release(goal, f"it says that it is {who}, and no node of that name uses {action}")
+
+    def _refuse_release(self, goal: ServerGoal, reason: str) -> None:
+        self._refuse(goal, reason)
+        text = f"a node asked to release the stop and may not: {reason}"
+        if text not in self._refused_releases and len(self._refused_releases) < REFUSALS_NOTED:
+            self._refused_releases.add(text)
+            self._room.send(self._member, Note(text=text), _ignore)
+
+    # --- what becomes of them -----------------------------------------------------------------------------------
+
+    def take_record(self, record: TaskRecord) -> None:
+        """What has become of a task; in the engine's step."""
+        goal = self._running.get(record.id)
+        if goal is None:
+            goal = self._submitted.get(record.ref) if record.ref is not None else None
+            if goal is None or record.source != _task_of(goal).source:
+                return
+            _task_of(goal).id = record.id
+        if record.status in FINAL:
+            self._running.pop(record.id, None)
+        else:
+            self._running[record.id] = goal
+        if _task_of(goal).accepted:
+            self._answer_later(partial(_apply, goal, record))
+        else:
+            _task_of(goal).records.append(record)
+
+    def _answer_later(self, answer: Callable[[], object]) -> None:
+        """Tell a client what has become of its goal, in order."""
+        self._answers.append(answer)
+        self._wake()
+
+    def _answer_next(self) -> bool:
+        if not self._answers:
+            return False
+        try:
+            self._answers.popleft()()
+        except PortError as error:
+            _LOG.warning("a client could not be told about its goal: %s", error)
+        return True
+
+    # --- cancelling ---------------------------------------------------------------------------------------------
+
+    def _take_cancel(self, goal: ServerGoal, decide: Decide) -> None:
+        self._cancels.append((goal, decide))
+        self._wake()
+
+    def _cancel_next(self) -> bool:
+        if not self._cancels:
+            return False
+        goal, decide = self._cancels.popleft()
+        task = _task_of(goal).id
+        if task not in self._running:  # it has ended, and its client is about to be told
+            self._answer_later(partial(decide, False))
+            return True
+        submit = Submit(function="cancelTask", behavior=str(task))
+        self._room.send(self._member, submit, partial(self._take_cancel_reply, submit, decide))
+        return True
+
+    def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: link.Reply) -> None:
+        if not reply.accepted and reply.task is None:
+            self._topics.refused(submit, reply.reason)
+        self._answer_later(partial(decide, reply.accepted))
+
+
+def _apply(goal: ServerGoal, record: TaskRecord) -> None:
+    """Bring a goal to where its task is."""
+    result = {"status": record.status, "reason": record.reason, "task": record.id}
+    match record.status:
+        case "SUCCEEDED":
+            goal.succeed(result)
+        case "CANCELED":
+            goal.cancel(result)
+        case "ABORTED" | "REJECTED":
+            goal.abort(result)
+        case status:
+            if status == "ACTIVE":
+                goal.execute()
+            position = -1 if record.position is None else record.position
+            goal.feedback({"status": status, "reason": record.reason, "position": position})
+
+
+def _why_not_released(who: str, named: tuple[str, ...]) -> str:
+    """`who`: what the node says that it is; `named`: those that the scenario allows to."""
+    reason = "a stop is released by who holds control, "
+    reason += f"or by {', '.join(named)}" if named else "or by a node that scenario.toml names"
+    if not who:
+        return reason + "; a node says who it is: domain_task_behavior is its full name"
+    if not named:
+        return reason + f': [control] may_release = ["{who if who.startswith("/") else f"/{who}"}"]'
+    return reason + f", and not by {who}"
+
+
+def _submit_of(goal: ServerGoal) -> Submit:
+    message = goal.message
+    return Submit(
+        function=message["function_type"],
+        behavior=message["domain_task_behavior"],
+        calling_type=message["calling_type"],
+        ref=goal.hex,
+    )
+
+
+def _task_of(goal: ServerGoal) -> _GoalTask:
+    return cast(_GoalTask, goal.data)
+
+
+def _ignore(reply: link.Reply) -> None:
+    """Nobody waits for this answer."""

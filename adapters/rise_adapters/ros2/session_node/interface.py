@@ -1,0 +1,161 @@
+"""The session as other ROS nodes see it (docs/explanation/ros2.md):
+
+    rise/domain_task    action rise_interfaces/action/DomainTask: submit a task, follow it, cancel it
+    rise/get_memory     service rise_interfaces/srv/GetMemory: one key of the working memory
+    rise/rule_state     what rules do, and in which state they are
+    rise/task_state     what becomes of tasks, whoever submitted them
+    rise/record         every record of the session
+    /diagnostics        how session, robot, recording and connection are, once a second
+
+Whatever comes in, the engine's loop stays free for a wizard's key: goals, requests to cancel, and records that go out
+are worked off a slice at a time, and what waits has bounds.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from time import time_ns
+
+from rise_adapters.ros2.face import diagnostics
+from rise_adapters.ros2.face.record_topics import RecordTopics
+from rise_adapters.ros2.neighbours import Neighbours
+from rise_adapters.ros2.port import Message, PortError, QoS, Transport
+from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
+from rise_adapters.ros2.session_node.memory_service import MemoryService
+from rise_engine.kernel.inputs import Note
+from rise_engine.kernel.records import TaskRecord
+from rise_engine.lag_meter import LagMeter
+from rise_engine.link import client as link
+from rise_engine.link.room import Room
+from rise_engine.time_slicer import TimeSlicer
+
+_LOG = logging.getLogger(__name__)
+
+SOURCE = "ros:domain_task"
+"""The source of tasks that came as goals. Which node sent a goal, ROS does not say; who releases a stop says it."""
+
+SLICE_SECONDS = 0.0005
+"""For which work is done in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
+GOODBYE_SECONDS = 1.0
+"""For what is still to be published at the end."""
+GONE = "the session is not on ROS any more"
+
+
+class RosSessionInterface:
+    """One session on ROS. All methods belong to the engine's loop."""
+
+    def __init__(
+        self, transport: Transport, room: Room, neighbours: Neighbours | None = None, *, rosout: bool = True
+    ) -> None:
+        """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
+        sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
+
+        Raises PortError when the transport does not have the types of `rise_interfaces`.
+        """
+        self._transport = transport
+        self._room = room
+        self._neighbours = neighbours
+        self._loop = asyncio.get_running_loop()
+        self._member = room.attach("domain_task", "node", SOURCE)
+        self._dropped = 0
+        """Of the records that were never published, those that were noted."""
+        self._closed = False
+        self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
+        self._topics = RecordTopics(transport, room, self._member.source, rosout=rosout)
+        self._lag = LagMeter(self._loop)
+        self._diagnostics = transport.publisher(diagnostics.TOPIC, diagnostics.TYPE, QoS())
+        self._memory = MemoryService(transport, room)
+        self._tasks = DomainTaskServer(transport, room, self._member, self._topics, self._slicer.wake)
+        room.subscribe(self._take_update)
+        room.engine.when_ended(self._end_goals)
+        self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
+
+    async def close(self) -> None:
+        """End the goals that still run, publish what is still to be said, and leave."""
+        if self._closed:
+            return
+        self._end_goals()
+        self._closed = True
+        self._timer.cancel()
+        self._lag.close()
+        self._slicer.cancel()
+        self._slicer.run_slice(GOODBYE_SECONDS)
+        self._publish_diagnostics()
+        await self._tasks.close(GONE)
+        for handle in (self._memory, self._topics, self._diagnostics):
+            handle.close()
+        self._room.leave(self._member)
+
+    def _work(self) -> bool:
+        """One piece of each kind of work, so that none keeps another waiting."""
+        did_task = self._tasks.work()
+        return self._topics.publish_next() or did_task
+
+    def _take_update(self, update: link.Update) -> None:
+        """Every record; in the engine's step."""
+        if self._closed or isinstance(update, link.Journaling | link.Pulse):
+            return
+        if isinstance(update, TaskRecord):
+            self._tasks.take_record(update)
+        self._topics.take(update)
+        self._slicer.wake()
+
+    def _end_goals(self) -> None:
+        """The session has ended, or this does: no goal waits for what never comes."""
+        engine = self._room.engine
+        if engine.failure is not None:
+            reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
+        elif engine.ended:
+            reason = f"the session has ended: {self._room.end_reason}".removesuffix(": ")
+        else:
+            reason = GONE
+        self._tasks.end_all(reason)
+
+    # --- how it is ----------------------------------------------------------------------------------------------
+
+    def _diagnose(self) -> None:
+        self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
+        self._publish_diagnostics()
+        dropped = self._topics.dropped
+        if dropped > self._dropped and not self._room.engine.ended:
+            text = f"{dropped - self._dropped:,} records were not published on ROS: they came faster than that takes"
+            self._dropped = dropped
+            self._room.send(self._member, Note(text=text), _ignore)
+
+    def _publish_diagnostics(self) -> None:
+        statuses = diagnostics.statuses(self._room, (self._lag.recent, self._lag.max), self.status())
+        seconds, rest = divmod(time_ns(), 1_000_000_000)
+        try:
+            self._diagnostics.publish({"header": {"stamp": {"sec": seconds, "nanosec": rest}}, "status": statuses})
+        except PortError as error:
+            _LOG.debug("no diagnostics: %s", error)
+
+    def status(self) -> Message:
+        """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
+        topics, tasks, lost = self._topics, self._tasks, self._transport.lost()
+        others = self._neighbours.others if self._neighbours is not None else []
+        level, message = diagnostics.OK, self._transport.about
+        if lost:
+            level, message = diagnostics.ERROR, lost
+        elif topics.trouble:
+            level, message = diagnostics.ERROR, f"records are not published: {topics.trouble}"
+        elif others:
+            level, message = diagnostics.WARN, f"another session has the same names: {others[0]}"
+        elif topics.dropped > self._dropped:
+            level, message = diagnostics.WARN, "records come faster than they can be published; some are missing"
+        values = {
+            "node": self._transport.node,
+            "transport": self._transport.kind,
+            "goals running": tasks.running,
+            "goals waiting to be accepted": tasks.waiting,
+            "goals refused": tasks.refused,
+            "records waiting": topics.waiting,
+            "records dropped": topics.dropped,
+            "other sessions": len(others),
+        }
+        return diagnostics.status(self._room, "ros", level, message, values)
+
+
+def _ignore(reply: link.Reply) -> None:
+    """Nobody waits for this answer."""
