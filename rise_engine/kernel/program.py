@@ -17,8 +17,6 @@ RAISE, ASSIGN, CALL, TEST, PICK = range(5)
 class Condition:
     """A condition and the keys whose values belong into its record."""
 
-    __slots__ = ("keys", "only_key", "test", "text", "watched")
-
     def __init__(self, expression: Expression) -> None:
         self.text = expression.text
         self.test = expression.condition
@@ -39,19 +37,6 @@ class Op:
     neither recursion nor jumps, and an error that skips the rest of a block just ends the chain.
     Which fields are set depends on `kind`.
     """
-
-    __slots__ = (
-        "argument",
-        "assignments",
-        "choices",
-        "condition",
-        "function",
-        "kind",
-        "next",
-        "otherwise",
-        "source",
-        "topic",
-    )
 
     kind: int
     next: Op | None
@@ -76,8 +61,6 @@ class Op:
 
 
 class TransitionCode:
-    __slots__ = ("after", "block", "condition", "enters", "index", "landing", "topic", "trigger")
-
     def __init__(self, transition: Transition, index: int, blocks: Blocks, topics: Topics) -> None:
         self.index = index
         self.topic = topics.named(transition.event) if transition.event is not None else None
@@ -98,21 +81,6 @@ class TransitionCode:
 
 class StateCode:
     """A state: what it does and what it waits for."""
-
-    __slots__ = (
-        "by_topic",
-        "entry",
-        "exit",
-        "final",
-        "id",
-        "lines",
-        "quiet",
-        "sure",
-        "timed",
-        "transitions",
-        "watched",
-        "watching",
-    )
 
     def __init__(self, id: str, entry: Op | None, exit: Op | None, transitions: list[TransitionCode]) -> None:
         self.id = id
@@ -144,8 +112,6 @@ conditions. Everything that finding the taker of an event needs lies here, near 
 
 
 class RuleCode:
-    __slots__ = ("initial", "name", "priority", "source", "states")
-
     def __init__(self, rule: Rule, topics: Topics, watching: dict[str, Line]) -> None:
         self.name = rule.name
         self.source = f"rule:{rule.name}"

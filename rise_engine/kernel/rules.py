@@ -45,8 +45,6 @@ Rank = tuple[float, int]
 class RuleRun:
     """A running rule."""
 
-    __slots__ = ("alive", "code", "held", "name", "priority", "stamp", "state", "step", "steps", "task", "timers")
-
     def __init__(self, code: RuleCode, state: StateCode, task: Task) -> None:
         self.code = code
         self.name = code.name
@@ -72,21 +70,6 @@ transition that then arrives, and what all that comes of."""
 
 class RuleMachine:
     """All running rules and the routing of events to them."""
-
-    __slots__ = (
-        "_codes",
-        "_core",
-        "_dirty",
-        "_frames",
-        "_long",
-        "_memory",
-        "_submit",
-        "_top",
-        "_watching",
-        "spent",
-        "stack",
-        "stamp",
-    )
 
     def __init__(self, core: Core, submit: Callable[[str, str, str], None]) -> None:
         self._core = core
