@@ -20,6 +20,8 @@ Fields = ParamSpec("Fields")
 class Topic:
     """An event topic: one object for all who raise it or wait for it."""
 
+    __slots__ = ("line", "name", "shown")
+
     def __init__(self, name: str) -> None:
         self.name = name
         self.shown = "/" + name

@@ -45,6 +45,8 @@ Rank = tuple[float, int]
 class RuleRun:
     """A running rule."""
 
+    __slots__ = ("alive", "code", "held", "name", "priority", "stamp", "state", "step", "steps", "task", "timers")
+
     def __init__(self, code: RuleCode, state: StateCode, task: Task) -> None:
         self.code = code
         self.name = code.name
