@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
+
 if TYPE_CHECKING:  # consoles import this before they start an engine, and have no time to lose
     from rise_engine.link.room import Room
     from rise_engine.robot import Clock, Robot
@@ -32,7 +34,7 @@ class Wire(Struct, frozen=True):
     """As after `--ros-args`: remappings, parameters, an enclave."""
 
 
-class BridgeError(Exception):
+class BridgeError(RiseError):
     """The connection cannot be had. `lines` say everything that is in the way, for a person, with what to do."""
 
     def __init__(self, lines: Sequence[str]) -> None:

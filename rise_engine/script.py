@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
 from rise_engine.json_codec import JsonError, plain, read_json
 from rise_engine.kernel.inputs import Submit, TaskFunction
 from rise_engine.nearest_name import suggestion
@@ -47,7 +48,7 @@ class ScriptProblem(Struct, frozen=True):
         return f"{place}: error: {self.message}"
 
 
-class ScriptError(ValueError):
+class ScriptError(RiseError):
     """A task file with mistakes: all of them."""
 
     def __init__(self, problems: Sequence[ScriptProblem]) -> None:

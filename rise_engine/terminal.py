@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import NOT_WRITTEN
+from rise_engine.session.disk import sentence
 from rise_engine.text import UNSEEN, clean, seen_json
 
 
@@ -117,8 +118,6 @@ def _write(data: bytes) -> None:
 
 
 def _output_error(error: OSError) -> OutputError:
-    from rise_engine.session.disk import sentence  # rarely needed
-
     return OutputError(sentence(error))
 
 

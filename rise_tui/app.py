@@ -15,7 +15,7 @@ from typing import Any, Literal
 from textual import events, on
 from textual.screen import Screen
 
-from rise_engine.link.client import Client, EngineGone
+from rise_engine.link.client import Client, EndRefused, EngineGone
 from rise_engine.link.places import PlaceError
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
@@ -254,7 +254,7 @@ class ConsoleApp(KeyWatch):
             return "done"
         except TimeoutError:
             return "late"
-        except PermissionError as refused:  # control has gone in this very moment
+        except EndRefused as refused:  # control has gone in this very moment
             session.tell(Notice(f"the session goes on: {refused}", "wait"))
             return "refused"
         return "done"

@@ -11,6 +11,7 @@ from typing import Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.model import Scenario
@@ -94,12 +95,16 @@ class Reply(Struct, frozen=True):
     """The task's id, for `Submit`."""
 
 
-class EngineGone(ConnectionError):
+class EngineGone(RiseError, ConnectionError):
     """The engine has ended or cannot be reached; the message says why, for a person."""
 
 
 class LinkLost(EngineGone):
     """This connection was cut (the client was too slow, say), but the engine goes on: attach again."""
+
+
+class EndRefused(RiseError):
+    """This client may not end the session; the message says why, for a person."""
 
 
 class Client(Protocol):
@@ -129,5 +134,8 @@ class Client(Protocol):
         ...
 
     async def close(self, *, end_session: bool = False) -> None:
-        """Leave; the session goes on. With `end_session`, the engine stops the robot and ends the session."""
+        """Leave; the session goes on. With `end_session`, the engine stops the robot and ends the session.
+
+        Raises EndRefused, and stays attached, when this client may not end it.
+        """
         ...

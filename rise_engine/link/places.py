@@ -21,18 +21,17 @@ import unicodedata
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
 from zlib import crc32
 
-if TYPE_CHECKING:
-    from rise_engine.link.messages import About
+from rise_engine.errors import RiseError
+from rise_engine.link.messages import About, AskAbout, line, to_client
 
 ABOUT_SECONDS = 1.0
 PATH_LIMIT = 103 if sys.platform == "darwin" else 107
 """Bytes that the path of a Unix socket may have."""
 
 
-class PlaceError(Exception):
+class PlaceError(RiseError):
     """A session's place cannot be used; the text says why, for a person."""
 
 
@@ -204,8 +203,6 @@ def find(name: str) -> str:
 
 def about(name: str) -> About | None:
     """What a session says about itself; None when it says nothing within a second. Raises PlaceError. Blocks."""
-    from rise_engine.link.messages import About, AskAbout, line, to_client  # not needed to start a session
-
     path = socket_path(name)
     deadline = time.monotonic() + ABOUT_SECONDS
     data = bytearray()

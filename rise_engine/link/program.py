@@ -1,4 +1,4 @@
-"""A program's side of a session: what `rise_engine.link.connect` gives."""
+"""A program's side of a session: what `rise_engine.client.connect` gives."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, TypeVar
 
+from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, AnyRecord
 from rise_engine.link.client import (
     Arrival,
     ClientInput,
+    EndRefused,
     EngineGone,
     Hello,
     Journaling,
@@ -31,7 +33,7 @@ from rise_engine.view import TaskView, View
 T = TypeVar("T")
 
 
-class Rejected(Exception):
+class Rejected(RiseError):
     """The session did not accept what was asked for; the text says why."""
 
 
@@ -187,7 +189,7 @@ class Session:
         """Stop the robot, end the session, and wait until it has ended. Raises Rejected."""
         try:
             await self._client.close(end_session=True, reason=reason)
-        except PermissionError as error:
+        except EndRefused as error:
             raise Rejected(str(error)) from None
         if self._following is not None:
             await asyncio.wait([self._following])

@@ -12,19 +12,19 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from unicodedata import normalize
 
 from msgspec.structs import replace
 
 from rise_engine.engine import Answer, Engine, versions
+from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, SessionRecord, TaskRecord
-from rise_engine.link.client import ClientInput, Hello, Reply, Role, Update, Verb
+from rise_engine.link.client import ClientInput, Reply, Role, Update, Verb
 from rise_engine.link.messages import VERSION, About
 from rise_engine.link.names import looks_like, name_problem
-from rise_engine.view import ActView, TaskView, View
+from rise_engine.view import TaskView, View
 
 _LOG = logging.getLogger(__name__)
 
@@ -34,10 +34,8 @@ END_SECONDS = 6.0
 FOR_ALL = frozenset({"stopAll", "markMistake"})
 """What everybody who is attached may ask for: it starts nothing. So may notes be added."""
 
-REPLAY = "this is the replay of a session: nothing can be done in it"
 
-
-class NotAdmitted(Exception):
+class NotAdmitted(RiseError):
     """Somebody cannot attach; the text says why, for a person."""
 
 
@@ -61,7 +59,6 @@ class Room:
         folder: str = "",
         *,
         view: View | None = None,
-        replay: bool = False,
         end: Callable[[str], object] | None = None,
     ) -> None:
         """Make it before the engine starts, so that it misses no record.
@@ -71,7 +68,6 @@ class Room:
         """
         self.engine = engine
         self.folder = folder
-        self.replay = replay
         self.members: dict[str, Member] = {}
         self._names: dict[str, None] = {}
         """Of all who have attached so far."""
@@ -132,7 +128,7 @@ class Room:
             unique = f"{source}#{number}"
         member = self.members[unique] = Member(unique, source, role)
         self._names[name] = None
-        if role == "wizard" and self._holder is None and self._begun and not self.replay:
+        if role == "wizard" and self._holder is None and self._begun:
             self._change("taken", member, member)
         return member
 
@@ -150,22 +146,6 @@ class Room:
             self._change("released" if heir is None else "given", member, heir)
         elif member is self._asker:
             self._change("released", member, self._holder)
-
-    def hello(self, member: Member) -> Hello:
-        """The state between two steps; the records that a listener gets from now on belong after it."""
-        engine, scenario = self.engine, self.engine.scenario
-        return Hello(
-            scenario,
-            scenario.mode,
-            scenario.robot.name,
-            engine.seed,
-            copy_of(self._view, self._open),
-            you=member.name,
-            role=member.role,
-            folder=self.folder,
-            replay=self.replay,
-            journaling=engine.journaling,
-        )
 
     def about(self) -> About:
         engine, scenario, view = self.engine, self.engine.scenario, self._view
@@ -187,7 +167,6 @@ class Room:
             participant=view.session.participant if view.session is not None else "",
             condition=view.session.condition if view.session is not None else "",
             wizard=view.wizard,
-            replay=self.replay,
             trouble=engine.journaling.trouble,
             pid=os.getpid(),
             versions=versions(),
@@ -205,7 +184,7 @@ class Room:
 
     def control(self, member: Member, verb: Verb, answer: Answer) -> None:
         """Take control, ask for it, give it away or release it; `answer` is called once."""
-        problem = REPLAY if self.replay else "" if self._begun else "the session has not begun yet"
+        problem = "" if self._begun else "the session has not begun yet"
         if not problem and member.role == "observer":
             problem = "an observer never has control; attach as a wizard to have it"
         if not problem and member.role == "node":
@@ -234,7 +213,7 @@ class Room:
 
     def end(self, member: Member, reason: str, answer: Answer) -> None:
         """End the session; the answer says that it begins to end."""
-        problem = REPLAY if self.replay else ""
+        problem = ""
         if member.role == "observer":
             problem = "an observer cannot end the session"
         elif member.role == "wizard" and self._holder not in (None, member):
@@ -246,8 +225,6 @@ class Room:
             self._end(reason or f"ended by {member.source}")
 
     def _may_not(self, member: Member, message: ClientInput) -> str:
-        if self.replay:
-            return REPLAY
         if not self._begun:
             return "the session has not begun yet"
         if not isinstance(message, Submit) or message.function in FOR_ALL:
@@ -303,7 +280,7 @@ class Room:
     def _open_room(self) -> None:
         """With the first record: who came before it gets control, and who held it before a crash does not."""
         self._opened = True
-        if self._holder is not None or self.replay:
+        if self._holder is not None:
             return
         wizard = next((member for member in self.members.values() if member.role == "wizard"), None)
         if wizard is not None:
@@ -343,39 +320,5 @@ class Room:
         asyncio.get_running_loop().call_later(END_SECONDS, self.engine.end_now, reason)
 
 
-def copy_of(view: View, open: Iterable[int] | None = None) -> View:
-    """A view that the engine will not change any more. What has ended is shared, because nothing changes it again.
-
-    `open`: the tasks that can still change, for one who keeps count of them; without it they are looked for.
-    """
-    if open is None:
-        open = [id for id, task in view.tasks.items() if _changes_still(task)]
-    tasks = view.tasks.copy()
-    for id in open:
-        if id in tasks:
-            tasks[id] = _copy_of_task(tasks[id])
-    return replace(
-        view,
-        tasks=tasks,
-        acts={name: _copy_of_act(act, tasks) for name, act in view.acts.items()},
-        rules={name: replace(rule) for name, rule in view.rules.items()},
-        memory=dict(view.memory),
-        running=list(view.running),
-        waiting=list(view.waiting),
-        failed=list(view.failed),
-        unhandled=deque(view.unhandled, view.unhandled.maxlen),
-        remarks=deque(view.remarks, view.remarks.maxlen),
-    )
-
-
 def _changes_still(task: TaskView) -> bool:
     return task.ended is None or any(action.ended is None for action in task.actions.values())
-
-
-def _copy_of_task(task: TaskView) -> TaskView:
-    return replace(task, actions={name: replace(action) for name, action in task.actions.items()})
-
-
-def _copy_of_act(act: ActView, tasks: dict[int, TaskView]) -> ActView:
-    last = act.last if act.last is None else tasks.get(act.last.id, act.last)
-    return replace(act, running=list(act.running), waiting=list(act.waiting), last=last)

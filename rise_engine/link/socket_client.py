@@ -14,7 +14,18 @@ from typing import Any
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.link import places
-from rise_engine.link.client import Arrival, ClientInput, EngineGone, Hello, LinkLost, Reply, Resync, Role, Verb
+from rise_engine.link.client import (
+    Arrival,
+    ClientInput,
+    EndRefused,
+    EngineGone,
+    Hello,
+    LinkLost,
+    Reply,
+    Resync,
+    Role,
+    Verb,
+)
 from rise_engine.link.messages import (
     VERSION,
     Answer,
@@ -116,14 +127,13 @@ class SocketClient:
         return t + (until - at) * speed
 
     async def close(self, *, end_session: bool = False, reason: str = "") -> None:
-        """As the protocol says. Raises PermissionError, and stays attached, when this client may not end the session;
-        returns when the session has ended."""
+        """As the protocol says; with `end_session`, returns when the session has ended."""
         connection = self._connection
         if end_session and connection is not None:
             with suppress(EngineGone):
                 reply = await connection.ask(End(connection.number(), reason))
                 if not reply.accepted:
-                    raise PermissionError(reply.reason)
+                    raise EndRefused(reply.reason)
                 await connection.over.wait()
         await self._cut()
 

@@ -391,7 +391,7 @@ class Server:
             seed=engine.seed,
             scenario_hash=runs.hash,
             folder=room.folder,
-            replay=room.replay,
+            replay=False,
             journaling=engine.journaling,
             t=max(engine.clock.now(), 0.0),
             speed=getattr(engine.clock, "speed", 1.0),

@@ -17,8 +17,8 @@ from typing import Any
 import msgspec
 import pytest
 
+from rise_engine.client import connect
 from rise_engine.kernel.records import ActionRecord, TaskRecord
-from rise_engine.link import connect
 from rise_engine.link.program import Rejected
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.reading import read_journal

@@ -11,11 +11,9 @@ import msgspec
 import pytest
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import ActionRecord, TaskRecord
 from rise_engine.link.client import Client, EngineGone, Journaling, LinkLost
 from rise_engine.link.messages import State, line, state_of, to_client, view_of
 from rise_engine.link.messages import Tasks as TasksMessage
-from rise_engine.link.room import copy_of
 from rise_engine.server import attachment
 from rise_engine.server import server as serving
 from rise_engine.view import TaskView, View
@@ -85,19 +83,6 @@ async def test_many_tasks_come_in_pieces(place: Path) -> None:
         await sees(early, "the end", session)
         await late.until(lambda view: view.seq >= early.view.seq)
         assert late.view == early.view
-
-
-def test_the_copy_of_a_view_shares_what_has_ended_only() -> None:
-    view = View()
-    view.apply(TaskRecord(1, 1.0, "", 1, "startCommunicationRobotAct", "A", "None", "file", "ACTIVE"))
-    view.apply(ActionRecord(2, 1.0, "", 1, "A", "1", "Speech", {}, "started"))
-    view.apply(TaskRecord(3, 2.0, "", 1, "startCommunicationRobotAct", "A", "None", "file", "CANCELED"))
-    copy = copy_of(view)
-    assert copy == view and copy.acts["A"].last is copy.tasks[1] is not view.tasks[1]
-    view.apply(ActionRecord(4, 3.0, "", 1, "A", "1", "Speech", {}, "canceled"))
-    assert copy.tasks[1].actions["1"].status == "started"
-    again = copy_of(view)
-    assert again.tasks[1] is view.tasks[1], "everything about it has ended"
 
 
 def test_what_no_file_can_hold_crosses_the_socket() -> None:

@@ -263,15 +263,6 @@ def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_la
     assert played.does("wb asks") == "" and played.does("wa acts") == ""
 
 
-def test_in_a_replay_nothing_can_be_done() -> None:
-    played = Played(replay=True)
-    for who in ("wa", "na", "oa"):
-        played.does(f"{who} attaches")
-        for verb in ("acts", "stops", "notes", "takes", "ends"):
-            assert played.does(f"{who} {verb}") != ""
-    assert played.control == [] and played.room.hello(played.members["wa"]).replay
-
-
 def test_after_the_end_nobody_attaches() -> None:
     played = Played()
     played.engine.end("done")

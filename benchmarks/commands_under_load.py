@@ -1,0 +1,196 @@
+"""Commands over the socket while a session makes 1,000 records a second: until they are durable, and until a stop has
+reached the robot.
+
+The engine is a process of its own with a journal; the client, a wizard's, is another. A command's time runs from the
+write to the socket until its reply has come back, which is after its records are on the disk. A stop's runs until the
+robot's adapter is told: that waits for no disk. The floor is a write with fdatasync of its own, in the same run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from measure import Report
+
+from rise_engine.clock import RealClock
+from rise_engine.engine import Engine, versions
+from rise_engine.kernel.inputs import Submit
+from rise_engine.link import messages
+from rise_engine.link.places import claim
+from rise_engine.link.room import Room
+from rise_engine.robots import make_robot
+from rise_engine.scenario import load
+from rise_engine.server.server import Server
+from rise_engine.session.folder import JOURNAL, create
+from rise_engine.session.journal import Journal
+from rise_engine.session.lines import header_line
+
+ROOT = Path(__file__).parents[1]
+RATE = 1000
+COMMANDS, STOPS = 1000, 100
+PAUSE = 0.01
+"""Seconds between two commands."""
+
+
+async def serve(folder: Path) -> None:
+    """The engine's process: makes records until its input ends, then prints when stops came to the robot."""
+    loop = asyncio.get_running_loop()
+    loaded = load(str(ROOT / "scenarios" / "lablinking"))
+    scenario = loaded.scenario
+    assert scenario is not None
+    record = create(folder, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
+    clock = RealClock(loop)
+    robot = make_robot(scenario.robot, scenario.mode, clock, 1)
+    stops: list[float] = []
+    stop_all = robot.stop_all
+
+    def watched_stop() -> None:
+        stops.append(time.monotonic())
+        stop_all()
+
+    robot.stop_all = watched_stop  # type: ignore[method-assign]
+
+    def changed() -> None:
+        with suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(engine.look_at_journal)
+
+    journal = Journal(record / JOURNAL, changed=changed, now=clock.now)
+    journal.append(header_line("benchmark"))
+    engine = Engine(scenario, robot, clock, 1, journal=journal)
+    with claim("bench") as name:
+        assert name is not None
+        room = Room(engine, str(record))
+        server = Server(room, name.socket)
+        await server.start()
+        engine.start()
+        reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.read))
+        print(name.socket, flush=True)
+        begun, first, number = time.monotonic(), room.view.seq, 0
+        while not reading.done():
+            while room.view.seq - first < (time.monotonic() - begun) * RATE:
+                number += 1
+                if number % 3:
+                    engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
+                else:
+                    engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
+                await asyncio.sleep(0)
+            await asyncio.sleep(0.002)
+        rate = (room.view.seq - first) / (time.monotonic() - begun)
+        print(json.dumps({"stops": stops, "rate": rate}), flush=True)
+        engine.end_now("done")
+        await server.close()
+        await asyncio.to_thread(journal.close, 5.0)
+
+
+class Wizard:
+    """A blocking client. A hundred records a time come with each reply; they are not looked at."""
+
+    def __init__(self, path: str) -> None:
+        self._connection = socket.socket(socket.AF_UNIX)
+        self._connection.connect(path)
+        self._connection.sendall(messages.line(messages.Attach(messages.VERSION, "bench", "wizard")))
+        self._read_until(b'"type":"ready"')
+        self._number = 0
+
+    def _read_until(self, mark: bytes) -> None:
+        data = b""
+        while mark not in data:
+            data = data[-len(mark) :] + self._connection.recv(1 << 20)
+
+    def send(self, function: str, behavior: str = "") -> tuple[float, float]:
+        """When it was sent, and when the reply had come."""
+        self._number += 1
+        submit = Submit(function=function, behavior=behavior)  # type: ignore[arg-type]
+        line = messages.line(messages.Send(self._number, submit))
+        sent = time.monotonic()
+        self._connection.sendall(line)
+        self._read_until(b'"type":"reply","id":%d,' % self._number)
+        return sent, time.monotonic()
+
+    def rest(self, seconds: float) -> None:
+        """Read, so that nothing waits, for so long."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._connection.settimeout(left)
+            with suppress(TimeoutError):
+                self._connection.recv(1 << 20)
+        self._connection.settimeout(None)
+
+
+def synchronise(folder: Path) -> list[float]:
+    """Seconds that a write with fdatasync takes, in another file on the same disk."""
+    file = os.open(folder / "floor", os.O_WRONLY | os.O_CREAT)
+    took = []
+    for _ in range(200):
+        began = time.monotonic()
+        os.write(file, b"x" * 300)
+        os.fdatasync(file)
+        took.append(time.monotonic() - began)
+    os.close(file)
+    return took
+
+
+def measure(root: str, disk: Path) -> tuple[list[float], list[float], float]:
+    """Seconds of commands and of stops, and the records a second that came meanwhile."""
+    environment = {**os.environ, "RISE_RUNTIME": f"{root}/run"}
+    command = [sys.executable, __file__, "serve", str(disk)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as engine:
+        assert engine.stdin is not None and engine.stdout is not None
+        wizard = Wizard(engine.stdout.readline().strip())
+        commands, asked = [], []
+        for _ in range(COMMANDS):
+            wizard.rest(PAUSE)
+            sent, replied = wizard.send("raiseEventTopic", "/next")
+            commands.append(replied - sent)
+        for _ in range(STOPS):
+            wizard.rest(PAUSE)
+            asked.append(wizard.send("stopAll")[0])
+            wizard.rest(PAUSE)
+            wizard.send("releaseStop")
+        engine.stdin.close()
+        told: dict[str, Any] = json.loads(engine.stdout.readline())
+    stopped = [reached - sent for sent, reached in zip(asked, told["stops"], strict=True)]
+    return commands, stopped, told["rate"]
+
+
+def percentile(values: list[float], part: float) -> float:
+    return sorted(values)[min(len(values) - 1, int(len(values) * part))]
+
+
+def main() -> bool:
+    root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    # Beside the repository and not in /tmp, which may be no disk.
+    with tempfile.TemporaryDirectory(prefix=".bench-", dir=ROOT) as name:
+        disk = Path(name)
+        try:
+            commands, stops, rate = measure(root, disk)
+            floor = synchronise(disk)
+        finally:
+            shutil.rmtree(root, ignore_errors=True)
+    report = Report(f"Commands while {rate:,.0f} records a second are made", "wall time")
+    for kind, values in (("command, durable", commands), ("stop, at the robot", stops), ("write and fdatasync", floor)):
+        shown = f"90% {percentile(values, 0.9) * 1000:.1f}, max {max(values) * 1000:.1f} ms"
+        report.row(kind, f"{statistics.median(values) * 1000:.2f} ms", shown)
+    report.target("ms to a durable command, p50", statistics.median(commands) * 1000, 5, at_least=False)
+    report.target("ms to a durable command, p99", percentile(commands, 0.99) * 1000, 30, at_least=False)
+    report.target("ms to a stop, p99", percentile(stops, 0.99) * 1000, 20, at_least=False)
+    return report.met
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["serve"]:
+        asyncio.run(serve(Path(sys.argv[2])))
+    else:
+        sys.exit(not main())

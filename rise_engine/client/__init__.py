@@ -1,0 +1,30 @@
+"""The door for programs: take part in a running session (docs/how-to/drive-a-session-from-a-program.md).
+
+from rise_engine.client import connect
+
+async with connect("lablinking", name="gaze-tracker") as session:
+    await session.raise_event("/H_arrived")
+"""
+
+from __future__ import annotations
+
+import os
+
+from rise_engine.link.client import EngineGone, LinkLost, Role
+from rise_engine.link.program import Rejected, Session
+
+__all__ = ["EngineGone", "LinkLost", "Rejected", "Session", "connect"]
+
+
+def connect(session: str | os.PathLike[str], name: str, *, role: Role = "node") -> Session:
+    """A running session, for `async with`.
+
+    :param session: its name (`rise-engine sessions` lists them; the six digits may be left out), or the path of its
+        socket.
+    :param name: stands in the record as the source of everything that this program does: `node:gaze-tracker`.
+    :param role: `node`, a program, which may submit at any time; `observer`, which only watches, adds notes and stops
+        everything; or `wizard`, which may hold control.
+    :return: the session; entering it attaches, leaving it detaches, and the session goes on.
+    :raises EngineGone: on entering, when no such session runs or it does not admit this program.
+    """
+    return Session(session, name, role=role)
