@@ -65,9 +65,11 @@ class BridgeOpener(Protocol):
     """The callable that an entry point of the group `rise.bridges` names."""
 
     async def __call__(self, wire: Wire, profile: RobotProfile | None) -> Bridge:
-        """Connect. `profile`: the robot that is reached over this connection; None when there is none.
+        """Connect.
 
-        Raises BridgeError, also with everything that is wrong in the profile.
+        :param wire: by what, and the middleware's own arguments.
+        :param profile: the robot that is reached over this connection; None when there is none.
+        :raises BridgeError: with all that is in the way, also with everything that is wrong in the profile.
         """
         ...
 

@@ -34,14 +34,24 @@ class Clock(Protocol):
 
 
 class Robot(Protocol):
-    """What a robot adapter must be able to do."""
+    """What a robot adapter must be able to do.
+
+    It raises nothing: what goes wrong is a report (an `ActionReport` with the status `failed` and a reason, or
+    `RobotChanged` with `lost`). An error that it raises all the same fails that action, and is in the engine's log.
+    """
 
     def connect(self, report: Report) -> None:
-        """Begin. Answers with `RobotChanged("connected")` when goals can be sent, and again whenever that changes."""
+        """Begin. Answers with `RobotChanged("connected")` when goals can be sent, and again whenever that changes.
+
+        :param report: takes what the robot says, on the engine's loop, at any time until `close`.
+        """
         ...
 
     def start(self, goal: StartAction) -> None:
-        """Begin an action. Reports `accepted`, then exactly one ending; `failed` with a reason when it is refused."""
+        """Begin an action. Reports `accepted`, then exactly one ending; `failed` with a reason when it is refused.
+
+        :param goal: the action's id, type, parameters and deadline.
+        """
         ...
 
     def cancel(self, action: str) -> None:
@@ -65,8 +75,12 @@ class Driver(Protocol):
     """The callable that an entry point of the group `rise.drivers` names."""
 
     def __call__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
-        """Make a robot. `faults` are requests of the form that the driver documents (only simulated ones take any).
+        """Make a robot.
 
-        Raises ValueError with a sentence for a person when the profile's options or a fault cannot be understood.
+        :param profile: the robot's own file: its actions, and `options` for this driver.
+        :param clock: the session's; deadlines and reports are in its seconds.
+        :param seed: for what a simulated robot picks at random.
+        :param faults: what it does wrong on request, as the driver documents it; only simulated ones take any.
+        :raises ValueError: with a sentence for a person, when the profile's options or a fault cannot be understood.
         """
         ...
