@@ -116,7 +116,7 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
     if half is not None:
         raise JsonError("here stands one half of a character", half.start())
     try:
-        return _whole(_Reader(text, duplicate, no_number))
+        return _whole(_JsonReader(text, duplicate, no_number))
     except JsonError as error:
         at = unclosed_by(text, error.offset) if str(error) == _UNCLOSED else error.offset
         known = sentence_at(text, at, quote='"') if at >= 0 else ""
@@ -125,7 +125,7 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
         raise
 
 
-def _whole(reader: _Reader) -> Any:
+def _whole(reader: _JsonReader) -> Any:
     value, at = reader.value(reader.skip(0), 0)
     at = reader.skip(at)
     if at < len(reader.text):
@@ -142,7 +142,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-class _Reader:
+class _JsonReader:
     def __init__(self, text: str, duplicate: Duplicate, no_number: NoNumber | None) -> None:
         self.text = text
         self.duplicate = duplicate

@@ -30,6 +30,7 @@ BLANKS = " \t\r\n"
 """What XML and JSON take as a blank, and nothing else."""
 GAP = rf"[{_UNSEEN}\s]"
 """A pattern for one character that leaves a gap: a blank of any kind, or one that is not seen."""
+_GAP = re.compile(GAP)
 _NAMES = {"\x85": "NEXT LINE", "\x1b": "ESCAPE", "\x00": "NULL"}
 
 
@@ -69,8 +70,7 @@ def seen_json(text: str) -> str:
 
 def strange(text: str, start: int = 0, end: int | None = None) -> int:
     """Where the first blank stands that XML and JSON do not know, or the first unseen character; -1: nowhere."""
-    gap = re.compile(GAP)  # when it is first needed; `re` remembers it
-    for found in gap.finditer(text, start, len(text) if end is None else end):
+    for found in _GAP.finditer(text, start, len(text) if end is None else end):
         if found[0] not in BLANKS:
             return found.start()
     return -1

@@ -40,7 +40,12 @@ class Assignment:
 
     @classmethod
     def parse(cls, text: str) -> Assignment:
-        """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError."""
+        """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError.
+
+        >>> assignment = Assignment.parse("task = task + 1")
+        >>> assignment.key, assignment.evaluate(Env({"task": 2}))
+        ('task', 3)
+        """
         found = cls.parse_all(text)
         if len(found) > 1:
             raise ExpressionError(
@@ -134,18 +139,18 @@ def store(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]
         if isinstance(here, dict) and part not in here:
             inner: Json = {}
         else:
-            inner = here[_place(here, part, way, key)]
+            inner = here[_index_or_name(here, part, way, key)]
             if not isinstance(inner, (dict, list)):
                 raise EvaluationError(f"`{way}.{part}` is {named(inner)}; nothing can be set inside it", key)
             inner = inner.copy()
-        here[_place(here, part, way, key)] = inner
+        here[_index_or_name(here, part, way, key)] = inner
         here = inner
         way += f".{part}"
-    here[_place(here, rest[-1], way, key)] = value
+    here[_index_or_name(here, rest[-1], way, key)] = value
     return head, top
 
 
-def _place(container: Json, part: str, way: str, key: str) -> str | int:
+def _index_or_name(container: Json, part: str, way: str, key: str) -> str | int:
     if isinstance(container, dict):
         return part
     index = list_index(container, part)

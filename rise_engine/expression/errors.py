@@ -6,7 +6,10 @@ from rise_engine.errors import RiseError
 
 
 class LanguageError(RiseError, ValueError):
-    """Base of both. `message` says what is wrong in one sentence without the remedy; `text` is the source."""
+    """An expression or an assignment that cannot be used.
+
+    `message` says what is wrong, in one sentence without the remedy; `text` is the source.
+    """
 
     def __init__(self, message: str, text: str) -> None:
         super().__init__(message, text)

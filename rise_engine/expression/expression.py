@@ -36,7 +36,15 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str) -> Expression:
-        """Read a text. Raises ExpressionError with the column and a remedy."""
+        """Read a text. Raises ExpressionError with the column and a remedy.
+
+        >>> Expression.parse("task > 2 and not finished").as_condition({"task": 3, "finished": False})
+        True
+        >>> Expression.parse("task >")
+        Traceback (most recent call last):
+        ...
+        rise_engine.expression.errors.ExpressionError: something is missing after `>` (column 7)
+        """
         parsed = parse(text)
         return cls(text, parsed.root, frozenset(parsed.keys), frozenset(parsed.constants))
 
@@ -71,7 +79,11 @@ class Expression:
         rand: Callable[[], float] | None = None,
         missing: MutableSet[str] | None = None,
     ) -> bool:
-        """Whether it holds. `rand` gives numbers in [0, 1); keys that do not exist are added to `missing`."""
+        """Whether it holds, with these memory values by key. Raises EvaluationError when a value does not fit.
+
+        `rand` gives numbers in [0, 1) (without it, `rand(...)` is an EvaluationError); keys that do not exist are added
+        to `missing`.
+        """
         return self.condition(Env(memory, rand, missing))
 
     def value(
@@ -80,7 +92,11 @@ class Expression:
         rand: Callable[[], float] | None = None,
         missing: MutableSet[str] | None = None,
     ) -> Json:
-        """Its value in its own type. A bare key that does not exist gives null."""
+        """Its value in its own type, as `as_condition` gets it. A bare key that does not exist gives null.
+
+        >>> Expression.parse("n / 2 + 1").value({"n": 3})
+        2.5
+        """
         return self.native(Env(memory, rand, missing))
 
     def __eq__(self, other: object) -> bool:

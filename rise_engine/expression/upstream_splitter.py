@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 
+from rise_engine.errors import RiseError
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC
 from rise_engine.expression.nodes import Call, Chain, Compare, Constant, Key, Literal, Logic, Negative, Node, Not, Power
@@ -27,8 +28,8 @@ _COMPARISONS = ("==", "!=", ">=", ">", "<=", "<")
 _FUNCTIONS = frozenset(NUMERIC) | {"rand"}
 
 
-class RefusedError(Exception):
-    """The public parser throws here; the message says why in an author's words."""
+class RefusedError(RiseError):
+    """RISE's own parser would refuse this condition; the message says why in an author's words."""
 
 
 def read(text: str) -> Node:

@@ -69,7 +69,7 @@ def declare(
         table = Table(file, ("actions", name), values)
         if not isinstance(values, dict):
             findings.error("wrong-type", file.place("actions", name), f"an action is a table: [actions.{name}]")
-        elif name in RESERVED or not _is_tag(name):
+        elif name in RESERVED or not _can_be_element_name(name):
             findings.error("bad-name", file.place("actions", name), f"an action cannot be called `{name}`")
         else:
             specs[name] = _Declaration(table, specs.get(name), layer, findings).spec()
@@ -143,7 +143,7 @@ class _Declaration:
                 self.findings.error(
                     "wrong-type", table.place(), f"a parameter is a table: {{ type = ... }} for `{name}`"
                 )
-            elif name in RESERVED or not _is_tag(name):
+            elif name in RESERVED or not _can_be_element_name(name):
                 self.findings.error("bad-name", table.place(), f"a parameter cannot be called `{name}`")
             else:
                 parameter = _Declaration(table, None, self.layer, self.findings).parameter(result.get(name))
@@ -239,7 +239,7 @@ def unknown_keys(table: Table, known: tuple[str, ...], findings: Findings) -> No
             findings.error("unknown-key", table.place(key), f"unknown key `{key}`{suggestion(key, known)}")
 
 
-def _is_tag(name: str) -> bool:
+def _can_be_element_name(name: str) -> bool:
     """Whether a name can be that of an element."""
     return name.isidentifier() and (name.isascii() or is_element_name(name))
 

@@ -96,9 +96,9 @@ def read_allows(sources: Sequence[Source], findings: Findings) -> list[Allow]:
         if _MARK not in source.text:
             continue
         if source.name.lower().endswith(".toml"):
-            found += _in_toml(source, findings)
+            found += _in_toml_comments(source, findings)
         elif source.text.lstrip().startswith("<"):
-            found += _in_xml(source, findings)
+            found += _in_xml_comments(source, findings)
     return found
 
 
@@ -112,7 +112,7 @@ def known_code(code: str, place: Place, findings: Findings) -> bool:
     return False
 
 
-def _parsed(comment: str, place: Place, findings: Findings) -> tuple[str, str] | None:
+def _parse_comment(comment: str, place: Place, findings: Findings) -> tuple[str, str] | None:
     """Code and reason of a comment that silences something; None, if need be after a finding."""
     allow = _ALLOW.match(comment)
     if allow is None:
@@ -130,7 +130,7 @@ def _parsed(comment: str, place: Place, findings: Findings) -> tuple[str, str] |
     return code, " ".join(reason.split())
 
 
-def _in_xml(source: Source, findings: Findings) -> Iterator[Allow]:
+def _in_xml_comments(source: Source, findings: Findings) -> Iterator[Allow]:
     text = source.text
     pending: list[tuple[Place, str, str]] = []
     """Read, and their element is still to come: other comments may stand between."""
@@ -144,7 +144,7 @@ def _in_xml(source: Source, findings: Findings) -> Iterator[Allow]:
         at = text.find("-->", opened)
         if at < 0:
             return
-        parsed = _parsed(text[opened + 4 : at], source.place(opened), findings)
+        parsed = _parse_comment(text[opened + 4 : at], source.place(opened), findings)
         if parsed is not None:
             pending.append((source.place(opened), *parsed))
         blank = _BLANK.match(text, at + 3)
@@ -178,13 +178,13 @@ def _element_at(text: str, start: int) -> tuple[int, int] | None:
     return start, end if end >= 0 else len(text)
 
 
-def _in_toml(source: Source, findings: Findings) -> Iterator[Allow]:
+def _in_toml_comments(source: Source, findings: Findings) -> Iterator[Allow]:
     pending: list[tuple[Place, str, str]] = []
     for number, line in enumerate(source.text.split("\n"), 1):
         comment = _TOML_LINE.match(line)
         if comment is not None:
             place = Place(source.name, number, line.find("#") + 1)
-            parsed = _parsed(comment.group(1), place, findings)
+            parsed = _parse_comment(comment.group(1), place, findings)
             if parsed is not None:
                 pending.append((place, *parsed))
         elif line.strip():

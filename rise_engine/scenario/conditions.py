@@ -24,7 +24,7 @@ def expression_message(error: ExpressionError) -> str:
 def note_expression(expression: Expression, where: Where, draft: Draft, findings: Findings) -> None:
     """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
     _note_reads(expression, where, draft)
-    blank = _foreign_blank(expression.text)
+    blank = _find_odd_blank(expression.text)
     if blank >= 0:
         place = (
             Spot(where.file, where.element, where.attribute, blank).place if isinstance(where, Spot) else where.place
@@ -37,7 +37,7 @@ def note_expression(expression: Expression, where: Where, draft: Draft, findings
         findings.warning("reads-differently", where.place, difference)
 
 
-def _foreign_blank(text: str) -> int:
+def _find_odd_blank(text: str) -> int:
     """Where the first blank stands, outside of texts, that only looks like one; -1: nowhere."""
     if text.isascii():
         return -1

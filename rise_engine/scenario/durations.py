@@ -24,7 +24,11 @@ def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     """Seconds that an action with these parameters will probably take.
 
     Speech by the length of its `message` and its `rate`; others by `duration` (ms), times `repetitions`; otherwise what
-    the action's declaration says. At most MAX_SECONDS; never raises.
+    the action's declaration says. `parameters` are those that `call_parameters` gives. At most MAX_SECONDS; never
+    raises.
+
+    >>> expected_seconds(ActionSpec("Wait", {}), {"duration": 1500})
+    1.5
     """
     seconds = _expected(spec, parameters)
     return seconds if 0 <= seconds <= MAX_SECONDS else MAX_SECONDS if seconds > 0 else 0.0
@@ -44,7 +48,11 @@ def _expected(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
 
 
 def limit_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
-    """Seconds after which a running action counts as timed out."""
+    """Seconds after which a running action counts as timed out; never raises.
+
+    >>> limit_seconds(ActionSpec("Wait", {}), {"duration": 1500})  # three times as long as expected, and 10 s
+    14.5
+    """
     return spec.limit if spec.limit is not None else 3 * expected_seconds(spec, parameters) + 10
 
 

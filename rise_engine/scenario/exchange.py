@@ -14,7 +14,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.text import meant, told
 
 
-class ExchangeError(RiseError, ValueError):
+class ScenarioDecodeError(RiseError, ValueError):
     """What was received is no scenario of this version."""
 
 
@@ -29,33 +29,33 @@ def to_json(scenario: Scenario) -> bytes:
 
 
 def from_json(data: bytes | msgspec.Raw) -> Scenario:
-    """What `to_json` was given. Raises ExchangeError."""
+    """What `to_json` was given. Raises ScenarioDecodeError."""
     try:
         scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
-        raise ExchangeError(f"this is no scenario of this version: {error}") from None
+        raise ScenarioDecodeError(f"this is no scenario of this version: {error}") from None
     folder = meant(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
 
 
 @cache
 def _encoder() -> msgspec.json.Encoder:
-    return msgspec.json.Encoder(enc_hook=_plain)
+    return msgspec.json.Encoder(enc_hook=_encode_text)
 
 
 @cache
 def _decoder() -> msgspec.json.Decoder[Scenario]:
     """Made when it is first used: it takes a few milliseconds."""
-    return msgspec.json.Decoder(Scenario, dec_hook=_own)
+    return msgspec.json.Decoder(Scenario, dec_hook=_decode_text)
 
 
-def _plain(value: Any) -> Any:
+def _encode_text(value: Any) -> Any:
     if isinstance(value, Expression | Assignment):
         return value.text
     raise TypeError(f"a scenario holds no {type(value).__name__}")
 
 
-def _own(kind: type, value: Any) -> Any:
+def _decode_text(kind: type, value: Any) -> Any:
     if kind is Expression:
         return Expression.parse(value)
     if kind is Assignment:

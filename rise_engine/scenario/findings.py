@@ -38,7 +38,11 @@ WARNINGS = frozenset(
 
 
 class Finding(Struct, frozen=True):
-    """One thing to know about a scenario. Errors refuse it, warnings do not."""
+    """One thing to know about a scenario. Errors refuse it, warnings do not.
+
+    >>> str(Finding("warning", "empty-act", "the act `Greet` has no actions", Place("acts/greet.xml", 2, 3)))
+    'acts/greet.xml:2:3: warning empty-act: the act `Greet` has no actions'
+    """
 
     severity: Severity
     code: str

@@ -46,7 +46,7 @@ def engine_topics(draft: Draft) -> set[str]:
     return topics
 
 
-class _Nearest:
+class _Suggestions:
     """The nearest of some names as the end of a message, remembered, and not looked for without end."""
 
     def __init__(self, known: Collection[str]) -> None:
@@ -67,7 +67,7 @@ def _check_names(
     other_kind: str,
     findings: Findings,
 ) -> None:
-    near = _Nearest(known)
+    near = _Suggestions(known)
     for mention in mentions:
         if mention.name in known:
             continue
@@ -85,7 +85,7 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
     missing = {m.name for m in draft.act_mentions if m.name not in draft.acts}
     missing.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
     by_missing = {name + ending for name in missing for ending in ACT_ENDINGS}
-    near = _Nearest(own | by_engine)
+    near = _Suggestions(own | by_engine)
     for mention in draft.waits:
         name = mention.name
         if name in own or name in by_engine:
@@ -97,7 +97,7 @@ def _check_topics(draft: Draft, findings: Findings) -> None:
             mention.where.place,
             f"nothing in this scenario raises the event `{name}`{near(name) or '; something outside must'}",
         )
-    near = _Nearest(awaited)
+    near = _Suggestions(awaited)
     for mention in draft.raises:
         if mention.name not in awaited:
             findings.warning(
@@ -124,7 +124,7 @@ def _check_memory(draft: Draft, findings: Findings) -> None:
         if problem:
             findings.error("unknown-path", mention.where.place, problem)
     seen: dict[str, tuple[bool, str]] = {}
-    near = _Nearest(keys)
+    near = _Suggestions(keys)
 
     def unset(mention: Mention) -> None:
         findings.warning(

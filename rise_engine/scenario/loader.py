@@ -62,10 +62,25 @@ def load(
     mode: str | None = None,
     places: Mapping[str, str] | None = None,
 ) -> Loaded:
-    """Read and check a scenario: a folder, or its `scenario.toml`.
+    """Read and check a scenario.
 
-    `robot`, `mode` ("debug" or "real") and `places` (keys `acts`, `rules`, `memory`) take precedence over the file.
-    Never raises for what a scenario's author wrote.
+    Arguments:
+        path: its folder, or the `scenario.toml` in it.
+        robot: the name of a profile (docs/reference/robots.md), instead of the one that the file names.
+        mode: "debug" or "real", instead of what the file says.
+        places: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
+            `acts`, `rules` and `memory`.
+
+    Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
+    column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
+
+    >>> loaded = load("scenarios/greeting")
+    >>> loaded.scenario.title, "person_name" in loaded.scenario.memory
+    ('Greeting a visitor', True)
+    >>> loaded.findings
+    []
+    >>> str(load("scenarios/greetings").findings[0]).partition(";")[0]
+    'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with few_comparisons():
         return _Loader(Path(path)).load(robot, mode, places or {})
@@ -111,7 +126,7 @@ class _Loader:
             found, silenced = silence(found, allows, findings, complete=not findings.errors)
         if findings.errors:
             return Loaded(None, found, silenced=silenced)
-        files = self.canonical(paths)
+        files = self.by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
@@ -163,7 +178,7 @@ class _Loader:
         paths = [path]
         if path.is_dir():
             try:
-                names = sorted(os.listdir(path))  # noqa: PTH208  # one system call
+                names = sorted(each.name for each in path.iterdir())
             except OSError as error:
                 self.findings.error(
                     "unreadable", Place(place), f"this folder cannot be read: {error.strerror or error}"
@@ -191,7 +206,7 @@ class _Loader:
             self.draft.unread.add(kind)
         return False
 
-    def canonical(self, paths: Mapping[str, str]) -> dict[str, bytes]:
+    def by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""
         settings = {NAME, self.path.name}
         acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))

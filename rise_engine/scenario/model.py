@@ -107,7 +107,7 @@ class Action(Struct, frozen=True):
     """One call; several for `<Variants>`, of which one is picked at each start."""
     wait_for: tuple[str, ...] = ()
     continue_on_failure: bool = False
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 class Act(Struct, frozen=True):
@@ -118,7 +118,7 @@ class Act(Struct, frozen=True):
     """In file order, which only breaks ties."""
     channels: frozenset[str] = frozenset()
     """All channels that its actions occupy on the scenario's robot."""
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 # --- IR -------------------------------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ class Function(Struct, frozen=True, tag="function"):
     """As written; event topics keep their slash here."""
     assignment: Assignment | None = None
     """Only for `assignValue`."""
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 class Branch(Struct, frozen=True):
@@ -155,14 +155,14 @@ class If(Struct, frozen=True, tag="if"):
     """The first branch whose condition holds is run."""
 
     branches: tuple[Branch, ...]
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 class OneOf(Struct, frozen=True, tag="oneOf"):
     """Runs one of its children, picked by the session's seeded random source."""
 
     choices: tuple[Statement, ...]
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 Statement: TypeAlias = Function | If | OneOf
@@ -180,7 +180,7 @@ class Transition(Struct, frozen=True):
     target: str | None = None
     """The next state; null: the functions run without leaving the state."""
     block: Block = ()
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 class State(Struct, frozen=True):
@@ -190,7 +190,7 @@ class State(Struct, frozen=True):
     on_entry: Block = ()
     on_exit: Block = ()
     transitions: tuple[Transition, ...] = ()
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 class Rule(Struct, frozen=True):
@@ -201,7 +201,7 @@ class Rule(Struct, frozen=True):
     states: dict[str, State]
     priority: float = 0
     """Larger is nearer the top of the stack when the rule starts."""
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
 
 
 # --- the whole ------------------------------------------------------------------------------------------------------
@@ -216,7 +216,7 @@ class KeyBinding(Struct, frozen=True):
     """As written in `scenario.toml`: `.`"""
     function: FunctionName
     behavior: str
-    place: Place = Place("")
+    place: Place = field(default=Place(""), name="place")
     title: str = ""
     """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
 
@@ -242,7 +242,15 @@ class FillerSettings(Struct, frozen=True):
 
 
 class Scenario(Struct, frozen=True):
-    """A checked scenario, complete and immutable."""
+    """A checked scenario, complete and immutable. `load` builds it; everything in it is looked up by name.
+
+    >>> from rise_engine.scenario import load
+    >>> scenario = load("scenarios/greeting").scenario
+    >>> scenario.robot.name, scenario.mode
+    ('floka', 'debug')
+    >>> scenario.acts["R_Nod"].actions[0].calls[0].type
+    'Animation'
+    """
 
     title: str
     folder: str
@@ -270,6 +278,7 @@ class Scenario(Struct, frozen=True):
     """SHA-256 over every file that was read, in a fixed order: two scenarios with one hash are the same study."""
 
     def settings_of(self, act: str) -> ActSettings:
+        """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)
 
 

@@ -35,9 +35,20 @@ class OutOfRangeError(ParameterError):
 def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
     """The value that a robot gets: of the declared type, within the range, a known name.
 
-    `value` is the author's text or a memory value; `origin` says in messages where it comes from. A number stays an
-    integer when it is written as one; a `name` stays a number when its code was written. Raises ParameterError with a
-    sentence that begins with the parameter's name, and nothing else, whatever the value is.
+    Arguments:
+        parameter: its declaration; `parameter.unit` is the unit of both numbers, the given and the returned one.
+        value: the author's text, or a memory value of any JSON type.
+        origin: the end of a message, saying where the value comes from.
+
+    Returns a str, int, float or bool. A number stays an integer when it is written as one; a `name` stays a number when
+    its code was written. Raises ParameterError, and nothing else, whatever the value is.
+
+    >>> convert(Parameter("duration", "integer", unit="ms", maximum=5000), "1500")
+    1500
+    >>> convert(Parameter("duration", "integer", unit="ms", maximum=5000), "6000")
+    Traceback (most recent call last):
+    ...
+    rise_engine.scenario.parameters.OutOfRangeError: duration is at most 5000 (ms); 6000 is outside
     """
     try:
         match parameter.type:
@@ -63,8 +74,20 @@ def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
 def call_parameters(call: Call, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
     """The parameters of an action that starts now: memory filled in, converted, those left out absent.
 
-    Raises MissingValue for a memory key without value or fallback, ParameterError for a value that the action cannot
-    take (with the memory keys that it was made of), and nothing else, whatever the memory holds.
+    Arguments:
+        call: the action as its act has it.
+        spec: its declaration (`scenario.robot.actions[call.type]`), with the unit of each parameter.
+        memory: the values of this moment, by key.
+
+    Returns the values by parameter. Raises MissingValue for a memory key without value or fallback, ParameterError for
+    a value that the action cannot take (with the memory keys that it was made of), and nothing else, whatever the
+    memory holds.
+
+    >>> from rise_engine.scenario import load
+    >>> scenario = load("scenarios/greeting").scenario
+    >>> call = scenario.acts["R_FollowGaze"].actions[0].calls[0]
+    >>> call_parameters(call, scenario.robot.actions["LookAt"], {"person_x": 1.2, "person_y": 0, "person_z": 0.4})
+    {'pointx': 1.2, 'pointy': 0, 'pointz': 0.4, 'duration': 500}
     """
     result: dict[str, Any] = {}
     for name, template in call.parameters.items():
@@ -100,12 +123,12 @@ def check_template(parameter: Parameter, template: Template) -> None:
     known = ["true", "false"]
     if parameter.type == "name":
         known = [*known_names(parameter), *map(str, parameter.codes.values())]
-    if not any(_can_be(template, name) for name in known):
+    if not any(_could_spell(template, name) for name in known):
         what = "true or false" if parameter.type == "boolean" else "a name"
         raise ParameterError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
 
 
-def _can_be(template: Template, name: str) -> bool:
+def _could_spell(template: Template, name: str) -> bool:
     """Whether some memory values make a template this name: its literal parts stand in it in their order."""
     parts = template.parts
     first, last = parts[0] if isinstance(parts[0], str) else "", parts[-1] if isinstance(parts[-1], str) else ""

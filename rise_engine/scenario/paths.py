@@ -28,7 +28,7 @@ class MemoryPaths:
         self._start = start
         self._written = frozenset(written)
         self._heads = {key.partition(".")[0] for key in self._written}
-        self._within = {way for key in self._written for way in _ways(key)}
+        self._within = {way for key in self._written for way in _key_prefixes(key)}
         """What some assignment reaches into."""
 
     def is_known(self, key: str) -> bool:
@@ -46,20 +46,20 @@ class MemoryPaths:
         head, *rest = key.split(".")
         if not rest or key in self._start or not isinstance(self._start.get(head), dict | list):
             return ""
-        if any(way in self._written for way in _ways(key)):
+        if any(way in self._written for way in _key_prefixes(key)):
             return ""
         value, way = self._start[head], head
         for part in rest:
             if value is None or (isinstance(value, dict) and part not in value):
                 return ""  # objects on the way are made
             if not isinstance(value, dict) and (not isinstance(value, list) or list_index(value, part) is None):
-                return f"`{key}` cannot be set: {_end_of(value, way)}"
+                return f"`{key}` cannot be set: {_why_it_ends(value, way)}"
             value = value[part] if isinstance(value, dict) else value[int(part)]
             way += f".{part}"
         return ""
 
     def _is_written(self, key: str) -> bool:
-        if key in self._written or any(way in self._written for way in _ways(key)):
+        if key in self._written or any(way in self._written for way in _key_prefixes(key)):
             return True
         head = key.partition(".")[0]
         return key in self._within and (head in self._start or head in self._written)
@@ -77,30 +77,31 @@ class MemoryPaths:
             elif isinstance(value, list) and list_index(value, part) is not None:
                 value = value[int(part)]
             else:
-                return f"the memory never has `{key}`: {_end_of(value, way, part)}{self._near(way, rest[at:])}"
+                remedy = self._suggested_path(way, rest[at:])
+                return f"the memory never has `{key}`: {_why_it_ends(value, way, part)}{remedy}"
             way += f".{part}"
         return ""
 
-    def _near(self, way: str, missing: list[str]) -> str:
+    def _suggested_path(self, way: str, missing: list[str]) -> str:
         """The right path that was most likely meant, as the end of a message."""
         value = lookup(self._start, way)[1]
         if isinstance(value, dict):
             sibling = nearest(missing[0], value)
             if sibling is not None:
-                return f"; did you mean `{self._longest(way, [sibling, *missing[1:]])}`?"
+                return f"; did you mean `{self._existing_part(way, [sibling, *missing[1:]])}`?"
         if isinstance(value, dict) and 0 < len(value) <= _FEW:
             known = listed(f"{way}.{name}" for name in value)
             return f"; known: {known}" if len(known) < _SHORT else ""
         return ""
 
-    def _longest(self, way: str, parts: list[str]) -> str:
+    def _existing_part(self, way: str, parts: list[str]) -> str:
         """The way, and of the parts behind it as many as there are."""
         while parts and not lookup(self._start, ".".join((way, *parts)))[0]:
             parts = parts[:-1]
         return ".".join((way, *parts))
 
 
-def _end_of(value: Json, way: str, part: str = "") -> str:
+def _why_it_ends(value: Json, way: str, part: str = "") -> str:
     """Where a way into the start values ends, and that nothing will change that."""
     if isinstance(value, list):
         entries = f"with the entries `{way}.0` to `{way}.{len(value) - 1}`" if len(value) > 1 else ""
@@ -113,7 +114,7 @@ def _end_of(value: Json, way: str, part: str = "") -> str:
     return f"{end}, and nothing in this scenario sets it"
 
 
-def _ways(key: str) -> Iterator[str]:
+def _key_prefixes(key: str) -> Iterator[str]:
     """The keys that a dotted key reaches into: `a` and `a.b` for `a.b.c`."""
     at = key.find(".")
     while at >= 0:

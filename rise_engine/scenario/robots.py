@@ -73,7 +73,11 @@ def find_profile(name: str, folder: Path) -> Path | None:
 
 
 def robot_names(folder: Path) -> list[str]:
-    """The names of all profiles that a scenario in `folder` can pick, sorted."""
+    """The names of all profiles that a scenario in `folder` can pick, sorted.
+
+    >>> "pepper" in robot_names(Path("scenarios/greeting"))
+    True
+    """
     names = {DEFAULT}
     for directory in profile_folders(folder):
         if directory.is_dir():
@@ -99,6 +103,7 @@ def package_folders() -> Iterator[Path]:
 
 
 def _package_folder(package: str) -> Iterator[Path]:
+    """Looked for on the path first: `find_spec` imports the package around it, and a check needs no adapter."""
     parts = package.split(".")
     for entry in sys.path:
         directory = Path(entry, *parts)

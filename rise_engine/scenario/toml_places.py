@@ -87,8 +87,8 @@ def read_toml(source: Source, findings: Findings) -> TomlFile | None:
             findings.error("toml-syntax", source.place(0), "this is not TOML: values are nested too deeply")
             return None
         except ValueError as error:
-            line = _report(str(error), source, text, findings, first=attempt == 0)
-            mended = _without(text, line)
+            line = _report_syntax_error(str(error), source, text, findings, first=attempt == 0)
+            mended = _blanked_out(text, line)
             if mended == text:
                 return None
             text = mended
@@ -120,7 +120,7 @@ def _check_values(file: TomlFile, findings: Findings) -> None:
                 findings.error("wrong-value", file.value_place(*here), sentence)
 
 
-def _report(message: str, source: Source, text: str, findings: Findings, *, first: bool) -> int:
+def _report_syntax_error(message: str, source: Source, text: str, findings: Findings, *, first: bool) -> int:
     """A finding for what tomllib says; gives the number of the line. What follows from the first is left out."""
     at = _AT.search(message)
     end = len(text.rstrip())
@@ -132,14 +132,14 @@ def _report(message: str, source: Source, text: str, findings: Findings, *, firs
     if _TWICE.search(sentence) is not None:
         line = source.place(offset).line
         at_line = source.line(line)
-        name, before = _twice(source, line)
+        name, before = _duplicate_key(source, line)
         place = source.place(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
         known = f"; it stands in line {before} already" if before else f" ({sentence})"
         findings.error("duplicate-key", place, f"`{name}` is given twice{known}")
         return line
     if first:
         at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # a text is not closed
-        opening = _opening(source.text, offset) if at_end else -1
+        opening = _unclosed_quote(source.text, offset) if at_end else -1
         closing = unclosed_by(source.text, opening) if opening >= 0 else -1
         offset = closing if closing >= 0 else offset
         known = sentence_at(source.text, offset)
@@ -147,14 +147,14 @@ def _report(message: str, source: Source, text: str, findings: Findings, *, firs
     return source.place(offset).line
 
 
-def _opening(text: str, offset: int) -> int:
+def _unclosed_quote(text: str, offset: int) -> int:
     """Where the text begins that is not closed before `offset`, the end of its line; -1 when there is none."""
     line = text.rfind("\n", 0, offset) + 1
     quotes = [at for at in range(line, min(offset, len(text))) if text[at] in "\"'"]
     return quotes[-1] if quotes else -1
 
 
-def _twice(source: Source, line: int) -> tuple[str, int]:
+def _duplicate_key(source: Source, line: int) -> tuple[str, int]:
     """What a line gives a second time, as it is written, and the line that gives it first (0: not found)."""
     lines = [each.strip() for each in source.text.split("\n")]
     here = lines[line - 1]
@@ -173,7 +173,7 @@ def _twice(source: Source, line: int) -> tuple[str, int]:
     return name, 0
 
 
-def _without(text: str, line: int) -> str:
+def _blanked_out(text: str, line: int) -> str:
     """The text with a line blanked out; with a table's header, all that belongs to the table."""
     lines = text.split("\n")
     last = line

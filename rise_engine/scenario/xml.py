@@ -56,7 +56,7 @@ _TAG = re.compile(
 )
 _MAYBE_TEXT = re.compile(r">[ \t\r\n]*+[^< \t\r\n]")
 _ATTRIBUTE = re.compile(r"(?<=\s)([^\s=/<>\"']++)\s*+=\s*+(?:\"([^\"]*)\"|'([^']*)')")
-_UNIT = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n")
+_CHARACTER = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);|\r\n")
 """What is one character of a value and several of the file."""
 _LINE_END = re.compile(r"\r\n")
 _DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
@@ -64,7 +64,7 @@ _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
 class MisnamedError(RiseError, ValueError):
-    """What lxml accepts and expat does not: a character that no name can have. `offset` is its place."""
+    """A character that no XML name can have, though lxml accepts it. `offset` is its place."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -79,39 +79,39 @@ class XmlFile:
         self.source = source
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
-        self.root = _build(text, self.has_text)
+        self.root = _element_tree(text, self.has_text)
         self._text = text
         self._mended = mended
         self._attributes: tuple[Element, dict[str, re.Match[str]]] | None = None
         """The attributes of the element that was asked for last."""
-        self._stretches: tuple[Element, str | None, _Stretches] | None = None
+        self._last_offset_map: tuple[Element, str | None, _OffsetMap] | None = None
 
     def place(self, element: Element) -> Place:
         """Where an element's start tag begins."""
-        return self._at(element.at)
+        return self._location(element.at)
 
     def attribute_place(self, element: Element, name: str) -> Place:
         """Where an attribute's name stands."""
         found = self._attribute(element, name)
-        return self._at(found.start(1)) if found else self.place(element)
+        return self._location(found.start(1)) if found else self.place(element)
 
     def value_place(self, element: Element, name: str, index: int = 0) -> Place:
         """Where the character number `index` (from 0) of an attribute's value stands in the file."""
         found = self._attribute(element, name)
         if found is None:
             return self.place(element)
-        return self._at(self._stretched(element, name, found).offset(index))
+        return self._location(self._offset_map(element, name, found).offset(index))
 
     def text_place(self, element: Element, index: int = 0) -> Place:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
-        return self._at(self._stretched(element, None, None).offset(index))
+        return self._location(self._offset_map(element, None, None).offset(index))
 
     def tail_place(self, element: Element, index: int = 0) -> Place:
         """Where the character number `index` of what stands behind an element stands in the file."""
         tag = _TAG.match(self._text, element.end)
-        return self._at(_of_text(self._text, tag.end() if tag else element.end).offset(index))
+        return self._location(_text_offset_map(self._text, tag.end() if tag else element.end).offset(index))
 
-    def _at(self, offset: int) -> Place:
+    def _location(self, offset: int) -> Place:
         return self.source.place(self._mended.original(offset) if self._mended else offset)
 
     def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
@@ -121,21 +121,21 @@ class XmlFile:
             self._attributes = element, {match.group(1): match for match in found}
         return self._attributes[1].get(name)
 
-    def _stretched(self, element: Element, name: str | None, attribute: re.Match[str] | None) -> _Stretches:
+    def _offset_map(self, element: Element, name: str | None, attribute: re.Match[str] | None) -> _OffsetMap:
         """The value of an attribute, or the element's text; many places in it may be asked for."""
-        last = self._stretches
+        last = self._last_offset_map
         if last is None or last[0] is not element or last[1] != name:
             if attribute is not None:
-                stretches = _Stretches()
-                stretches.add(self._text, *attribute.span(2 if attribute.group(2) is not None else 3), _UNIT)
+                stretches = _OffsetMap()
+                stretches.add(self._text, *attribute.span(2 if attribute.group(2) is not None else 3), _CHARACTER)
             else:
                 tag = _TAG.match(self._text, element.at)
-                stretches = _of_text(self._text, tag.end() if tag else element.at)
-            last = self._stretches = element, name, stretches
+                stretches = _text_offset_map(self._text, tag.end() if tag else element.at)
+            last = self._last_offset_map = element, name, stretches
         return last[2]
 
 
-class _Stretches:
+class _OffsetMap:
     """Which character of a value stands where in the text: stretches in which one follows the other."""
 
     def __init__(self) -> None:
@@ -148,13 +148,13 @@ class _Stretches:
     def add(self, text: str, start: int, end: int, units: re.Pattern[str]) -> None:
         """What stands from `start` to `end` goes on with the value."""
         for unit in units.finditer(text, start, end):
-            self._stretch(start, unit.start())
-            self._stretch(unit.start(), unit.start() + 1)
+            self._add_run(start, unit.start())
+            self._add_run(unit.start(), unit.start() + 1)
             start = unit.end()
-        self._stretch(start, end)
+        self._add_run(start, end)
         self.end = end
 
-    def _stretch(self, start: int, end: int) -> None:
+    def _add_run(self, start: int, end: int) -> None:
         if end > start:
             self.starts.append(self.length)
             self.offsets.append(start)
@@ -167,13 +167,13 @@ class _Stretches:
         return self.offsets[which] + index - self.starts[which]
 
 
-def _of_text(text: str, at: int) -> _Stretches:
+def _text_offset_map(text: str, at: int) -> _OffsetMap:
     """What stands from an offset to the next tag, comments left out."""
-    stretches = _Stretches()
+    stretches = _OffsetMap()
     while True:
         end = text.find("<", at)
         end = end if end >= 0 else len(text)
-        stretches.add(text, at, end, _UNIT)
+        stretches.add(text, at, end, _CHARACTER)
         inner = _TAG.match(text, end)
         if inner is None or not inner.group().startswith(("<!", "<?")):
             return stretches
@@ -204,7 +204,7 @@ def is_element_name(name: str) -> bool:
     """Whether an element can have this name."""
     try:
         _parse(f"<{name}/>")
-        return _build(f"<{name}/>", has_text=False).tag == name
+        return _element_tree(f"<{name}/>", has_text=False).tag == name
     except (etree.XMLSyntaxError, MisnamedError, UnicodeEncodeError):
         return False
 
@@ -262,7 +262,7 @@ def _parse(text: str) -> None:
     etree.fromstring(text.encode(), parser)
 
 
-def _build(text: str, has_text: bool) -> Element:
+def _element_tree(text: str, has_text: bool) -> Element:
     """The tree of a text that lxml has found well-formed. Raises MisnamedError."""
     data = text.encode()
     parser = expat.ParserCreate("utf-8")

@@ -87,7 +87,7 @@ def mend(source: Source, findings: Findings) -> Mended:
     while (mark := _MARK.search(text, at)) is not None:
         here = mark.start()
         if text[here] == "&":
-            at = _reference(text, here, run_bad)
+            at = _read_reference(text, here, run_bad)
             continue
         skip = next((closing for opening, closing in _SKIP if text.startswith(opening, here)), None)
         if (left := _LEFT_BY_GIT.match(text, here)) is not None:
@@ -100,18 +100,18 @@ def mend(source: Source, findings: Findings) -> Mended:
             run_bad.append((here, "&lt;"))
             at = here + 1
             continue
-        _report_text(mended, findings, run_start, here, run_bad)
+        _report_stretch(mended, findings, run_start, here, run_bad)
         if run_start == 0:
-            _outside(mended, findings, 0, here)
+            _repair_outside_root(mended, findings, 0, here)
         if skip is not None:
             end = text.find(skip, here)
             if skip == ">" and end >= 0:
-                _blanks(mended, findings, here, end, "")
+                _replace_odd_blanks(mended, findings, here, end, "")
             at = run_start = end + len(skip) if end >= 0 else len(text)
         else:
-            at = run_start = _tag(mended, findings, here)
-    _report_text(mended, findings, run_start, len(text), run_bad)
-    _outside(mended, findings, run_start, len(text))
+            at = run_start = _repair_start_tag(mended, findings, here)
+    _report_stretch(mended, findings, run_start, len(text), run_bad)
+    _repair_outside_root(mended, findings, run_start, len(text))
     mended.finish()
     return mended
 
@@ -123,15 +123,15 @@ def _first_of_name(text: str, opening: int) -> int:
     return end if strange(text, opening + 1, opening + 2) > 0 else opening + 1
 
 
-def _gap(mended: Mended, findings: Findings, start: int, instead: str) -> int:
+def _skip_blanks(mended: Mended, findings: Findings, start: int, instead: str) -> int:
     """Step over blanks, those that XML does not know too; they are reported and replaced."""
     gap = _GAP.match(mended.source.text, start)
     end = gap.end() if gap else start
-    _blanks(mended, findings, start, end, instead)
+    _replace_odd_blanks(mended, findings, start, end, instead)
     return end
 
 
-def _blanks(mended: Mended, findings: Findings, start: int, end: int, instead: str) -> None:
+def _replace_odd_blanks(mended: Mended, findings: Findings, start: int, end: int, instead: str) -> None:
     """Replace the blanks that XML does not know; one finding for them all."""
     text = mended.source.text
     first = at = strange(text, start, end)
@@ -145,14 +145,14 @@ def _blanks(mended: Mended, findings: Findings, start: int, end: int, instead: s
         at = strange(text, at + 1, end)
 
 
-def _outside(mended: Mended, findings: Findings, start: int, end: int) -> None:
+def _repair_outside_root(mended: Mended, findings: Findings, start: int, end: int) -> None:
     """What stands before the outermost element or behind it, when it is nothing but blanks that XML does not know."""
     gap = _GAP.match(mended.source.text, start, end)
     if gap is not None and gap.end() == end:
-        _blanks(mended, findings, start, end, "")
+        _replace_odd_blanks(mended, findings, start, end, "")
 
 
-def _reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
+def _read_reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
     """Step over a `&`; a wrong one is added to `bad`."""
     if (reference := _REFERENCE.match(text, here)) is not None:
         return reference.end()
@@ -160,13 +160,13 @@ def _reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
     return here + 1
 
 
-def _tag(mended: Mended, findings: Findings, start: int) -> int:
+def _repair_start_tag(mended: Mended, findings: Findings, start: int) -> int:
     """Read a start tag tolerantly, mending its attribute values. Returns the offset behind it."""
     text = mended.source.text
-    name = _NAME.match(text, _gap(mended, findings, start + 1, ""))
+    name = _NAME.match(text, _skip_blanks(mended, findings, start + 1, ""))
     at = name.end() if name else start + 1
     while True:
-        at = _gap(mended, findings, at, " ")
+        at = _skip_blanks(mended, findings, at, " ")
         if text.startswith(">", at):
             return at + 1
         attribute = _NAME.match(text, at)
@@ -176,23 +176,23 @@ def _tag(mended: Mended, findings: Findings, start: int) -> int:
         equals = _EQUALS.match(text, at)
         if equals is None:
             return at
-        _blanks(mended, findings, equals.start(), equals.end(), " ")
+        _replace_odd_blanks(mended, findings, equals.start(), equals.end(), " ")
         at = equals.end()
         quote = text[at : at + 1]
-        end = _typographic(mended, findings, at)
+        end = _repair_typographic_value(mended, findings, at)
         if end > 0:
             at = end + 1
             continue
         if quote not in ('"', "'") or not quote:
             return at
-        end = _value_end(mended, at + 1, quote)
+        end = _find_value_end(mended, at + 1, quote)
         if end < 0:
             return at + 1
-        _value(mended, findings, attribute.group(), at, end)
+        _repair_value(mended, findings, attribute.group(), at, end)
         at = end + 1
 
 
-def _typographic(mended: Mended, findings: Findings, opening: int) -> int:
+def _repair_typographic_value(mended: Mended, findings: Findings, opening: int) -> int:
     """Mend a value in typographic quotation marks, or one that they close: the offset of its end; -1 for others."""
     text = mended.source.text
     curly = bool(plain_quote(text[opening : opening + 1]))
@@ -212,12 +212,12 @@ def _typographic(mended: Mended, findings: Findings, opening: int) -> int:
         findings.error("quotes", mended.source.place(first), sentence_at(text, first, quote=straight))
         for at in (opening, found.start()):
             mended.replace(at, at + 1, straight)
-        _escape(mended, text, opening + 1, found.start(), straight)
+        _escape_value(mended, text, opening + 1, found.start(), straight)
         return found.start()
     return -1
 
 
-def _escape(mended: Mended, text: str, start: int, end: int, quote: str) -> None:
+def _escape_value(mended: Mended, text: str, start: int, end: int, quote: str) -> None:
     """Replace what cannot stand in a value that has just got its quotation marks."""
     entities = {"<": "&lt;", quote: "&quot;" if quote == '"' else "&apos;"}
     for at in range(start, end):
@@ -227,7 +227,7 @@ def _escape(mended: Mended, text: str, start: int, end: int, quote: str) -> None
             mended.replace(at, at + 1, "&amp;")
 
 
-def _value_end(mended: Mended, start: int, quote: str) -> int:
+def _find_value_end(mended: Mended, start: int, quote: str) -> int:
     """The offset of the quotation mark that closes a value, or -1 when it is never closed.
 
     A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. That is
@@ -247,7 +247,7 @@ def _value_end(mended: Mended, start: int, quote: str) -> int:
     return end
 
 
-def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int) -> None:
+def _repair_value(mended: Mended, findings: Findings, name: str, opening: int, end: int) -> None:
     text = mended.source.text
     quote = text[opening]
     bad: list[tuple[int, str]] = []
@@ -255,7 +255,7 @@ def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int
     at = opening + 1
     while at < end:
         if text[at] == "&":
-            at = _reference(text, at, bad)
+            at = _read_reference(text, at, bad)
             continue
         if text[at] == "<":
             bad.append((at, "&lt;"))
@@ -264,12 +264,12 @@ def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int
         at += 1
     other = "'" if quote == '"' else '"'
     if bad:
-        corrected = _corrected(text, opening + 1, end, bad)
+        corrected = _corrected_excerpt(text, opening + 1, end, bad)
         if quotes:
             corrected = corrected.replace(quote, other)
-        _report(mended, findings, bad, f"{name}={quote}{corrected}{quote}", " in an attribute")
+        _report_unescaped(mended, findings, bad, f"{name}={quote}{corrected}{quote}", " in an attribute")
     if quotes:
-        inner = _corrected(text, opening + 1, end, bad).replace(quote, other)
+        inner = _corrected_excerpt(text, opening + 1, end, bad).replace(quote, other)
         findings.error(
             "quotes",
             mended.source.place(quotes[0]),
@@ -279,7 +279,7 @@ def _value(mended: Mended, findings: Findings, name: str, opening: int, end: int
             mended.replace(offset, offset + 1, "&quot;" if quote == '"' else "&apos;")
 
 
-def _corrected(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> str:
+def _corrected_excerpt(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> str:
     """A stretch of text with its wrong characters replaced; of a long one, what stands around the first of them."""
     if end - start > _SHOWN:
         first = bad[0][0] if bad else start
@@ -290,15 +290,17 @@ def _corrected(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> s
     return _LINE_ENDS.sub(" ", "".join(escapes.get(index, text[index]) for index in range(start, end)))
 
 
-def _report_text(mended: Mended, findings: Findings, start: int, end: int, bad: list[tuple[int, str]]) -> None:
+def _report_stretch(mended: Mended, findings: Findings, start: int, end: int, bad: list[tuple[int, str]]) -> None:
     """One finding for the wrong characters of one stretch of text."""
     if bad:
-        corrected = _corrected(mended.source.text, start, end, bad)
-        _report(mended, findings, bad, " ".join(corrected.split()), "")
+        corrected = _corrected_excerpt(mended.source.text, start, end, bad)
+        _report_unescaped(mended, findings, bad, " ".join(corrected.split()), "")
         bad.clear()
 
 
-def _report(mended: Mended, findings: Findings, bad: list[tuple[int, str]], corrected: str, where: str) -> None:
+def _report_unescaped(
+    mended: Mended, findings: Findings, bad: list[tuple[int, str]], corrected: str, where: str
+) -> None:
     text = mended.source.text
     first = bad[0][0]
     entity = _NAMED.match(text, first)
