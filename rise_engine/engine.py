@@ -81,7 +81,15 @@ class _Outgoing(Struct):
 class Engine:
     """One session. All methods belong to the engine's thread.
 
-    `start` or `resume`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`.
+    `start` or `resume`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`:
+
+        clock, records = VirtualClock(), []
+        engine = Engine(scenario, make_robot(scenario.robot, "debug", clock, 1), clock, seed=1, sinks=[records.append])
+        engine.start()
+        engine.accept(Submit(function="startCommunicationRobotAct", behavior="Greet"))
+        while not engine.idle and clock.advance():
+            pass
+        engine.end("done")
     """
 
     def __init__(
@@ -97,6 +105,18 @@ class Engine:
         journal: Journal | None = None,
         resumption: Resumption | None = None,
     ) -> None:
+        """Nothing happens before `start` or `resume`.
+
+        :param scenario: what is run, as `rise_engine.scenario.load` gives it.
+        :param robot: the adapter; the engine connects and closes it.
+        :param clock: a `RealClock` on the loop that this engine belongs to, or a `VirtualClock`.
+        :param seed: for everything that is picked at random: the same seed and inputs give the same records.
+        :param participant: who takes part, for the record.
+        :param condition: the session's condition, for the record.
+        :param sinks: get every record from the first one on.
+        :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
+        :param resumption: what an unfinished session is gone on with, by `resume` instead of `start`.
+        """
         self.scenario = scenario
         self.clock = clock
         self.seed = seed
@@ -228,7 +248,9 @@ class Engine:
     def accept(self, fact: AnyInput, answer: Answer | None = None) -> None:
         """Take one input from outside; `answer` gets what became of it, once it is recorded and the sinks have had it.
 
-        Not for robots and sinks: they `post`.
+        :param fact: what happened; its time is put on here.
+        :param answer: called once, perhaps before this returns.
+        :raises RuntimeError: inside a step. Robots and sinks `post`.
         """
         answer = answer or _nobody
         if self._stepping:

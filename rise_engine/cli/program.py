@@ -29,7 +29,7 @@ _COMMANDS = {
 """Each command's name, and the module where it is the value of `COMMANDS`."""
 
 
-class _Program(click.Group):
+class _CommandGroup(click.Group):
     """The group of all commands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -57,7 +57,7 @@ def _command(name: str) -> click.Command:
     return command
 
 
-@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_CommandGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="rise-engine")
 def main() -> None:
     """Check and run human-robot interaction scenarios, without a screen."""

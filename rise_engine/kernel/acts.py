@@ -55,8 +55,6 @@ class ActRun(Struct):
 class ActRunner:
     """All running acts."""
 
-    __slots__ = ("_core", "_ended", "_successors", "last_pick", "robot_lost", "runs")
-
     def __init__(self, core: Core, ended: Callable[[ActRun, str, str], None]) -> None:
         self._core = core
         self._ended = ended

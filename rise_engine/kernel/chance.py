@@ -8,8 +8,6 @@ _MASK = (1 << 64) - 1
 class Chance:
     """SplitMix64 (Steele, Lea, Flood 2014). `state` is all there is to save and restore."""
 
-    __slots__ = ("state",)
-
     def __init__(self, state: int) -> None:
         self.state = state & _MASK
 

@@ -78,28 +78,6 @@ class TimerTarget(Struct, frozen=True):
 class Core:
     """Time, numbering and outputs of the current step, and the state that belongs to no part alone."""
 
-    __slots__ = (
-        "cause",
-        "chance",
-        "commands",
-        "cue",
-        "env",
-        "events",
-        "memory",
-        "next_task",
-        "next_timer",
-        "noticed",
-        "pressed",
-        "records",
-        "resumed",
-        "scenario",
-        "seq",
-        "step",
-        "t",
-        "timers",
-        "topics",
-    )
-
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self.scenario = scenario
         self.chance = Chance(seed)

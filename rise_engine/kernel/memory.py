@@ -13,8 +13,6 @@ from rise_engine.kernel.records import MemoryRecord
 class WorkingMemory:
     """Writes to the memory. Reading is `core.env`, which conditions are evaluated against."""
 
-    __slots__ = ("_changed", "_core", "_known")
-
     def __init__(self, core: Core, changed: Callable[[str], None]) -> None:
         self._core = core
         self._changed = changed

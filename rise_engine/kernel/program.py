@@ -1,4 +1,8 @@
-"""Rules made ready to run: indexed by topic, conditions compiled, blocks as chains of steps. Done once, at load."""
+"""Rules made ready to run: indexed by topic, conditions compiled, blocks as chains of steps. Done once, at load.
+
+The classes have slots, and rules that ask the same share a condition, because there may be thousands of them: without,
+events for a thousand rules in turn take one and a half times as long (benchmarks/many_rules).
+"""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from rise_engine.kernel.program import (
     StateCode,
     TransitionCode,
 )
-from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord
+from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 
@@ -72,21 +72,6 @@ transition that then arrives, and what all that comes of."""
 
 class RuleMachine:
     """All running rules and the routing of events to them."""
-
-    __slots__ = (
-        "_codes",
-        "_core",
-        "_dirty",
-        "_frames",
-        "_long",
-        "_memory",
-        "_submit",
-        "_top",
-        "_watching",
-        "spent",
-        "stack",
-        "stamp",
-    )
 
     def __init__(self, core: Core, submit: Callable[[str, str, str], None]) -> None:
         self._core = core
@@ -402,7 +387,11 @@ class RuleMachine:
                 if kind == TEST:
                     op = op.next if self._holds(run, op.condition) else op.otherwise
                 elif kind == RAISE:
-                    core.record_finished_task("raiseEventTopic", op.argument, op.source, "SUCCEEDED")
+                    id = core.next_task
+                    core.next_task = id + 1
+                    core.records.append(
+                        TaskRecord(0, core.t, "", id, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED")
+                    )
                     core.events.append((op.topic, op.source, cause))
                     op = op.next
                 elif kind == ASSIGN:

@@ -15,8 +15,6 @@ from rise_engine.kernel.wizard import Wizard
 
 
 class Scheduler:
-    __slots__ = ("_again", "_core", "_runner", "_wizard", "_working", "waiting")
-
     def __init__(self, core: Core, wizard: Wizard) -> None:
         self._core = core
         self._wizard = wizard

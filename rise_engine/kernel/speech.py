@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from rise_engine.kernel.core import Task
 from rise_engine.scenario.model import Act, Action, Call, Scenario
 from rise_engine.scenario.template import Template
@@ -31,11 +29,7 @@ def cannot_speak(scenario: Scenario) -> str:
     return f"{scenario.robot.name} cannot speak"
 
 
-@lru_cache(maxsize=32)
-def _made(channels: tuple[str, ...], text: str) -> Act:
-    message = Template(text, (text,))  # literal: braces in it are to be said, and mean nothing
-    return Act(SAY, (Action(SAY, (Call(SPEECH, {"message": message}),)),), frozenset(channels))
-
-
 def _spoken(scenario: Scenario, text: str) -> Act:
-    return _made(scenario.robot.actions[SPEECH].channels, text)
+    message = Template(text, (text,))  # literal: braces in it are to be said, and mean nothing
+    channels = scenario.robot.actions[SPEECH].channels
+    return Act(SAY, (Action(SAY, (Call(SPEECH, {"message": message}),)),), frozenset(channels))

@@ -17,8 +17,6 @@ StopStatus = Literal["released", "requested", "latched"]
 class StopLatch:
     """Whether anything may start."""
 
-    __slots__ = ("_core", "status", "timer")
-
     def __init__(self, core: Core) -> None:
         self._core = core
         self.status: StopStatus = "released"

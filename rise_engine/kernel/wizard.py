@@ -40,8 +40,6 @@ class WizardState(Struct):
 class Wizard:
     """The cue, the fillers and the marks."""
 
-    __slots__ = ("_core", "state")
-
     def __init__(self, core: Core) -> None:
         self._core = core
         self.state = WizardState()

@@ -122,7 +122,12 @@ class Client(Protocol):
         ...
 
     async def send(self, message: ClientInput) -> Reply:
-        """Submit an input and wait until the engine has accepted (and recorded) or rejected it. Raises EngineGone."""
+        """Submit an input and wait until the engine has accepted (and recorded) or rejected it.
+
+        :param message: a task or a note; the engine puts on the time and the source.
+        :return: what became of it; an accepted task's id is in it, and its records have come before.
+        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        """
         ...
 
     async def control(self, verb: Verb) -> Reply:

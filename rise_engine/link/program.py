@@ -113,7 +113,14 @@ class Session:
             self._followers.remove(queue)
 
     async def until(self, true: Callable[[View], T], seconds: float | None = None) -> T:
-        """Wait until `true(view)` is true, and give what it gave. With `seconds`, raises TimeoutError after them."""
+        """Wait until `true(view)` is true.
+
+        :param true: looks at the state; called again whenever that has changed.
+        :param seconds: how long to wait at most; None: as long as the session lasts.
+        :return: what `true` gave.
+        :raises TimeoutError: after so many seconds.
+        :raises EngineGone: when the session ends before, or this connection (`LinkLost`).
+        """
         async with asyncio.timeout(seconds):
             while True:
                 found = true(self.view)
@@ -171,7 +178,14 @@ class Session:
         return await self.submit("releaseStop")
 
     async def submit(self, function: str, behavior: str = "", calling_type: str = "") -> int:
-        """Submit a task; gives its id. Raises Rejected."""
+        """Submit a task.
+
+        :param function: what to do, by its name in the record: `raiseEventTopic`, `assignValue`, ...
+        :param behavior: to what: an act, a rule, a topic, an assignment.
+        :param calling_type: `Blocking`, `None` or `Interrupt` instead of the act's own.
+        :return: the task's id, for `finished`.
+        :raises Rejected: with the engine's sentence.
+        """
         task = await self._send(Submit(function=function, behavior=behavior, calling_type=calling_type))
         return task or 0
 

@@ -46,9 +46,25 @@ _BUFFER = 1_000_000
 
 
 def export(folder: Path, format: Format, out: BinaryIO) -> list[str]:
-    """Write a session's records to `out`; what could not be read, in sentences.
+    """Write the records of the session in `folder` to `out`; what could not be read, in sentences.
 
+    `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with COLUMNS
+    (RFC 4180, UTF-8; times in seconds). `out`: any binary file that is open for writing; it is flushed and not closed.
     Raises SessionError, before anything is written, when nothing can be read; OSError when `out` does not take it.
+
+        >>> from tempfile import TemporaryDirectory
+        >>> from rise_engine.kernel.records import NoteRecord
+        >>> from rise_engine.session.lines import header_line, with_checksum
+        >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+        >>> out = io.BytesIO()
+        >>> with TemporaryDirectory() as folder:
+        ...     lines = header_line("example 1") + with_checksum(record_bytes(record))
+        ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
+        ...     problems = export(Path(folder), "jsonl", out)
+        >>> out.getvalue()
+        b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine"}\\n'
+        >>> len(problems)  # there is no session.toml
+        1
     """
     return Export(folder).write(format, out)
 

@@ -75,7 +75,8 @@ def sessions_folder() -> Path:
 
 
 def find_session(text: str) -> Path:
-    """The folder of the session that somebody means: by its path, or by its name in the sessions folder.
+    """The folder of the session that somebody means with `text`: its path (also that of its journal or session.toml),
+    or its name in the sessions folder.
 
     Raises SessionError, with the nearest right name.
     """
@@ -151,7 +152,8 @@ def create(
 
 
 def read_info(folder: Path) -> SessionInfo:
-    """Raises SessionError."""
+    """What `session.toml` in a session's folder says. Raises SessionError when there is none, it cannot be read, or a
+    newer version wrote it."""
     path = folder / INFO
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -75,7 +75,7 @@ def input_line(number: int, fact: AnyInput) -> bytes:
 def record_bytes(record: AnyRecord) -> bytes:
     """A record as JSON without a line end, the same bytes in the journal, on the socket, on ROS and in exports.
 
-    Half characters, which no output can hold, are written as `\\udcff`. Made once for each record, by the engine.
+    Half characters, which no output can hold, are written as `\\udcff`.
     """
     return encode(record)
 

@@ -123,9 +123,27 @@ class Contents(Struct):
 
 
 def read_journal(path: Path, tell: Tell | None = None) -> Contents:
-    """Go through a journal. Raises SessionError when there is no journal in it at all, or a newer one.
+    """Go through the journal in the file `path` once: what is in it, and how far it can be believed.
 
-    `tell` is told how far it has come when that takes long.
+    `tell` gets a sentence about how far it has come, about twice a second, when that takes long. Returns counts, what
+    is damaged, missing or torn, and the means to go through the lines again; the lines themselves stay in the file.
+    Nothing in the file is changed, so it may belong to a session that runs. Raises SessionError when there is no
+    journal, when it cannot be read, when nothing in it is one, and when a newer version has written it.
+
+        >>> from tempfile import TemporaryDirectory
+        >>> from rise_engine.kernel.inputs import Note
+        >>> from rise_engine.kernel.records import NoteRecord
+        >>> from rise_engine.session.lines import header_line, input_line, record_bytes, with_checksum
+        >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+        >>> lines = header_line("example 1") + input_line(1, Note(t=2.5, text="hello"))
+        >>> with TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "journal.jsonl"
+        ...     _ = path.write_bytes(lines + with_checksum(record_bytes(record)) + b'{"kind":"no')
+        ...     contents = read_journal(path)
+        ...     [each.text for each in contents.read_records()]
+        ['hello']
+        >>> contents.inputs, contents.records, contents.seconds, contents.ended, contents.torn
+        (1, 1, 2.5, False, b'{"kind":"no')
     """
     progress = Progress(tell)
     contents = Contents(path)

@@ -54,10 +54,16 @@ class Recovered(Struct):
 def recover(
     folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None, tell: Tell | None = None
 ) -> Recovered:
-    """`lock`: of the journal, for who goes on with it; without it, the journal is locked for this time only. `tell` is
-    told how far it has come when it takes long.
+    """Bring the unfinished session in `folder` back to where it was, and repair its journal.
 
-    Raises SessionError when the session runs, has ended or cannot be recovered; its journal is as it was, then.
+    `disk`: what writes, for tests that let it fail. `lock`: of the journal, for who goes on with it; without it, the
+    journal is locked for this time only. `tell` gets a sentence about how far it has come, about twice a second, when
+    that takes long. Returns the kernel and the view as they were after the last input, session time in seconds, timers
+    that are still to run, and a report in sentences. Raises SessionError when the session runs (JournalLocked), has
+    ended or cannot be recovered; its journal is as it was, then.
+
+        recovered = recover(find_session("2026-11-21_141503_lablinking_debug"))
+        print(*recovered.report, sep="\\n")
     """
     if lock is not None:
         return _recover(folder, disk or Disk(), lock, tell)

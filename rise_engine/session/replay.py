@@ -83,9 +83,16 @@ class Comparison(Struct, frozen=True):
 
 
 def compare(folder: Path, scenario: Path | None = None, tell: Tell | None = None) -> Comparison:
-    """Replay a session, with another scenario if one is named; `tell` is told how far it has come when it takes long.
+    """Run the recorded inputs of the session in `folder` through a fresh kernel, and compare what comes out with what
+    was recorded, byte for byte.
 
-    Raises SessionError when it cannot be replayed.
+    `scenario`: a scenario folder to use instead of the session's own copy. `tell` gets a sentence about how far it has
+    come, about twice a second, when that takes long. Returns how much was compared and the first difference, if there
+    is one; `identical` says it in a word. Nothing in the folder is changed, and the session may run. Raises
+    SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not load.
+
+        comparison = compare(find_session("2026-11-21_141503_lablinking_debug"))
+        print("identical" if comparison.identical else comparison.difference)
     """
     info = read_info(folder)
     path = folder / JOURNAL
