@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -20,17 +19,3 @@ def test_of_two_with_one_name_python_finds_the_first(tmp_path: Path, monkeypatch
         (tmp_path / name / f"{name}.py").write_text("class Robot: pass\n")
     monkeypatch.setattr(sys, "path", [str(tmp_path / "one"), str(tmp_path / "two"), *sys.path])
     assert find_driver("mine").__module__ == "one" and {"mine", "simulated", "ros2"} <= driver_names()  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize(
-    ("module", "absent"),
-    [
-        ("rise_engine.serve", {"textual", "click"}),
-        ("rise_tui.app", {"lxml", "tomllib", "rise_engine.scenario.loader", "secrets"}),
-        ("rise_engine.link.socket_client", {"lxml", "tomllib", "rise_engine.scenario.loader"}),
-    ],
-)
-def test_what_takes_long_to_import_is_not_imported_before_it_is_needed(module: str, absent: set[str]) -> None:
-    code = f"import sys, {module}; print(sorted({absent!r} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
