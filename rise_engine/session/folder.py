@@ -177,11 +177,6 @@ def load_copy(folder: Path, info: SessionInfo) -> Scenario:
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    return load_as(copy, info)
-
-
-def load_as(copy: Path, info: SessionInfo) -> Scenario:
-    """The scenario in `copy`, laid out as `Loaded.files`, as the session ran it. Raises SessionError."""
     loaded = load(copy, robot=info.robot, mode=info.mode, places=_present(copy))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
