@@ -5,6 +5,7 @@ All that the console needs of Textual and Textual does not document is used in t
 detail what breaks when a release changes it.
 
 - `terminal_app`: an app that writes only the cells that differ, and sees every key before anything acts on it.
+- `diff`, `cell_buffer`: which cells those are.
 - `terminal_driver`, `terminal_reader`, `terminal_writer`: the terminal itself.
 - `modal`: dialogs that close once.
 """

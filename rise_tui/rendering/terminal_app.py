@@ -1,4 +1,4 @@
-"""An app that writes only the cells that differ, skips frames that its terminal cannot take, and sees every key first."""
+"""An app that writes only the cells that differ, skips frames its terminal cannot take, and sees every key first."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from textual.app import App
 from textual.screen import Screen
 from textual.timer import Timer
 
-from rise_tui.quiet.difference import Difference
-from rise_tui.quiet.frame import Frame
+from rise_tui.rendering.cell_buffer import CellBuffer
+from rise_tui.rendering.diff import DiffUpdate
 from rise_tui.rendering.terminal_driver import TerminalDriver
 from rise_tui.rendering.terminal_reader import read_together
 from rise_tui.rendering.terminal_writer import TerminalWriter
@@ -26,7 +26,7 @@ class TerminalApp(App[Any]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(driver_class=TerminalDriver, **options)
-        self._cells = Frame()
+        self._cells = CellBuffer()
         """What the terminal shows."""
         self._catching_up: Timer | None = None
 
@@ -53,7 +53,7 @@ class TerminalApp(App[Any]):
         elif self.terminal_writer is not None and self.terminal_writer.is_behind:
             self._skip_frame()
         else:
-            super()._display(screen, Difference(renderable, self._cells, self.size))  # type: ignore[arg-type]
+            super()._display(screen, DiffUpdate(renderable, self._cells, self.size))  # type: ignore[arg-type]
 
     def _skip_frame(self) -> None:
         """What it would have shown is painted when the terminal has taken what came before."""

@@ -13,7 +13,7 @@ from textual._xterm_parser import XTermParser
 from textual.message import Message
 
 READ = 4096
-ALONE = 0.001
+ALONE = 0.0003
 """Seconds that are waited after a key for what may follow it: what is pasted comes at once, and fingers do not."""
 POLL = constants.ESCAPE_DELAY + 0.005
 """Seconds after which a sequence that was not completed is looked at: Esc alone is one."""

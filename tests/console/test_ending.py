@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from rise_tui.quiet import Outlet
+from rise_tui.rendering.terminal_writer import TerminalWriter
 from tests.console.terminals import ROOT, Terminal, terminal
 
 GREETING = str(ROOT / "scenarios" / "greeting")
 SECONDS = 20.0
-"""More than the 5 s of the watchdog on a busy machine; an orderly end takes less than 3."""
+"""For a busy machine; an orderly end takes less than 3."""
 
 
 def busy(it: Terminal) -> None:
@@ -47,50 +47,43 @@ def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signa
         assert it.process.wait(SECONDS) == 128 + number
 
 
-def test_an_outlet_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:
+def test_a_writer_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as file:
-        outlet = Outlet(file)
-        writing = threading.Thread(target=outlet.write, args=("x" * 1_000_000,), daemon=True)
+        writer = TerminalWriter(file)
+        writing = threading.Thread(target=writer.write, args=("x" * 1_000_000,), daemon=True)
         writing.start()
-        writing.join(Outlet.PATIENCE + 0.5)
-        assert writing.is_alive() and not outlet.gone
-        outlet.hurry()
+        writing.join(TerminalWriter.PATIENCE + 0.5)
+        assert writing.is_alive() and not writer.is_gone
+        writer.hurry()
         writing.join(5)
-        assert not writing.is_alive() and outlet.gone
-        os.close(outlet.fileno())
+        assert not writing.is_alive() and writer.is_gone
+        os.close(writer.fileno())
     os.close(master)
 
 
-def test_an_outlet_says_once_that_its_terminal_is_gone_and_takes_everything_from_then_on() -> None:
+def test_a_writer_says_once_that_its_terminal_is_gone_and_takes_everything_from_then_on() -> None:
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as file:
-        outlet = Outlet(file)
+        writer = TerminalWriter(file)
         lost: list[bool] = []
-        outlet.lost = lambda: lost.append(True)
-        outlet.write("here")
-        assert os.read(master, 10) == b"here" and not outlet.gone
+        writer.on_gone = lambda: lost.append(True)
+        writer.write("here")
+        assert os.read(master, 10) == b"here" and not writer.is_gone
         os.close(master)
-        outlet.write("gone")
-        outlet.write("gone")
-        assert outlet.gone and lost == [True]
-        os.close(outlet.fileno())
+        writer.write("gone")
+        writer.write("gone")
+        assert writer.is_gone and lost == [True]
+        os.close(writer.fileno())
 
 
 def test_the_shell_keeps_its_blocking_terminal() -> None:
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as file:
-        outlet = Outlet(file)
-        assert os.get_blocking(slave) and not os.get_blocking(outlet.fileno())
-        os.close(outlet.fileno())
+        writer = TerminalWriter(file)
+        assert os.get_blocking(slave) and not os.get_blocking(writer.fileno())
+        os.close(writer.fileno())
     os.close(master)
-
-
-@pytest.mark.parametrize("held", ["", "time.sleep(60)"])
-def test_the_watchdog_ends_what_nothing_else_ends(held: str) -> None:
-    lines = "import time\nfrom rise_tui import app\napp._end_at_last(143, 0.2)"
-    program = f"import threading, time\nthreading.Thread(target=lambda: exec({lines!r})).start()\n{held}"
-    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=SECONDS, cwd=ROOT).returncode == 143
 
 
 @pytest.mark.parametrize(("folder", "said"), [("", "name a folder"), ("DIR", "there is no scenario in DIR:")])
