@@ -20,6 +20,7 @@ from rise_tui.model.notice import Notice
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.console import ConsoleScreen
 from rise_tui.screens.finding import offer_tour
+from rise_tui.screens.settings import SettingsScreen
 from rise_tui.session import Session
 from rise_tui.start import leaving
 from rise_tui.start.keeper import PERIOD, Keeper, write
@@ -170,8 +171,6 @@ class ConsoleApp(TerminalApp):
     @on(ConsoleScreen.SettingsAsked)
     def _settings_asked(self) -> None:
         if self._session is not None and self._settings is not None:
-            from rise_tui.screens.settings import SettingsScreen  # not needed to begin
-
             screen = SettingsScreen(self._settings, self._session.store, self._launcher)
             self.push_screen(screen, self._settings_chosen)
 

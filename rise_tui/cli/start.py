@@ -1,7 +1,7 @@
 """Finds or starts the session that the command line asks for, and opens a console on it.
 
-What opens a console, chooses among sessions or serves browsers is imported when it is needed: with it, the engine's
-process would be on its way 100 ms later, and the two come up side by side.
+What opens a console is imported after the engine's process is on its way, for the two come up side by side (150 ms),
+and after the terminal's colours are settled, which Textual reads when it is imported.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from msgspec.structs import replace
 from rise_engine.arguments import UnusableError, assignments
 from rise_engine.link.places import PlaceError, about, running, session_name
 from rise_engine.link.spawn import Refused, Starting, start_engine
+from rise_engine.session.folder import unfinished, whose
 from rise_tui.cli.options import REFUSED, USAGE, CommandLine
+from rise_tui.cli.running import reached_elsewhere, running_session
 from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
+from rise_tui.start import choose, launch
 from rise_tui.start.display import prepare_textual, settled
 from rise_tui.start.paths import key_file
 from rise_tui.start.settings import NothingChosenError, Settings, nothing_in, options, scenario_place
 
 if TYPE_CHECKING:
     from rise_tui.start.keymap import KeyFile
-
-RUNNING = 3
-"""What an engine says when a session of its scenario runs already (`rise_engine.serve`)."""
 
 
 def start(asked: CommandLine) -> NoReturn:
@@ -84,8 +84,6 @@ def _need_terminal(also: str = "") -> None:
 def _serve_browsers(asked: CommandLine) -> NoReturn:
     """Consoles for browsers, until somebody ends this process."""
     _read_keys(asked)  # only to say now what is wrong with it
-    from rise_tui.cli.running import running_session
-
     name = running_session(asked)
     try:
         from rise_tui.web.server import WebError, serve
@@ -110,8 +108,6 @@ def _arguments_in_browser(name: str, asked: CommandLine) -> list[str]:
 
 def _attach(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
     """To a session that runs already."""
-    from rise_tui.cli.running import running_session
-
     name = running_session(asked)
     _need_terminal()
     _open(name, None, asked, keys)
@@ -119,8 +115,6 @@ def _attach(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 def _join(name: str, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The session of the scenario that runs already, if it is what was asked for."""
-    from rise_tui.start import choose
-
     choose.same(
         name,
         about(name),
@@ -157,10 +151,7 @@ def _run(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoRetu
     wanted = replace(wanted, wizard=asked.wizard or login_name(), here=asked.here, first=_first_inputs(asked))
     starting = Starting(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
-    from rise_engine.session.folder import whose
     from rise_tui.cli import open_console
-    from rise_tui.start import choose
-    from rise_tui.start.launch import told_of
 
     progress = ProgressLine()
     found = starting.wait(progress.show)
@@ -170,19 +161,17 @@ def _run(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoRetu
         chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
         found = start_engine(replace(wanted, unfinished=chosen), progress.show)
         progress.clear()
-    if isinstance(found, Refused) and found.code == RUNNING and (found.socket or name in running()):
+    if isinstance(found, Refused) and found.code == launch.RUNNING and (found.socket or name in running()):
         _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, Refused):
         _refuse(found.lines, settings.folder, found.code)
     unused = asked.only_for_new if found.recovered else []
-    notice = told_of(found) + (f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else "")
+    notice = launch.told_of(found) + (f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else "")
     sys.exit(open_console.on_session(found.name, settings, asked, keys, notice=notice))
 
 
 def _observe(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoReturn:
     """A session that runs with another runtime folder, perhaps; none is started."""
-    from rise_tui.cli.running import reached_elsewhere
-
     if elsewhere := reached_elsewhere(settings):
         _join(elsewhere, asked, keys)
     _nothing(f"no session of {settings.folder} is running, and --observe starts none")
@@ -192,11 +181,8 @@ def _need_terminal_to_choose(asked: CommandLine, settings: Settings) -> None:
     """Also where somebody has to be asked about a session that did not end."""
     if PlainTerminal().interactive:
         return
-    from rise_engine.session.folder import unfinished
-    from rise_tui.start.choose import WITHOUT_TERMINAL
-
     asks = asked.unfinished == "ask" and unfinished(str(Path(scenario_place(settings)).absolute()))
-    _need_terminal(WITHOUT_TERMINAL if asks else "")
+    _need_terminal(choose.WITHOUT_TERMINAL if asks else "")
 
 
 def _first_inputs(asked: CommandLine) -> tuple[dict[str, str], ...]:
@@ -214,7 +200,6 @@ def _first_inputs(asked: CommandLine) -> tuple[dict[str, str], ...]:
 
 def _check_clashes(settings: Settings, keys: KeyFile) -> None:
     """Before an engine is started for a console that would then refuse to open."""
-    from rise_tui.start import launch
     from rise_tui.start.keymap import refusal
 
     prepared = launch.prepare(settings)

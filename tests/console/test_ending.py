@@ -7,13 +7,18 @@ import pty
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
+from shutil import rmtree
+from threading import Event
+from time import monotonic
 
 import pytest
 
 from rise_tui.rendering.terminal_writer import TerminalWriter
-from tests.console.terminals import ROOT, Terminal, terminal
+from tests.console.scripted import scripted
+from tests.console.terminals import ROOT, Terminal, environment_of, terminal
 
 GREETING = str(ROOT / "scenarios" / "greeting")
 SECONDS = 20.0
@@ -45,6 +50,26 @@ def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signa
             it.process.wait(8)
         it.process.send_signal(number)
         assert it.process.wait(SECONDS) == 128 + number
+
+
+def test_stop_works_while_the_terminal_takes_nothing_and_the_screen_is_right_once_it_does() -> None:
+    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    environment_of(home)
+    try:
+        with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
+            it.until_screen("LIVE")
+            it.still()
+            end, number = monotonic() + 4, 0
+            while monotonic() < end:  # painted 15 times a second, it fills the terminal and all queues in less than 2 s
+                number += 1
+                name = f"/event{number}"
+                engine.do(lambda fake, name=name: fake.task("raiseEventTopic", name, "SUCCEEDED"))
+                Event().wait(0.03)
+            os.write(it.master, b"\x1b[20~")
+            engine.until_sent("stopAll")
+            it.until_screen(f"/event{number}")
+    finally:
+        rmtree(home, ignore_errors=True)
 
 
 def test_a_writer_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:
