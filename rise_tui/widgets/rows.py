@@ -89,6 +89,11 @@ class RowView(ScrollView, Toned, can_focus=True):
         """Cells of one row, without the scrollbar."""
         return self.scrollable_content_region.width
 
+    @property
+    def allow_vertical_scroll(self) -> bool:
+        """Also before the scrollbar of a list that has just become longer is laid out."""
+        return True
+
     def resize_content(self, size: Size) -> None:
         """Give the content its size: so many cells wide, so many rows."""
         self.virtual_size = size
