@@ -14,7 +14,7 @@ from rise_tui.export import NotSaved, TooLong, folder_for, for_clipboard, on_the
 from rise_tui.messages import Told
 from rise_tui.model.states import State
 from rise_tui.model.task_text import task_rows
-from rise_tui.start.choose import tilde
+from rise_tui.start.paths import tilde
 from rise_tui.text import Row, clock
 
 if TYPE_CHECKING:

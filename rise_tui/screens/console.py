@@ -8,13 +8,13 @@ from typing import Any
 from textual import events, on
 from textual.app import ComposeResult
 from textual.message import Message
+from textual.screen import Screen
 from textual.widget import Widget
 
 from rise_tui.actions import BY_ID, bindings
 from rise_tui.messages import ActionAsked, PaneAsked, SelectionMoved, StartAsked, TaskAsked, Told
 from rise_tui.model.gate import Trigger
 from rise_tui.model.store import Topic
-from rise_tui.quiet import QuietScreen, begin
 from rise_tui.screens import finding
 from rise_tui.screens.acting import CUE, FILLER, Acting
 from rise_tui.screens.arrangement import Arrangement
@@ -32,7 +32,7 @@ TENTHS = 0.5
 """How often running times move, and only while something runs."""
 
 
-class ConsoleScreen(QuietScreen[None]):
+class ConsoleScreen(Screen[None]):
     """One session on one terminal."""
 
     BINDINGS = bindings("console")
@@ -125,9 +125,8 @@ class ConsoleScreen(QuietScreen[None]):
     # --- what panes and hints ask -----------------------------------------------------------------------------------
 
     def _run(self, work: Coroutine[Any, Any, object]) -> None:
-        """Something for the engine: it is sent before this returns, and what follows from it is awaited elsewhere."""
-        if (rest := begin(work)) is not None:
-            self.run_worker(rest, group="send")
+        """Something for the engine: it is sent, and answered, while the console goes on."""
+        self.run_worker(work, group="send")
 
     def start(self, trigger: Trigger) -> None:
         """Ask for a start, with all care against accidents."""

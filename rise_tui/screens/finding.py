@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from textual.geometry import Region
 
-from rise_tui.quiet import QuietApp
+from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.arrangement import too_small
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ def offer_tour(console: ConsoleScreen, seen: Callable[[], None]) -> None:
 
 
 def redraw(console: ConsoleScreen) -> None:
-    if isinstance(console.app, QuietApp):
-        console.app.paint_anew()
+    if isinstance(console.app, TerminalApp):
+        console.app.repaint_everything()
 
 
 def watch_size(console: ConsoleScreen) -> None:

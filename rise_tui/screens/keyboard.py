@@ -9,7 +9,6 @@ from textual.widgets import Input
 
 from rise_tui.actions import BY_ID, key_in_words, keys_of
 from rise_tui.model.armed import LOCKED_ACTIONS, why_not
-from rise_tui.quiet import is_busy
 from rise_tui.widgets.mistake import MistakeLine
 
 if TYPE_CHECKING:
@@ -67,16 +66,12 @@ class Keyboard:
         """Do at once what a scenario's key asks for, without its way through the focused list and all around it.
 
         So are lines opened in which letters mean something else: the next key is theirs, however soon it comes. Only
-        when nothing that was pressed before is still on its way, and no dialog, field or first press of two is there
-        that the key could be meant for.
+        when no dialog, field or first press of two is there that the key could be meant for.
         """
         console, opener = self._console, _opener(event.key)
         if not (opener or event.key in console.session.store.scenario.keys) or console.acting.gate.armed is not None:
             return False
         if console.app.screen is not console or isinstance(console.focused, Input | MistakeLine):
-            return False
-        way = (node for node in (console.focused or console).ancestors_with_self if node is not console.app)
-        if any(map(is_busy, way)):
             return False
         if opener:
             console.action_do(opener)

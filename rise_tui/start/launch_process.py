@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from rise_engine.exit_status import ALREADY_RUNNING
 from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
+from rise_engine.link.socket_client import SocketClient
 from rise_engine.link.spawn import Refused, Started, start_engine
 from rise_engine.scenario.model import Scenario
 from rise_engine.session_options import SessionOptions
@@ -23,8 +24,6 @@ def process_launcher(who: str, role: Role) -> Launcher:
     """For the next session, after the running one has ended; and for this one, after its engine has gone."""
 
     def start(scenario: Scenario, settings: Settings) -> Client:
-        from rise_engine.link.socket_client import SocketClient  # not needed before the engine's process is on its way
-
         until = monotonic() + LET_GO
         while True:
             found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
@@ -41,8 +40,6 @@ def process_launcher(who: str, role: Role) -> Launcher:
         raise EngineGone("; ".join(found.lines))
 
     def recover(hello: Hello, tell: Tell) -> Recovered:
-        from rise_engine.link.socket_client import SocketClient
-
         folder = hello.scenario.folder
         name = session_name(folder)
         wanted = SessionOptions(folder, unfinished=hello.folder)
