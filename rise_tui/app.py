@@ -20,11 +20,10 @@ from rise_engine.link.places import PlaceError
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
 from rise_tui import themes
-from rise_tui.actions import bindings, use_keys
+from rise_tui.actions import bindings, use_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.quiet import EmptyScreen, KeyWatch, click_driver, outlet_of
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.screens.finding import offer_tour
 from rise_tui.session import Session
 from rise_tui.start import leaving
 from rise_tui.start.keeper import PERIOD, Keeper, write
@@ -158,7 +157,7 @@ class ConsoleApp(KeyWatch):
             session.tell(Notice(self._told or told, "wait"))
             self._told = ""
         if self._keeper is not None and self._keeper.tour_is_due:
-            self.call_after_refresh(offer_tour, screen, self._tour_seen)
+            self.call_after_refresh(screen.offer_tour, self._tour_seen)
 
     def _tour_seen(self) -> None:
         if self._keeper is not None:
@@ -242,7 +241,7 @@ class ConsoleApp(KeyWatch):
 
     def _may_end(self, session: Session) -> bool:
         """Ending needs control, which may have gone while the question was open."""
-        if reason := session.store.cannot_act():
+        if reason := why_blocked(session.store, "change"):
             session.tell(Notice(f"the session goes on: {reason}", "wait"))
         return not reason
 
@@ -263,13 +262,13 @@ class ConsoleApp(KeyWatch):
 
     def key_arrived(self, event: events.Key, together: bool | None) -> None:
         if (console := self.console_screen) is not None:
-            console.keyboard.seen(event, together)
+            console.observe_key(event, together)
 
     def passes(self, event: events.Event) -> bool:
-        return (console := self.console_screen) is None or console.keyboard.passes(event)
+        return (console := self.console_screen) is None or console.allows_input(event)
 
     def takes(self, event: events.Key) -> bool:
-        return (console := self.console_screen) is not None and console.keyboard.takes(event)
+        return (console := self.console_screen) is not None and console.take_key(event)
 
     def action_do(self, action: str) -> None:
         console = self.console_screen

@@ -25,7 +25,7 @@ READABLE = 84
 
 def whose(store: Store) -> str:
     """Who can press a key that is named: `you`, or whoever has control (`key`)."""
-    return "key" if store.cannot_act() else "you"
+    return "key" if store.blocked_reason("change") else "you"
 
 
 class Reasons:

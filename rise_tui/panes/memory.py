@@ -10,7 +10,7 @@ from textual import on
 from textual.widget import Widget
 
 from rise_engine.view import MemoryView
-from rise_tui.actions import bindings
+from rise_tui.actions import bindings, why_blocked
 from rise_tui.messages import TaskAsked, Told
 from rise_tui.model.nested import NoSuchPart, Path, part, parts, removed, replaced, written
 from rise_tui.model.store import Store
@@ -151,7 +151,7 @@ class MemoryPane(ListPane):
             self._unfold(path)
         elif action == "memory.fold":
             self._fold(path)
-        elif reason := self.store.cannot_act():
+        elif reason := why_blocked(self.store, "change"):
             self.post_message(Told(reason))
         elif action == "memory.undo":
             self._undo()

@@ -8,7 +8,7 @@ from time import monotonic
 from textual.timer import Timer
 from textual.widgets import Input
 
-from rise_tui.actions import BY_ID, at
+from rise_tui.actions import BY_ID, at, why_blocked
 from rise_tui.model.cue import ticks
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store, Topic
@@ -153,7 +153,7 @@ class Painting:
     def draw_hints(self) -> None:
         focused = self._panes.screen.focused
         if isinstance(focused, SayField):
-            self.hints.draw_saying(self._store, self.say.effect, self._store.cannot_start())
+            self.hints.draw_saying(self._store, self.say.effect, why_blocked(self._store, "start"))
             return
         if isinstance(focused, Input):
             self.hints.draw_typing(self._store, "add the note" if isinstance(focused, NoteLine) else "take")

@@ -19,7 +19,7 @@ TICK = 0.5
 
 def lines_for(size: Size, store: Store) -> list[Line]:
     """Sentences in whatever room there is, the most important first."""
-    found = alarms(store)
+    found = alarms(store, key_in_words)
     head: list[Line] = [crop(found[0].head, size.width)] if found else []
     stop, leave = key_in_words("stop"), key_in_words("quit")
     said = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rise_tui.actions import why_blocked
 from rise_tui.model.running import session_words, told, whose
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Answer, Dialog
@@ -24,7 +25,7 @@ def question(store: Store) -> Dialog:
     """What can be done when leaving: a session can be ended only by who has control."""
     said = [session_words(store), *told(store), ""]
     said += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
-    if why_not := store.cannot_act():
+    if why_not := why_blocked(store, "change"):
         said += [f"Ending the session needs control: {why_not}."]
         return Dialog("Leave?", said, Answer("d", "Detach"), no="Stay", first="d")
     said += ["End     for good; this asks once more."]

@@ -17,12 +17,13 @@ from rise_tui.actions import (
     at,
     bindings,
     key_for,
+    key_in_words,
     key_label,
     keys_of,
     use_keys,
 )
-from rise_tui.model.control import question, why_not
-from rise_tui.model.store import back_stopping
+from rise_tui.model.blocked import BlockedReason, blocked_text
+from rise_tui.model.control import question
 from tests.console.conftest import console
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "wizard.md"
@@ -132,9 +133,8 @@ def test_whatever_shows_a_key_shows_the_users_own() -> None:
     try:
         assert (key_for("stop"), stop.key_label, keys_of(stop)) == ("F12", "F12", ("f12",))
         assert key_for("theme") == "F6" and theme.all_keys == "F6"
-        assert why_not("wizard:ben", "wizard") == "ben has control (F7)"
-        assert "F12 stops everything" in question("wizard:ben", None, "wizard:anna")[0][0]
-        assert "press F12 again" in back_stopping()
+        assert blocked_text(BlockedReason("control", holder="ben"), key_in_words) == "ben has control (F7)"
+        assert "F12 stops everything" in question("wizard:ben", None, "wizard:anna", key_in_words)[0][0]
     finally:
         use_keys({})
     assert key_for("stop") == "F9"
