@@ -24,6 +24,8 @@ from rise_tui.actions import bindings, use_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.quiet import EmptyScreen, KeyWatch, click_driver, outlet_of
 from rise_tui.screens.console import ConsoleScreen
+from rise_tui.screens.ending import question_of_end
+from rise_tui.screens.settings import SettingsScreen
 from rise_tui.session import Session
 from rise_tui.start import leaving
 from rise_tui.start.keeper import PERIOD, Keeper, write
@@ -181,8 +183,6 @@ class ConsoleApp(KeyWatch):
     @on(ConsoleScreen.SettingsAsked)
     def _settings_asked(self) -> None:
         if self._session is not None and self._settings is not None:
-            from rise_tui.screens.settings import SettingsScreen  # not needed to begin
-
             screen = SettingsScreen(self._settings, self._session.store, self._launcher)
             self.push_screen(screen, self._settings_chosen)
 
@@ -265,10 +265,10 @@ class ConsoleApp(KeyWatch):
             console.observe_key(event, together)
 
     def passes(self, event: events.Event) -> bool:
-        return (console := self.console_screen) is None or console.allows_input(event)
+        return (console := self.console_screen) is None or console.admits(event)
 
     def takes(self, event: events.Key) -> bool:
-        return (console := self.console_screen) is not None and console.take_key(event)
+        return (console := self.console_screen) is not None and console.handle_key_first(event)
 
     def action_do(self, action: str) -> None:
         console = self.console_screen
@@ -304,7 +304,7 @@ class ConsoleApp(KeyWatch):
         self.push_screen(dialog, answered)
 
     def _ask_to_end(self, session: Session) -> None:
-        question = leaving.question_of_end(session.store)
+        question = question_of_end(session.store)
         question.add_class("-quit")
 
         def answered(yes: bool | None) -> None:

@@ -147,7 +147,7 @@ class InputController:
         """A press of the mouse: what happens now has no key."""
         self._key_at = None
 
-    def allows_key(self, key: str, *, printable: bool, typing: bool, leaving: bool) -> bool:
+    def admits_key(self, key: str, *, printable: bool, typing: bool, leaving: bool) -> bool:
         """Whether a key may go on to whatever has the focus; dialogs or not, all of them come by here.
 
         Text that is pasted where nobody types is no row of commands and answers. While it is LOCKED only stopping,
@@ -157,9 +157,9 @@ class InputController:
             return False
         if any(key in keys_of(BY_ID[id]) for id in LOCKED_ACTIONS):
             return True
-        return self.allows_other(leaving=leaving, says_why=True)
+        return self.admits_other(leaving=leaving, says_why=True)
 
-    def allows_other(self, *, leaving: bool, says_why: bool) -> bool:
+    def admits_other(self, *, leaving: bool, says_why: bool) -> bool:
         """Whether anything else of the mouse and the clipboard may go on."""
         if self._store.guard != "LOCKED" or leaving:
             return True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from textual.app import App
 from textual.geometry import Region
@@ -12,12 +12,13 @@ from rise_tui.actions import Place
 from rise_tui.commands import Command, commands, theme_commands
 from rise_tui.console.console_actions import ConsoleActions
 from rise_tui.model.store import Store
-from rise_tui.screens.arrangement import Arrangement, too_small
+from rise_tui.screens.arrangement import Arrangement
 from rise_tui.screens.help import HelpScreen
-from rise_tui.screens.jump import JumpScreen
+from rise_tui.screens.jump import LETTERS, JumpScreen, Labels, label_line
 from rise_tui.screens.palette import Palette
-from rise_tui.screens.small import SmallScreen
+from rise_tui.screens.small import SmallScreen, too_small
 from rise_tui.screens.tour import TourScreen
+from rise_tui.text import crop
 
 
 def open_help(console: ConsoleActions, place: Place | None) -> None:
@@ -63,7 +64,15 @@ def open_jump_mode(console: ConsoleActions, panes: Arrangement, hints: Region) -
         if name:
             panes.go_to(name)
 
-    console.app.push_screen(JumpScreen(panes, hints), go)
+    console.app.push_screen(JumpScreen(_labels(panes), hints), go)
+
+
+def _labels(panes: Arrangement) -> Iterator[Labels]:
+    """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
+    for pane in panes.shown():
+        names = tuple(panes.panes) if panes.zoomed else tuple(name for name, _ in pane.title.tabs)
+        titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.PLACE) for name in names]
+        yield Labels(pane.title.region, crop(label_line(titles), pane.title.region.width))
 
 
 def open_tour(

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from bisect import bisect_left
-from functools import cached_property
 from time import monotonic
-from typing import TYPE_CHECKING
 
 from textual import on
 
@@ -19,16 +17,23 @@ from rise_tui.model.filtering import BrokenFilter
 from rise_tui.model.log_rows import row_of
 from rise_tui.model.sieve import Sieve
 from rise_tui.model.store import Store
+from rise_tui.model.task_text import task_rows
 from rise_tui.model.times import EXAMPLES, NoTime, moment
+from rise_tui.panes.log_export import copy_row, copy_rows, save_rows, suggested_file_name
 from rise_tui.panes.pane import Pane
-from rise_tui.text import Line, Tone, clock, marked, plain
+from rise_tui.screens.reading import Reading
+from rise_tui.text import Line, Row, Tone, clock, marked, plain
 from rise_tui.widgets.ask import AskBar
 from rise_tui.widgets.rows import RowView
 from rise_tui.widgets.task_log import NARROW, TaskLog
 
-if TYPE_CHECKING:
-    from rise_tui.panes.log_out import LogOut
-
+LETTERS = {
+    "c": ("copy", "log.copy"),
+    "a": ("copy all", "log.copy-all"),
+    "s": ("save", "log.save"),
+    "t": ("go to time", "log.time"),
+}
+"""What the letters do over the details of a task, and the action of each."""
 BREATH = 0.001
 """Seconds that a search leaves to everything else after each of its slices."""
 SHOWN_EVERY = 0.2
@@ -54,16 +59,10 @@ class LogPane(Pane):
         """The rows that the sieve goes through."""
         self.unfolded = False
         """Whether the rules' own rows are shown as well."""
-        self._searching = False
+        self._searching = self._saving = False
         self._begun = store.attached, store.trimmed
         self._later = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
-
-    @cached_property
-    def out(self) -> LogOut:
-        from rise_tui.panes.log_out import LogOut  # not needed to begin
-
-        return LogOut(self)
 
     @property
     def rows(self) -> TaskLog:
@@ -178,7 +177,8 @@ class LogPane(Pane):
         if task is not None and task.reason:
             self.post_message(Told(f"{describe(task.function, task.behavior)}: {task.reason}"))
 
-    def on_task_log_follow_changed(self, event: TaskLog.FollowChanged) -> None:
+    @on(TaskLog.FollowChanged)
+    def _follow_changed(self, event: TaskLog.FollowChanged) -> None:
         event.stop()
         self._show_title()
 
@@ -195,15 +195,36 @@ class LogPane(Pane):
             case "log.follow":
                 self.log_view.follow()
             case "log.details":
-                self.out.details()
+                self._open_details()
             case "log.time":
                 self.ask(self.time_bar)
             case "log.copy":
-                self.out.copy()
+                if (task := self.selected) is not None:
+                    self.post_message(Told(copy_row(self.app, task)))
             case "log.copy-all":
-                self.out.copy_all()
+                self.post_message(Told(copy_rows(self.app, self.store, self.log_view.ids)))
             case "log.save":
-                self.ask(self.save_bar, self.out.free_name())
+                self.ask(self.save_bar, suggested_file_name(self.store.now()))
+
+    def _open_details(self) -> None:
+        """Everything about the selected task; the arrows go on to its neighbours."""
+        if self.selected is None:
+            self.post_message(Told("no task is selected"))
+            return
+
+        def step(direction: int) -> None:
+            self.log_view.move_to(min(max(self.log_view.cursor + direction, 0), self.log_view.count - 1))
+
+        def rows(width: int) -> list[Row]:
+            task = self.selected
+            return task_rows(task, self.log_view.state_of(task), self.store.now(), width) if task is not None else []
+
+        def done(letter: str | None) -> None:
+            if letter:
+                self.do(LETTERS[letter][1])
+
+        letters = [(letter, does) for letter, (does, _) in LETTERS.items()]
+        self.app.push_screen(Reading("Task", rows, letters, step), done)
 
     def escape(self) -> bool:
         for bar in (self.time_bar, self.save_bar):
@@ -228,7 +249,7 @@ class LogPane(Pane):
             return
         event.stop()
         if event.bar is self.save_bar:
-            self.out.save(event.bar.text)
+            self._save(event.bar.text)
             return
         try:
             when = moment(event.bar.text, self.store.now())
@@ -237,6 +258,21 @@ class LogPane(Pane):
             return
         self._close(event.bar)
         self.go_to_time(when)
+
+    def _save(self, name: str) -> None:
+        """Write the rows as they are shown now; the name can be bettered until it could be used."""
+        if not self._saving:
+            self._saving = True
+            self.run_worker(self._save_rows(name), group="save")
+
+    async def _save_rows(self, name: str) -> None:
+        try:
+            saved = await save_rows(self.store, name, self.log_view.ids)
+        finally:
+            self._saving = False
+        self.post_message(Told(saved.said))
+        if saved.written and self.save_bar.is_open:
+            self._close(self.save_bar)
 
     def go_to_time(self, when: float | None) -> None:
         """The row that was submitted nearest to this session time; None: follow the newest."""

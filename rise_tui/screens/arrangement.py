@@ -25,8 +25,6 @@ UPPER = ("rule", "act", "memory")
 LOWER = ("log", "scheduler")
 MONITORING = (*UPPER, *LOWER)
 
-LEAST = (70, 20)
-"""Columns and rows below which nothing could be read."""
 SMALL = (80, 24)
 """Below this there is room for one monitoring pane only."""
 
@@ -41,11 +39,6 @@ def layout_for(width: int, height: int) -> Layout:
 def is_narrow(width: int) -> bool:
     """Whether lists give way to monitoring panes."""
     return width < 100
-
-
-def too_small(width: int, height: int) -> bool:
-    """Whether a terminal has no room for a console."""
-    return width < LEAST[0] or height < LEAST[1]
 
 
 class Arrangement(Container):

@@ -124,18 +124,18 @@ class ConsoleScreen(QuietScreen[None]):
         on_console = self.app.screen is self
         self.input.observe_key(event.key, event.time, typing=self._is_typing, on_console=on_console, together=together)
 
-    def allows_input(self, event: events.Event) -> bool:
+    def admits(self, event: events.Event) -> bool:
         """Whether an event of the keyboard or the mouse may go on; all of them come by here, dialogs or not."""
         leaving = self.app.screen.has_class("-quit")
         if isinstance(event, events.Key):
-            return self.input.allows_key(
+            return self.input.admits_key(
                 event.key, printable=event.is_printable, typing=self._is_typing, leaving=leaving
             )
         if isinstance(event, events.MouseDown):
             self.input.observe_mouse()
-        return self.input.allows_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
+        return self.input.admits_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
 
-    def take_key(self, event: events.Key) -> bool:
+    def handle_key_first(self, event: events.Key) -> bool:
         """Do at once what a scenario's key asks for, without its way through the focused list and all around it.
 
         So are lines opened in which letters mean something else: the next key is theirs, however soon it comes. Only

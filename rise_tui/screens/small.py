@@ -10,11 +10,17 @@ from rise_tui.actions import key_in_words
 from rise_tui.model.alarms import alarms
 from rise_tui.model.store import Store
 from rise_tui.quiet import QuietModal
-from rise_tui.screens.arrangement import LEAST, too_small
 from rise_tui.text import Line, crop, wrap
 from rise_tui.widgets.line import Lines
 
 TICK = 0.5
+LEAST = (70, 20)
+"""Columns and rows below which nothing could be read."""
+
+
+def too_small(width: int, height: int) -> bool:
+    """Whether a terminal has no room for a console."""
+    return width < LEAST[0] or height < LEAST[1]
 
 
 def lines_for(size: Size, store: Store) -> list[Line]:

@@ -385,7 +385,7 @@ def test_which_keys_may_go_on(mode: InputMode, key: str, leaving: bool, allowed:
     keys = Keyboard()
     keys.store.guard = mode
     keys.press(key, together=False)
-    assert keys.input.allows_key(key, printable=len(key) == 1, typing=False, leaving=leaving) is allowed
+    assert keys.input.admits_key(key, printable=len(key) == 1, typing=False, leaving=leaving) is allowed
     assert keys.told == ([] if allowed else ["LOCKED: ctrl+n unlocks"])
 
 
@@ -393,10 +393,10 @@ def test_pasted_text_goes_on_only_where_somebody_types() -> None:
     keys = Keyboard()
     keys.press("d", together=True)
     assert keys.told == [PASTED_KEYS]
-    assert not keys.input.allows_key("d", printable=True, typing=False, leaving=False)
-    assert not keys.input.allows_key("enter", printable=False, typing=False, leaving=False)
-    assert keys.input.allows_key("escape", printable=False, typing=False, leaving=False)
-    assert keys.input.allows_key("d", printable=True, typing=True, leaving=False)
+    assert not keys.input.admits_key("d", printable=True, typing=False, leaving=False)
+    assert not keys.input.admits_key("enter", printable=False, typing=False, leaving=False)
+    assert keys.input.admits_key("escape", printable=False, typing=False, leaving=False)
+    assert keys.input.admits_key("d", printable=True, typing=True, leaving=False)
 
 
 def test_choosing_a_mode_forgets_what_was_pressed() -> None:

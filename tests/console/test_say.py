@@ -262,7 +262,7 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
         focused: list[object] = []
 
         def taken() -> bool:
-            done = it.screen.take_key(events.Key("ctrl+t", None))
+            done = it.screen.handle_key_first(events.Key("ctrl+t", None))
             focused.append(it.screen.focused)
             return done
 
@@ -276,7 +276,7 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
 async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line(
     key: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ConsoleScreen, "take_key", lambda self, event: False)
+    monkeypatch.setattr(ConsoleScreen, "handle_key_first", lambda self, event: False)
     async with console() as it:
         it.client.act("Greet")
         await it.until(lambda: "running" in it.row("acts", "Greet"))
