@@ -287,9 +287,6 @@ class ConsoleApp(KeyWatch):
         if session is None or session.store.hello.replay or (session.store.gone and not recoverable):
             await self._leave(0)
             return
-        if not recoverable and not self._launcher.outlives:
-            self._ask_to_end(session)
-            return
         dialog = leaving.question_of_gone(session.store) if recoverable else leaving.question(session.store)
         dialog.add_class("-quit")
 
@@ -330,7 +327,7 @@ class ConsoleApp(KeyWatch):
     @property
     def _patience(self) -> float:
         """Seconds that leaving may take after a signal."""
-        return (DETACH_SECONDS if self._launcher.outlives else END_SECONDS) + GRACE_SECONDS
+        return DETACH_SECONDS + GRACE_SECONDS
 
     def _signalled(self, number: signal.Signals) -> None:
         """The terminal has gone, or somebody ends the program: the session is not theirs to end."""
@@ -342,7 +339,6 @@ class ConsoleApp(KeyWatch):
             return
         self._ending = True
         if self._session is not None:
-            end = end or not self._launcher.outlives
             closed = await self._close(self._session, end=end)
             if closed == "refused":
                 self._ending = False

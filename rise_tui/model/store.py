@@ -212,7 +212,7 @@ class Store:
 
     @property
     def has_control(self) -> bool:
-        """Whether this console may act. An engine that gives no names has one console only."""
+        """Whether this console may act. A replay names nobody, and nobody can act in it."""
         return not self.hello.you or self.view.control == self.hello.you
 
     @property
