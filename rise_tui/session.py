@@ -1,4 +1,4 @@
-"""The console's side of the link: takes batches of records in, sends what the wizard asks for (console.md 3 and 5)."""
+"""The console's side of the link: takes batches of records in, sends what the wizard asks for (console.md 3.1, 5.1)."""
 
 from __future__ import annotations
 

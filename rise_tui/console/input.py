@@ -1,4 +1,4 @@
-"""The way of a key: past all care against accidents (console.md 2) to a task for the engine.
+"""The way of a key: past all care against accidents (console.md 2.1 to 2.4) to a task for the engine.
 
 Pure: times, focus and timers come in, what counts goes out through `InputActions`; no screen is known here. Times are
 those of the monotonic clock.

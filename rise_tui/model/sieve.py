@@ -1,4 +1,4 @@
-"""A filter over a list of a hundred thousand tasks, a slice at a time, so that no key waits for it. Pure."""
+"""A filter over a list of 100,000 tasks, a slice at a time, so that no key waits for it (console.md 9.2). Pure."""
 
 from __future__ import annotations
 

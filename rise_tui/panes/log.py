@@ -128,7 +128,7 @@ class LogPane(Pane):
             self.run_worker(self._go_on_searching(), group="search")
 
     async def _go_on_searching(self) -> None:
-        """Slice by slice, so that a key never waits; a keystroke in the filter puts another sieve in its place."""
+        """Slice by slice, so that a key never waits (console.md 9.2); a keystroke puts another sieve in its place."""
         painted = monotonic()
         try:
             while (sieve := self._sieve) is not None and not self._work(sieve):

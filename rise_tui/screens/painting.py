@@ -1,4 +1,4 @@
-"""When what is repainted: soon after a change, never faster than a terminal can take, and only what differs (law 8)."""
+"""When what is repainted: soon, never faster than a terminal can take, and only what differs (console.md 8.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Law 6: one registry, from which everything else is made."""
+"""One registry, from which everything else is made (console.md 6.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LIVE, SAFE, LOCKED: what keys of this console may do (console.md 2)."""
+"""LIVE, SAFE, LOCKED: what keys of this console may do (console.md 2.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which keys count, and what they ask of the engine (console.md 2): without a screen, with time under control."""
+"""Which keys count, and what they ask of the engine (console.md 2.1 to 2.4); no screen, and time under control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No accidents (law 2): which keys start something, and where."""
+"""No accidents (console.md 2.1 to 2.4): which keys start something, and where."""
 
 from __future__ import annotations
 

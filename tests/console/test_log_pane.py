@@ -418,7 +418,7 @@ def test_marking_a_line() -> None:
 async def test_older_tasks_that_are_in_the_record_only_are_told_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Law: what can be searched, copied or saved from here is not silently incomplete."""
+    """What can be searched, copied or saved from here is not silently incomplete (console.md 3.3)."""
     monkeypatch.setattr("rise_engine.view.TASK_LOG", 40)
     monkeypatch.setattr("rise_engine.view.FORGET", 10)
     monkeypatch.chdir(tmp_path)
