@@ -188,10 +188,10 @@ async def filtering(made: dict[int, TaskView], typed: str) -> tuple[float, float
         began = time.perf_counter()
         pane.set_filter(typed)
         while True:
-            sieve = pane._sieve
-            assert sieve is not None
+            search = pane._search
+            assert search is not None
             first = first or (time.perf_counter() - began if pane.rows.count else 0.0)
-            if sieve.done:
+            if search.done:
                 break
             await asyncio.sleep(0.002)
         end = time.perf_counter() - began

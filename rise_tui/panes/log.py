@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
 from bisect import bisect_left
 from time import monotonic
 
 from textual import on
 
 from rise_engine.kernel.records import FINAL
+from rise_engine.time_slicer import TimeSlicer
 from rise_engine.view import TaskView
 from rise_tui.actions import bindings
 from rise_tui.messages import Told
 from rise_tui.model.deeds import describe
 from rise_tui.model.filtering import BrokenFilter
 from rise_tui.model.log_rows import row_of
-from rise_tui.model.sieve import Sieve
+from rise_tui.model.row_search import RowSearch
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import task_rows
 from rise_tui.model.times import EXAMPLES, NoTime, moment
@@ -34,8 +34,8 @@ LETTERS = {
     "t": ("go to time", "log.time"),
 }
 """What the letters do over the details of a task, and the action of each."""
-BREATH = 0.001
-"""Seconds that a search leaves to everything else after each of its slices."""
+SLICE_SECONDS = 0.004
+"""For so long the log is searched in one turn of the loop."""
 SHOWN_EVERY = 0.2
 """Seconds between two paintings while a search goes on."""
 
@@ -54,12 +54,15 @@ class LogPane(Pane):
         self.log_view.mark = self._mark
         self.time_bar = AskBar("go to ", EXAMPLES)
         self.save_bar = AskBar("save as ", "name.tsv or name.jsonl")
-        self._sieve: Sieve | None = None
-        self._sifted: list[int] | None = None
-        """The rows that the sieve goes through."""
+        self._search: RowSearch | None = None
+        self._searched: list[int] | None = None
+        """The rows that the search goes through."""
+        self._slicer = TimeSlicer(self._search_on, SLICE_SECONDS)
+        self._painted = 0.0
+        """When the log was last painted; monotonic."""
         self.unfolded = False
         """Whether the rules' own rows are shown as well."""
-        self._searching = self._saving = False
+        self._saving = False
         self._begun = store.attached, store.trimmed
         self._later = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
@@ -87,58 +90,57 @@ class LogPane(Pane):
     def repaint(self) -> None:
         begun = self.store.attached, self.store.trimmed
         anew, self._begun = self._begun != begun, begun
+        self._slicer.cancel()
         if self.filter is None:
-            self._sieve = None
-        elif self._sieve is None or anew or self._sieve.filter is not self.filter or self._sifted is not self._rows:
-            self._sifted = self._rows
-            self._sieve = Sieve(self.filter, self._sifted, self.log_view.text_of, self._lives)
+            self._search = None
+        elif self._search is None or anew or self._search.filter is not self.filter or self._searched is not self._rows:
+            self._searched = self._rows
+            self._search = RowSearch(self.filter, self._searched, self.log_view.text_of, self._is_live)
         self._look_again()
-        if self._sieve is not None and not self._work(self._sieve):
-            self._search()
+        more = self._slicer.run_slice()
         self._show(restart=anew)
+        if more:
+            self._slicer.wake()
+
+    def on_unmount(self) -> None:
+        self._slicer.cancel()
 
     def _look_again(self) -> None:
-        """Tasks that have ended and look different since, may match by now."""
+        """Tasks that have changed since they were looked at may match by now, some even after their end."""
         missed, marks = self.store.missed, self.store.marked
-        if self._sieve is not None:
+        if self._search is not None:
             for one in (*missed[self._later[0] :], *marks[self._later[1] :]):
-                self._sieve.look_again_at(row_of(one))
+                self._search.expect_change(row_of(one))
+            try:
+                self._search.look_again()
+            except BrokenFilter as broken:
+                self._give_up_search(broken)
         self._later = len(missed), len(marks)
 
+    def _search_on(self) -> int:
+        """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
+        looked = 0
+        if self._search is not None:
+            try:
+                looked = self._search.step()
+            except BrokenFilter as broken:
+                self._give_up_search(broken)
+        if self._slicer.busy and (not looked or monotonic() - self._painted > SHOWN_EVERY):
+            self._show()  # else whoever repaints does it
+        return looked
+
+    def _give_up_search(self, broken: BrokenFilter) -> None:
+        self.refuse_filter(broken, None)
+        self._search = None
+
     def _show(self, *, restart: bool = False) -> None:
-        self.log_view.show(self._sieve.matching if self._sieve is not None else self._rows, restart=restart)
+        self._painted = monotonic()
+        self.log_view.show(self._search.matching if self._search is not None else self._rows, restart=restart)
         self._show_title()
 
-    def _lives(self, id: int) -> bool:
+    def _is_live(self, id: int) -> bool:
         task = self._find(id)
         return task is not None and task.status not in FINAL
-
-    def _work(self, sieve: Sieve) -> bool:
-        """One slice of a search. True when it is at its end."""
-        try:
-            return sieve.work()
-        except BrokenFilter as broken:
-            self.refuse_filter(broken, None)
-            self._sieve = None
-            return True
-
-    def _search(self) -> None:
-        if not self._searching:
-            self._searching = True
-            self.run_worker(self._go_on_searching(), group="search")
-
-    async def _go_on_searching(self) -> None:
-        """Slice by slice, so that a key never waits (console.md 9.2); a keystroke puts another sieve in its place."""
-        painted = monotonic()
-        try:
-            while (sieve := self._sieve) is not None and not self._work(sieve):
-                if monotonic() - painted > SHOWN_EVERY and self._sieve is sieve:
-                    self._show()
-                    painted = monotonic()
-                await asyncio.sleep(BREATH)
-        finally:
-            self._searching = False
-        self._show()
 
     def _mark(self, line: Line) -> Line:
         if self.filter is None:
@@ -153,8 +155,8 @@ class LogPane(Pane):
         tone: Tone = "muted" if view.following else "wait"
         older = self.store.older and f"  {self.store.older}"
         state = "following" if view.following else f"paused, {view.unseen} new" if view.unseen else "paused"
-        if self._sieve is not None or self.problem:
-            more = "" if self._sieve is None or self._sieve.done else "…"
+        if self._search is not None or self.problem:
+            more = "" if self._search is None or self._search.done else "…"
             note = self.filter_note(view.count, len(self._rows), more)
             self.title.draw(note if self.problem else (*note, (f"  {state}{older}", tone)))
             return

@@ -1,0 +1,64 @@
+"""Long work on an asyncio loop, a slice at a time, so that whatever else the loop has to do goes on in between."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from time import perf_counter
+
+_LOG = logging.getLogger(__name__)
+
+
+class TimeSlicer:
+    """Repeats one small step, for a few milliseconds in each turn of the loop, until there is nothing left to do."""
+
+    def __init__(self, step: Callable[[], int], seconds: float, *, most: float = float("inf")) -> None:
+        """`step` does one small piece of work and gives how much that was, in whatever unit `most` counts; 0 (or False)
+        when there was nothing to do. A slice ends after `seconds`, or once it has done more than `most`.
+
+        A step that raises is logged and counts as done: it keeps nothing else from being done.
+        """
+        self._step = step
+        self._seconds = seconds
+        self._most = most
+        self._scheduled: asyncio.Handle | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a slice is scheduled: there may be work left."""
+        return self._scheduled is not None
+
+    def wake(self) -> None:
+        """There is work: do it from the loop's next turn on. Call it on the loop's thread."""
+        if self._scheduled is None:
+            self._scheduled = asyncio.get_running_loop().call_soon(self._run_scheduled)
+
+    def cancel(self) -> None:
+        """Do nothing more, until the next `wake`."""
+        if self._scheduled is not None:
+            self._scheduled.cancel()
+            self._scheduled = None
+
+    def run_slice(self, seconds: float | None = None) -> bool:
+        """Do one slice here and now, of another length if `seconds` says so; gives whether there may be more."""
+        end = perf_counter() + (self._seconds if seconds is None else seconds)
+        done = 0.0
+        while True:
+            try:
+                amount = self._step()
+            except Exception:
+                _LOG.exception("a piece of work failed")
+                amount = 1
+            if not amount:
+                return False
+            done += amount
+            if done > self._most or perf_counter() > end:
+                return True
+
+    def _run_scheduled(self) -> None:
+        # Still scheduled while it runs: work that comes up meanwhile is done in this slice or in the next.
+        if self.run_slice():
+            self._scheduled = asyncio.get_running_loop().call_soon(self._run_scheduled)
+        else:
+            self._scheduled = None
