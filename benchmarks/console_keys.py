@@ -1,8 +1,9 @@
-"""From a key to its command in the engine, while 1,000 records a second pour into the console's screen.
+"""From a key to its durable command, while 1,000 records a second pour into the console's screen.
 
-A console on a pseudo terminal, an engine in a process of its own; the time runs from the write of the key until the
-engine has the command. The floor is the least that any program could need: one that reads a key from a terminal and
-writes a line to a socket, read by the same engine's process, in the same run.
+A console on a pseudo terminal, an engine with a journal in a process of its own (`engine_under_load`); the time runs
+from the write of the key until the command is on the disk, and is told for its way to the engine as well. The floor is
+the least that any program could need: one that reads a key from a terminal and writes a line to a socket, read by the
+same engine's process, in the same run.
 
 On a virtual machine a processor now and then stands still for 1 to 100 ms, for whoever runs on it. A watcher on each
 sees that (it comes before everything else and wakes twice in a millisecond), and keys that were on their way meanwhile
@@ -31,69 +32,12 @@ from measure import Report
 
 ROOT = Path(__file__).parents[1]
 KEYS = "abcdehij"
-QUIET, PRESSES = 200, 900
-"""Keys, while nothing else happens and while records pour in; of 300, the third slowest was 2 ms apart between runs."""
+QUIET, PRESSES = 100, 400
+"""Keys, while nothing else happens and while records pour in."""
+MEDIAN, SLOWEST = 5.0, 30.0
+"""Milliseconds that half of the keys, and 99 of 100, may take: a wizard reacts in 200."""
 GAP = 0.35
 """Seconds between two keys, longer than what counts as a paste silences the keyboard."""
-
-ENGINE = """
-import asyncio, gc, json, os, sys, time
-from pathlib import Path
-from rise_engine.clock import RealClock
-from rise_engine.engine import Engine
-from rise_engine.kernel.inputs import Submit
-from rise_engine.link.places import claim
-from rise_engine.link.room import Room
-from rise_engine.link.server import Server
-from rise_engine.robots import make_robot
-from rise_engine.scenario import load
-from rise_engine.session.folder import create
-
-arrived, floor = [], []
-
-class Room_(Room):
-    def send(self, member, message, answer):
-        if member.role == "wizard":
-            arrived.append((time.monotonic(), message.behavior))
-        super().send(member, message, answer)
-
-class Floor(asyncio.Protocol):
-    def data_received(self, data):
-        floor.append(time.monotonic())
-
-async def main(root, rate):
-    loop = asyncio.get_running_loop()
-    loaded = load(str(Path(root, "scenario")))
-    scenario = loaded.scenario
-    folder = create(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1, faults=(), versions={})
-    clock = RealClock(loop, 1)
-    engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
-    with claim("keys") as name:
-        room = Room_(engine, str(folder))
-        server = Server(room, name.socket)
-        await server.start()
-        await loop.create_unix_server(Floor, os.path.join(root, "floor.sock"))
-        engine.start()
-        gc.freeze()  # as `rise-engine serve` does
-        reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.readline))
-        print("ready", flush=True)
-        begun, first, number = time.monotonic(), room.view.seq, 0
-        while not reading.done():
-            while room.view.seq - first < (time.monotonic() - begun) * rate:
-                number += 1
-                if number % 3:
-                    engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
-                else:
-                    engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
-                await asyncio.sleep(0)
-            await asyncio.sleep(0.002)
-        seconds = time.monotonic() - begun
-        print(json.dumps({"keys": arrived, "floor": floor, "rate": (room.view.seq - first) / seconds}), flush=True)
-        engine.end_now("done")
-        await server.close()
-
-asyncio.run(main(sys.argv[1], float(sys.argv[2])))
-"""
 
 BARE = """
 import os, socket, sys, tty
@@ -181,10 +125,13 @@ class Measured(NamedTuple):
     """Seconds that keys took."""
 
     keys: list[float]
+    """Until the command was durable."""
+    came: list[float]
+    """Until the engine had it."""
     floor: list[float]
     """Through the bare program."""
     every: list[float]
-    """With those through the console during which the machine stood still."""
+    """As `keys`, with those during which the machine stood still."""
     rate: float
     """Records a second."""
     painted: int
@@ -194,10 +141,11 @@ class Measured(NamedTuple):
 def measure(rate: float, presses: int) -> Measured:
     """Press so many keys while records pour in."""
     root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    disk = tempfile.mkdtemp(prefix=".bench-", dir=ROOT)  # /tmp may be no disk
     environment = environment_in(root)
     scenario(Path(root, "scenario"))
     engine = subprocess.Popen(
-        [sys.executable, "-c", ENGINE, root, str(rate)],
+        [sys.executable, str(Path(__file__).with_name("engine_under_load.py")), root, disk, str(rate)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment,
     )  # fmt: skip
     assert engine.stdin is not None and engine.stdout is not None
@@ -224,21 +172,26 @@ def measure(rate: float, presses: int) -> Measured:
                 each.close()
         engine.stdin.close()
         engine.wait()
-        shutil.rmtree(root, ignore_errors=True)
+        for folder in (root, disk):
+            shutil.rmtree(folder, ignore_errors=True)
     ours = [(at, f"/press_{key}") for at, key in written[::2]]
     theirs = [at for at, _ in written[1::2]]
-    arrived = iter(told["keys"])
-    at, behavior = next(arrived, (0.0, ""))
-    keys = []
+    noted = iter(told["commands"])
+    command = next(noted, None)
+    keys, came = [], []
     for pressed, wanted in ours:
-        if behavior == wanted:
-            keys.append((pressed, at))
-            at, behavior = next(arrived, (0.0, ""))
+        if command is not None and command[0] == wanted:
+            came.append((pressed, command[1]))
+            keys.append((pressed, command[2]))
+            command = next(noted, None)
     if len(keys) < len(ours):  # two of them came in one read, as a paste does: this machine is too busy
-        raise SystemExit(f"{len(ours)} keys were pressed and {len(keys)} came to the engine")
-    floor = list(zip(theirs, told["floor"], strict=True))
+        print(
+            f"  {len(ours) - len(keys)} of {len(ours)} keys came together with others and did nothing, as they should"
+        )
+    floor = list(zip(theirs, told["floor"], strict=False))
     every = [end - start for start, end in keys]
-    return Measured(undisturbed(keys, stood), undisturbed(floor, stood), every, told["rate"], painted)
+    ways = (undisturbed(each, stood) for each in (keys, came, floor))
+    return Measured(*ways, every, told["rate"], painted)
 
 
 def undisturbed(ways: list[tuple[float, float]], stood: list[tuple[float, float]]) -> list[float]:
@@ -251,19 +204,24 @@ def percentile(values: list[float], part: float) -> float:
 
 
 def main() -> bool:
-    report = Report("From a key to the command in the engine", "wall time")
+    report = Report("From a key to its durable command", "wall time")
     quiet, busy = measure(0, QUIET), measure(1000, PRESSES)
     for name, values in (
         ("nothing else happens", quiet.keys),
+        ("of that, until the engine has it", quiet.came),
         (f"{busy.rate:,.0f} records a second", busy.keys),
+        ("of those, until the engine has it", busy.came),
         ("floor: a bare program, same run", busy.floor),
         ("with those while the machine stood still", busy.every),
     ):
         shown = ", ".join(f"{part:.0%} {percentile(values, part) * 1000:.1f}" for part in (0.5, 0.9, 0.99))
         report.row(name, f"{statistics.median(values) * 1000:.2f} ms", f"{shown}, max {max(values) * 1000:.1f} ms")
     report.row("painted meanwhile", f"{busy.painted / PRESSES / GAP / 1000:.0f} kB/s")
-    report.row("left out because the machine stood still", f"{PRESSES - len(busy.keys)} of {PRESSES} keys")
-    report.target("ms, 99 of 100 keys at 1,000 records/s", percentile(busy.keys, 0.99) * 1000, 5, at_least=False)
+    report.row(
+        "left out because the machine stood still", f"{len(busy.every) - len(busy.keys)} of {len(busy.every)} keys"
+    )
+    report.target("ms, half of the keys at 1,000 records/s", percentile(busy.keys, 0.5) * 1000, MEDIAN, at_least=False)
+    report.target("ms, 99 of 100 keys at 1,000 records/s", percentile(busy.keys, 0.99) * 1000, SLOWEST, at_least=False)
     return report.met
 
 

@@ -25,6 +25,8 @@ from pathlib import Path
 from measure import Report
 
 ROUNDS = 9
+MOST = 2.5
+"""Times the bare app."""
 ROOT = Path(__file__).parents[1]
 
 BARE = """
@@ -106,7 +108,7 @@ def main() -> bool:
     for name, each in samples.items():
         report.row(name, f"{statistics.median(each) * 1000:.0f} ms")
     mine, floor = (statistics.median(each) for each in samples.values())
-    report.target("times the bare app", mine / floor, 2, at_least=False)
+    report.target("times the bare app", mine / floor, MOST, at_least=False)
     return report.met
 
 

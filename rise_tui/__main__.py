@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import gc
+from rise_tui.cli.main import main as command
 
 
 def main() -> None:
-    gc.disable()  # until a console is painted: nothing of what starting makes is garbage
-    from rise_tui.cli import main
-
-    main(prog_name="rise-tui")
+    """Run the command line; ends the process."""
+    command(prog_name="rise-tui")
 
 
 if __name__ == "__main__":

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import _thread
 import asyncio
-import gc
-import os
 import signal
 from contextlib import suppress
-from time import sleep
 from types import FrameType
 from typing import Any, Literal
 
 from textual import events, on
-from textual.screen import Screen
 
 from rise_engine.link.client import Client, EngineGone
 from rise_engine.link.places import PlaceError
@@ -22,7 +17,7 @@ from rise_engine.scenario.study import condition_problem
 from rise_tui import themes
 from rise_tui.actions import bindings, use_keys, why_blocked
 from rise_tui.model.notice import Notice
-from rise_tui.quiet import EmptyScreen, KeyWatch, click_driver, outlet_of
+from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.console import ConsoleScreen
 from rise_tui.screens.ending import question_of_end
 from rise_tui.screens.settings import SettingsScreen
@@ -35,13 +30,11 @@ from rise_tui.start.settings import Settings
 
 END_SECONDS = 13.0
 """How long the engine may take before the console leaves without it: 6 s for the robot to stop, 5 s for the disk."""
-GRACE_SECONDS = 3.0
-"""How much longer a console that was told to end by a signal may live, whatever holds it up."""
 DETACH_SECONDS = 2.0
 """How long saying goodbye to a session that goes on may take."""
 
 
-class ConsoleApp(KeyWatch):
+class ConsoleApp(TerminalApp):
     """The wizard's console."""
 
     TITLE = "RISE"
@@ -68,7 +61,7 @@ class ConsoleApp(KeyWatch):
 
         `told`: what there is to say about the session to begin with. Without a `keeper` nothing is restored or kept.
         """
-        super().__init__(driver_class=click_driver())
+        super().__init__()
         self.animation_level = "none"
         for known in themes.THEMES:
             self.register_theme(known)
@@ -86,9 +79,6 @@ class ConsoleApp(KeyWatch):
         self.last_words = ""
         """What the terminal should show after the console has gone."""
 
-    def get_default_screen(self) -> Screen[Any]:
-        return EmptyScreen(id="_default")
-
     def get_theme_variable_defaults(self) -> dict[str, str]:
         return themes.DARK.variables
 
@@ -101,8 +91,8 @@ class ConsoleApp(KeyWatch):
         for number in (signal.SIGHUP, signal.SIGTERM):
             with suppress(ValueError):  # not the main thread
                 self._handlers[number] = signal.signal(number, arrived)
-        if (outlet := outlet_of(self)) is not None:
-            outlet.lost = lambda: self._signal_arrived(loop, signal.SIGHUP)
+        if self.terminal_writer is not None:
+            self.terminal_writer.on_gone = lambda: self._signal_arrived(loop, signal.SIGHUP)
         self.set_interval(PERIOD, self._keep)
         if self._client is not None:
             await self._enter(self._client)
@@ -117,8 +107,7 @@ class ConsoleApp(KeyWatch):
     @property
     def terminal_gone(self) -> bool:
         """Whether nothing more can be said there."""
-        outlet = outlet_of(self)
-        return outlet is not None and outlet.gone
+        return self.terminal_writer is not None and self.terminal_writer.is_gone
 
     @property
     def console_screen(self) -> ConsoleScreen | None:
@@ -153,7 +142,6 @@ class ConsoleApp(KeyWatch):
             self._settings = settings_of(session.store.hello)
         screen = ConsoleScreen(session)
         await self.push_screen(screen)
-        self.call_after_refresh(_collect_again)
         told = self._keeper.restore(screen, themes.short_name(self.theme)) if self._keeper is not None else ""
         if told or self._told:
             session.tell(Notice(self._told or told, "wait"))
@@ -260,14 +248,14 @@ class ConsoleApp(KeyWatch):
 
     # --- keys and actions that work everywhere ----------------------------------------------------------------------
 
-    def key_arrived(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool | None) -> None:
         if (console := self.console_screen) is not None:
             console.observe_key(event, together)
 
-    def passes(self, event: events.Event) -> bool:
+    def admits(self, event: events.Event) -> bool:
         return (console := self.console_screen) is None or console.admits(event)
 
-    def takes(self, event: events.Key) -> bool:
+    def handle_key_first(self, event: events.Key) -> bool:
         return (console := self.console_screen) is not None and console.handle_key_first(event)
 
     def action_do(self, action: str) -> None:
@@ -313,21 +301,12 @@ class ConsoleApp(KeyWatch):
     # --- the end ------------------------------------------------------------------------------------------------------
 
     def _signal_arrived(self, loop: asyncio.AbstractEventLoop, number: signal.Signals) -> None:
-        """In the signal handler itself and not on the loop, which may be blocked by a terminal that takes nothing."""
-        if (outlet := outlet_of(self)) is not None:
-            outlet.hurry()
-        if self._signal is None:
-            self._signal = number
-            with suppress(RuntimeError):  # the interpreter ends already
-                # Takes no lock, as threading would: the handler may have interrupted whoever holds it.
-                _thread.start_new_thread(_end_at_last, (128 + number, self._patience))
+        """In the signal handler itself, or on the writer's thread."""
+        if self.terminal_writer is not None:
+            self.terminal_writer.hurry()
+        self._signal = self._signal or number
         with suppress(RuntimeError):  # the loop has ended already
             loop.call_soon_threadsafe(self._signalled, number)
-
-    @property
-    def _patience(self) -> float:
-        """Seconds that leaving may take after a signal."""
-        return DETACH_SECONDS + GRACE_SECONDS
 
     def _signalled(self, number: signal.Signals) -> None:
         """The terminal has gone, or somebody ends the program: the session is not theirs to end."""
@@ -348,15 +327,3 @@ class ConsoleApp(KeyWatch):
             )
         self._keep(at_once=True)
         self.exit(return_code=code)
-
-
-def _collect_again() -> None:
-    """The console is painted: what was made so far stays, so the collector need not look at it (see `cli`)."""
-    gc.freeze()
-    gc.enable()
-
-
-def _end_at_last(code: int, seconds: float) -> None:
-    """Nothing keeps a console alive that nobody sees."""
-    sleep(seconds)
-    os._exit(code)

@@ -16,10 +16,8 @@ from rise_tui.model.store import EVERYTHING, Sent, Store, Topic
 
 Changed = Callable[[frozenset[Topic] | set[Topic]], None]
 
-PIECE = 16
-"""Records that are taken in between two looks at the clock."""
-SLICE_SECONDS = 0.001
-"""For so long the loop takes records in before it does what else has come."""
+PIECE = 64
+"""Records that are taken in before the loop does what else has come."""
 AGAIN_SECONDS = 0.5
 """Between two attempts to attach again after the connection was cut."""
 
@@ -71,11 +69,9 @@ class Session:
 
     async def _take_in(self, batch: Sequence[Arrival]) -> None:
         """In pieces: a key must not wait until a console that lay behind has caught up."""
-        began = monotonic()
         for start in range(0, len(batch), PIECE):
-            if monotonic() - began > SLICE_SECONDS:
+            if start:
                 await asyncio.sleep(0)
-                began = monotonic()
             self.changed(self.store.apply(batch[start : start + PIECE]))
 
     async def _attach_again(self) -> bool:
@@ -130,7 +126,7 @@ class Session:
             return False
         ref = f"{store.refs}{next(self._numbers)}"
         store.sent[ref] = Sent(function, behavior, store.now())
-        asyncio.get_running_loop().call_soon(self.changed, EVERYTHING)  # once it has been sent
+        self.changed(EVERYTHING)
         message = Submit(
             function=function, behavior=behavior, calling_type=calling_type, source=store.me, ref=ref, pressed=pressed
         )

@@ -4,10 +4,9 @@
   `R_Instruction_2`). A word with a capital minds capitals. `!word`: rows with this word stay out.
 - `/...` or `re:...`: one regular expression; `!/...`: rows that it matches stay out.
 
-A regular expression can take for ever on one row, and while it does the console would answer no key, not even stop.
-Three things bound it: a repetition of something that varies itself is refused (only those take exponential time), a row
-is looked at up to LONGEST characters, and an expression with several repetitions is tried on ever longer beginnings of
-a row, and given up as soon as one takes longer than PATIENCE: the next can then take only a few times as long.
+A regular expression can take for ever on one row, and while it does the console would answer no key, not even stop. So
+it is run by `regex`, which gives up after a time that it is told, and sees a row up to LONGEST characters. What it may
+hold is what Python's `re` takes, which also says what is wrong with it.
 """
 
 from __future__ import annotations
@@ -15,14 +14,16 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from time import thread_time
+
+import regex
+
+from rise_engine.errors import RiseError
 
 LONGEST = 500
 """Characters of a row that a regular expression sees."""
-PATIENCE = 0.002
-"""Seconds of one attempt on one row."""
-MOST_REPEATS = 6
-"""Repetitions in one regular expression; each can multiply the time for a row by the row's length."""
+PATIENCE = 0.004
+"""Seconds that a regular expression may take for one row."""
+TOO_LONG = "this regular expression takes too long; use fewer * and +"
 LEAST_LETTERS, MOST_LETTERS = 3, 40
 """How long a word is that may have letters left out: nearly every row has two given letters in their order."""
 
@@ -41,7 +42,7 @@ _REASONS = (
 )
 
 
-class BrokenFilter(ValueError):
+class BrokenFilter(RiseError, ValueError):
     """What is typed is no filter, or not yet; the message says where and why, for a person."""
 
 
@@ -119,29 +120,26 @@ def _letters(word: str) -> Iterator[str]:
 
 
 class _Expression:
-    """A regular expression, and the care that it takes."""
+    """A regular expression, with a limit to its time."""
 
-    def __init__(self, pattern: re.Pattern[str], *, slow: bool) -> None:
-        self._pattern, self._slow = pattern, slow
+    def __init__(self, pattern: regex.Pattern[str]) -> None:
+        self._pattern = pattern
 
     def found_in(self, text: str) -> bool:
-        if self._slow:
-            length = 16
-            while length < min(len(text), LONGEST):
-                # Twice, because anything may come in between once.
-                if self._seconds(text, length) > PATIENCE and self._seconds(text, length) > PATIENCE:
-                    raise BrokenFilter("this regular expression takes too long; use fewer * and +")
-                length *= 2
-        return self._pattern.search(text, 0, LONGEST) is not None
-
-    def _seconds(self, text: str, length: int) -> float:
-        began = thread_time()
-        self._pattern.search(text, 0, length)
-        return thread_time() - began
+        try:
+            return self._pattern.search(text, 0, LONGEST, timeout=PATIENCE) is not None
+        except TimeoutError:
+            pass  # perhaps something else came in between: once more
+        try:
+            return self._pattern.search(text, 0, LONGEST, timeout=PATIENCE) is not None
+        except TimeoutError:
+            raise BrokenFilter(TOO_LONG) from None
 
     def places(self, text: str) -> Iterator[tuple[int, int]]:
-        if self.found_in(text):
-            yield from (found.span() for found in self._pattern.finditer(text, 0, LONGEST))
+        try:
+            yield from (found.span() for found in self._pattern.finditer(text, 0, LONGEST, timeout=2 * PATIENCE))
+        except TimeoutError:
+            raise BrokenFilter(TOO_LONG) from None
 
 
 def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
@@ -150,55 +148,16 @@ def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
         pattern = pattern[:-1]
     if not pattern:
         return None
-    flags = re.NOFLAG if any(each.isupper() for each in re.sub(r"\\.", "", pattern)) else re.IGNORECASE
+    minds_capitals = any(each.isupper() for each in re.sub(r"\\.", "", pattern))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            compiled = re.compile(pattern, flags)
+            re.compile(pattern)
+            return _Expression(regex.compile(pattern, 0 if minds_capitals else regex.IGNORECASE))
     except re.error as error:
         reason = next((said for known, said in _REASONS if known in error.msg), error.msg)
         raise BrokenFilter(f"at {at + (error.pos or 0) + 1}: {reason}") from error
-    except (OverflowError, RecursionError) as error:
+    except regex.error as error:  # what only `re` takes
+        raise BrokenFilter(str(error)) from error
+    except (OverflowError, RecursionError, MemoryError) as error:
         raise BrokenFilter("this regular expression is too large") from error
-    return _Expression(compiled, slow=_repeats(pattern, at) > 1)
-
-
-_QUANTIFIER = re.compile(r"[*+?]|\{(\d*)(,?)(\d*)\}")
-_CLASS = re.compile(r"\[\^?\]?(?:\\.|[^\]\\])*\]", re.DOTALL)
-
-
-def _repeats(pattern: str, at: int) -> int:
-    """How many things in a valid pattern may be there more or less often. Raises BrokenFilter for nested ones."""
-    varies = [False]
-    """For each open group, whether it can match in more than one way."""
-    atom = False
-    count = index = 0
-    while index < len(pattern):
-        letter = pattern[index]
-        quantifier = _QUANTIFIER.match(pattern, index)
-        if letter == "\\":
-            atom, index = False, index + 2
-        elif letter == "[" and (found := _CLASS.match(pattern, index)) is not None:
-            atom, index = False, found.end()
-        elif letter == "(":
-            varies.append(False)
-            index += 2 if pattern[index + 1 : index + 2] == "?" else 1
-        elif letter == ")":
-            atom = varies.pop()
-            varies[-1] |= atom
-            index += 1
-        elif letter == "|":
-            atom, varies[-1], index = False, True, index + 1
-        elif quantifier is not None and quantifier[0] not in ("{}", "{,}"):
-            once = letter == "?" or quantifier[0] in ("{1}", "{0,1}", "{,1}", "{0}")
-            if atom and not once:
-                raise BrokenFilter(f"at {at + index + 1}: what is repeated here varies itself, which may take for ever")
-            if quantifier[2] or letter != "{":
-                count, varies[-1] = count + 1, True
-            index = quantifier.end()
-            index += pattern[index : index + 1] in ("?", "+")
-        else:
-            atom, index = False, index + 1
-    if count > MOST_REPEATS:
-        raise BrokenFilter(f"at most {MOST_REPEATS} repetitions (* + ? {{}}) in one regular expression")
-    return count

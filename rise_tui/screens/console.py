@@ -9,6 +9,7 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.geometry import Region
 from textual.message import Message
+from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Input
 
@@ -21,7 +22,7 @@ from rise_tui.messages import ActionAsked, PaneAsked, SelectionMoved, StartAsked
 from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, KeyAction
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store, Topic
-from rise_tui.quiet import QuietApp, QuietScreen, begin, is_busy
+from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.arrangement import Arrangement
 from rise_tui.screens.painting import Painting
 from rise_tui.screens.tour import offered
@@ -36,7 +37,7 @@ TENTHS = 0.5
 """How often running times move, and only while something runs."""
 
 
-class ConsoleScreen(QuietScreen[None]):
+class ConsoleScreen(Screen[None]):
     """One session on one terminal."""
 
     BINDINGS = bindings("console")
@@ -139,16 +140,12 @@ class ConsoleScreen(QuietScreen[None]):
         """Do at once what a scenario's key asks for, without its way through the focused list and all around it.
 
         So are lines opened in which letters mean something else: the next key is theirs, however soon it comes. Only
-        when nothing that was pressed before is still on its way, and no dialog, field or first press of two is there
-        that the key could be meant for.
+        when no dialog, field or first press of two is there that the key could be meant for.
         """
         opener = line_opener(event.key)
         if not (opener or event.key in self.store.scenario.keys) or self.input.armed is not None:
             return False
         if self.app.screen is not self or isinstance(self.focused, Input | MistakeLine):
-            return False
-        way = (node for node in (self.focused or self).ancestors_with_self if node is not self.app)
-        if any(map(is_busy, way)):
             return False
         if opener:
             self.action_do(opener)
@@ -209,9 +206,8 @@ class ConsoleScreen(QuietScreen[None]):
     # --- what panes and hints ask -----------------------------------------------------------------------------------
 
     def _run(self, work: Coroutine[Any, Any, object]) -> None:
-        """Something for the engine: it is sent before this returns, and what follows from it is awaited elsewhere."""
-        if (rest := begin(work)) is not None:
-            self.run_worker(rest, group="send")
+        """Something for the engine: it is sent, and answered, while the console goes on."""
+        self.run_worker(work, group="send")
 
     def start(self, action: KeyAction) -> None:
         """Ask for a start, with all care against accidents."""
@@ -318,8 +314,8 @@ class ConsoleScreen(QuietScreen[None]):
         return pane.PLACE if pane is not None else None
 
     def _redraw(self) -> None:
-        if isinstance(self.app, QuietApp):
-            self.app.paint_anew()
+        if isinstance(self.app, TerminalApp):
+            self.app.repaint_everything()
 
     # --- the tour -----------------------------------------------------------------------------------------------------
 

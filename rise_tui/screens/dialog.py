@@ -13,7 +13,7 @@ from textual.timer import Timer
 from textual.widgets import Button, Static
 
 from rise_tui.model.key_action import HELD_KEY_SECONDS
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 
 
 class Answer(NamedTuple):
@@ -23,7 +23,7 @@ class Answer(NamedTuple):
     title: str
 
 
-class Dialog(QuietModal[str]):
+class Dialog(SingleDismissModal[str]):
     """Asks; the result is the key of the answer that was chosen, empty for none."""
 
     DEFAULT_CSS = """

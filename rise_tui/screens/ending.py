@@ -11,14 +11,14 @@ from textual.widgets import Input, Label, Static
 
 from rise_tui.model.running import session_words, told, whose
 from rise_tui.model.store import Store
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.widgets.editor import Field
 
 WORD = "end"
 """No key of any study ends a session, however it was meant: this is typed, and then Enter is pressed."""
 
 
-class EndQuestion(QuietModal[bool]):
+class EndQuestion(SingleDismissModal[bool]):
     """Answers whether the session is to end; Esc leaves it and does nothing."""
 
     AUTO_FOCUS = "#word"

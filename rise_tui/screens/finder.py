@@ -8,7 +8,7 @@ from textual.containers import Vertical
 from textual.widgets import Input
 
 from rise_tui.model.filtering import BrokenFilter, Filter
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.widgets.editor import Field
 from rise_tui.widgets.rows import RowList, RowView
 from rise_tui.widgets.toned import CURSOR
@@ -25,7 +25,7 @@ class Found(RowList, can_focus=False):
         return CURSOR if index == self.cursor else ""
 
 
-class Finder(QuietModal[str]):
+class Finder(SingleDismissModal[str]):
     """Esc closes it; the result is what was chosen, or empty."""
 
     DEFAULT_CSS = """

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Region
 
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.text import Line, Span, crop
 from rise_tui.widgets.line import Lines
 
@@ -32,7 +32,7 @@ def label_line(titles: Sequence[tuple[str, str, bool]]) -> Line:
     return tuple(spans)
 
 
-class JumpScreen(QuietModal[str]):
+class JumpScreen(SingleDismissModal[str]):
     """The result is the pane to go to, or empty."""
 
     DEFAULT_CSS = """

@@ -12,7 +12,6 @@ from rise_tui.actions import BY_ID, at, why_blocked
 from rise_tui.model.cue import ticks
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store, Topic
-from rise_tui.quiet import QuietScreen, Slices
 from rise_tui.screens.arrangement import Arrangement
 from rise_tui.widgets.alarm import AlarmBar, CallBar, FailureBar
 from rise_tui.widgets.band import KeyStrip, SpeechBand
@@ -25,6 +24,8 @@ FRAME = 1 / 15
 """Seconds between two repaints while records pour in."""
 SHARE = 1 / 8
 """Of the time, at most so much goes into painting while records pour in, however dear that is."""
+LONGEST_PAUSE = 0.5
+"""Whatever the last frame took: on a busy machine it may have been others that took it."""
 NOTICE_SECONDS = 12.0
 NOTICE_LEAST = 1.0
 """A notice stays this long, whatever is pressed."""
@@ -50,7 +51,8 @@ class Painting:
         self._dirty: set[Topic] = set()
         self._frame: Timer | None = None
         self._cue_timer: Timer | None = None
-        self._slices: Slices | None = None
+        self._spent = 0.0
+        """Seconds that it took to draw the latest frame."""
         self._painted = 0.0
         self._noticed: Notice | None = None
         self._noticed_at = 0.0
@@ -61,15 +63,8 @@ class Painting:
         """The store changed; paint soon."""
         self._dirty |= topics
         if self._frame is None and self._panes.is_mounted:
-            pause = FRAME if self._slices is None else max(FRAME, self._spent / SHARE)
+            pause = max(FRAME, min(self._spent / SHARE, LONGEST_PAUSE))
             self._frame = self._later(max(0.001, self._painted + pause - monotonic()), self._paint)
-
-    @property
-    def _spent(self) -> float:
-        """Seconds that the latest frame took, its rows and the painting of them."""
-        screen = self._panes.screen
-        painted = screen.paint_seconds if isinstance(screen, QuietScreen) else 0.0
-        return painted + (self._slices.spent if self._slices is not None else 0.0)
 
     def repaint(self, *names: str) -> None:
         """Paint these panes, those that can be seen, at once."""
@@ -168,18 +163,15 @@ class Painting:
         self.hints.draw([*release, *own], [BY_ID[name] for name in COMMON], self._store)
 
     def _paint(self) -> None:
-        if self._slices is None:
-            self._slices = Slices(self._panes.app)
         self._painted = monotonic()
-        if self._slices.busy:  # it cannot keep up: what has changed meanwhile is part of the next frame
-            self._frame = self._later(FRAME, self._paint)
-            return
         self._frame = None
         dirty, self._dirty = self._dirty, set()
-        self._slices.do(self._jobs(dirty))
+        for draw in self._jobs(dirty):
+            draw()
+        self._spent = monotonic() - self._painted
 
     def _jobs(self, dirty: set[Topic]) -> Iterator[Callable[[], None]]:
-        """What is to be drawn anew, in pieces that each take no longer than a key may wait."""
+        """What is to be drawn anew."""
         for pane in self._panes.shown():
             if pane.looks_different(dirty):
                 yield pane.repaint

@@ -8,7 +8,7 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Vertical
 
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.text import Row
 from rise_tui.widgets.rows import RowList, RowView
 
@@ -16,7 +16,7 @@ AGAIN = 0.5
 """Seconds between two looks at what may have changed."""
 
 
-class Reading(QuietModal[str]):
+class Reading(SingleDismissModal[str]):
     """Shows rows until it is left; the result is the letter that was pressed, empty for none.
 
     `steps`: whether left and right go to the one before and after; they are told to `step`.

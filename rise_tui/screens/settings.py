@@ -16,7 +16,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem, conditions
 from rise_tui.model.running import whose
 from rise_tui.model.store import Store
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.screens.ending import question_of_end
 from rise_tui.start.launch import Launcher, Refused, Shown, robots, shown
 from rise_tui.start.settings import Settings, expanded
@@ -87,7 +87,7 @@ class Choice(Horizontal, can_focus=True):
         self.post_message(self.Changed())
 
 
-class SettingsScreen(QuietModal[tuple[Scenario, Settings] | None]):
+class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
     """Answers with a scenario that loads, once the wizard has confirmed to start anew with it."""
 
     DEFAULT_CSS = """

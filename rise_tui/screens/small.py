@@ -9,7 +9,7 @@ from textual.geometry import Size
 from rise_tui.actions import key_in_words
 from rise_tui.model.alarms import alarms
 from rise_tui.model.store import Store
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.text import Line, crop, wrap
 from rise_tui.widgets.line import Lines
 
@@ -37,7 +37,7 @@ def lines_for(size: Size, store: Store) -> list[Line]:
     return [*head, *told][: size.height]
 
 
-class SmallScreen(QuietModal[None]):
+class SmallScreen(SingleDismissModal[None]):
     """Lies over everything until the window is large enough."""
 
     DEFAULT_CSS = """

@@ -11,7 +11,7 @@ from textual.geometry import Offset, Region, Size
 
 from rise_tui.actions import key_in_words
 from rise_tui.model.store import Store
-from rise_tui.quiet import QuietModal
+from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.text import Line, cell, wrap
 from rise_tui.widgets.line import Lines
 
@@ -79,7 +79,7 @@ def offered(store: Store) -> bool:
     return quiet and store.has_control and store.hello.role == "wizard" and store.now() <= FRESH_SECONDS
 
 
-class TourScreen(QuietModal[None]):
+class TourScreen(SingleDismissModal[None]):
     """Enter or right goes on, left goes back, Esc ends it. No other key does anything, but stopping and leaving."""
 
     DEFAULT_CSS = """

@@ -14,6 +14,7 @@ from rise_engine.link.places import PlaceError, abouts, runtime_folder
 from rise_engine.session.folder import sessions_folder
 from rise_tui.start.choose import tilde
 from rise_tui.start.display import Display, colors, theme
+from rise_tui.start.keyfile import read_keys
 from rise_tui.start.paths import CONSOLE, config_folder, key_file, state_folder
 from rise_tui.start.preferences import Preferences, load
 from rise_tui.text import age, clean
@@ -92,8 +93,6 @@ def _keys(keys: str | None) -> Rows:
     if path is None:
         yield "key file", "none: the usual keys"
         return
-    from rise_tui.start.keyfile import read_keys
-
     found = read_keys(path)
     yield "key file", tilde(str(path))
     yield "other keys", ", ".join(found.own) or "none"

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from msgspec import Struct
 
 from rise_engine.link.client import Client, Hello
+from rise_engine.link.spawn import Started
+from rise_engine.scenario import Finding, load, robot_names
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.robots import DEFAULT
 from rise_tui.start.settings import Settings, folder_of, nothing_in, place
 
-if TYPE_CHECKING:
-    from rise_engine.link.spawn import Started
-    from rise_engine.scenario import Finding
+RUNNING = 3
+"""What an engine says when a session of its scenario runs already (`rise_engine.serve`)."""
 
 
 class Refused(Struct, frozen=True):
@@ -37,8 +40,6 @@ Prepared: TypeAlias = "Scenario | Refused"
 
 def prepare(settings: Settings) -> Prepared:
     """Read and check the scenario. Blocking."""
-    from rise_engine.scenario import load  # which reads XML: a console of a session that runs does without
-
     if problem := nothing_in(settings):
         return Refused([], problem)
     loaded = load(place(settings.folder), robot=settings.robot, mode=settings.mode, places=settings.places)
@@ -88,8 +89,6 @@ def settings_of(hello: Hello) -> Settings:
 
 def robots(folder: str) -> list[str]:
     """The robots that can be chosen for a scenario's folder."""
-    from rise_engine.scenario import robot_names
-
     return robot_names(folder_of(folder))
 
 
@@ -104,10 +103,6 @@ class Shown(Struct, frozen=True):
 
 def shown(folder: str) -> Shown | None:
     """None where there is nothing to read. Blocking."""
-    import tomllib
-
-    from rise_engine.scenario.robots import DEFAULT
-
     path = place(folder)
     try:
         if not folder.strip() or not folder_of(folder).is_dir():

@@ -8,13 +8,12 @@ from msgspec.structs import replace
 
 from rise_engine.link.client import Client, EngineGone, Hello, Role
 from rise_engine.link.places import running, session_name
+from rise_engine.link.socket_client import SocketClient
 from rise_engine.link.spawn import Options, Refused, Started, start_engine
 from rise_engine.scenario.model import Scenario
-from rise_tui.start.launch import Launcher, Recovered, Tell, told_of
+from rise_tui.start.launch import RUNNING, Launcher, Recovered, Tell, told_of
 from rise_tui.start.settings import Settings, options, scenario_place
 
-RUNNING = 3
-"""What an engine says when a session of its scenario runs already (`rise_engine.serve`)."""
 LET_GO = 10.0
 """Seconds that an engine which has just ended may take to put its record away and let go of its name."""
 
@@ -23,8 +22,6 @@ def process_launcher(who: str, role: Role) -> Launcher:
     """For the next session, after the running one has ended; and for this one, after its engine has gone."""
 
     def start(scenario: Scenario, settings: Settings) -> Client:
-        from rise_engine.link.socket_client import SocketClient  # not needed before the engine's process is on its way
-
         until = monotonic() + LET_GO
         while True:
             found = start_engine(replace(options(settings, settings.seed, "ask"), wizard=who))
@@ -41,8 +38,6 @@ def process_launcher(who: str, role: Role) -> Launcher:
         raise EngineGone("; ".join(found.lines))
 
     def recover(hello: Hello, tell: Tell) -> Recovered:
-        from rise_engine.link.socket_client import SocketClient
-
         folder = hello.scenario.folder
         name = session_name(folder)
         wanted = Options(folder, unfinished=hello.folder)

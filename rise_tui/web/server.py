@@ -16,8 +16,8 @@ import click
 import textual_serve
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from rise_engine.errors import RiseError
 from rise_engine.link.places import PlaceError, about
-from rise_tui.start.starting import Asked, login_name
 from rise_tui.text import clean
 from rise_tui.web.door import Door, Visitor
 from rise_tui.web.guard import Guard
@@ -36,34 +36,19 @@ _MOST_TYPED = 100_000
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class WebError(Exception):
+class WebError(RiseError):
     """Nothing is served; the text says why, for a person."""
 
 
-def serve(name: str, asked: Asked) -> None:
-    """Serve consoles on a running session until SIGINT, SIGTERM or SIGHUP. Raises WebError."""
-    listening = _listen(asked.web or 0)
+def serve(name: str, arguments: Sequence[str], port: int) -> None:
+    """Serve consoles on a running session until SIGINT, SIGTERM or SIGHUP.
+
+    `name`: the session's, or its socket. `arguments`: with which the console of each browser is started. `port`: 0 for
+    any that is free. Raises WebError.
+    """
+    listening = _listen(port)
     with suppress(KeyboardInterrupt):
-        asyncio.run(Server(name, _title(name), arguments(name, asked)).run(listening))
-
-
-def arguments(name: str, asked: Asked) -> list[str]:
-    """How the console of a browser is started."""
-    display = asked.display
-    given = [
-        "--session",
-        name,
-        "--observe",
-        "--in-browser",
-        "--wizard",
-        asked.wizard or login_name(),
-        "--colors",
-        display.colors,
-    ]
-    given += ["--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
-    given += ["--theme", display.theme] if display.theme else []
-    given += ["--keys", asked.keys] if asked.keys is not None else []
-    return [*given, "--fresh"] if asked.fresh else given
+        asyncio.run(Server(name, _title(name), arguments).run(listening))
 
 
 def _listen(port: int) -> socket.socket:

@@ -15,7 +15,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
 
 PATIENCE = 7.0
-"""Seconds that a console gets to say goodbye; longer than it grants itself (`app.DETACH_SECONDS`, `GRACE_SECONDS`)."""
+"""Seconds that a console gets to say goodbye; longer than it grants itself (`app.DETACH_SECONDS`)."""
 _CHUNK = 65_536
 _OTHERS = ("TMUX", "TMUX_PANE", "STY", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "SSH_TTY", "COLUMNS", "LINES")
 """What the terminal of the server says of itself is not true of this one."""
@@ -37,7 +37,7 @@ class WebTerminal:
             os.set_blocking(master, False)
             environment = {name: value for name, value in os.environ.items() if name not in _OTHERS}
             process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "rise_tui.web.seat", *arguments),
+                *(sys.executable, "-m", "rise_tui", *arguments),
                 stdin=slave,
                 stdout=slave,
                 stderr=slave,

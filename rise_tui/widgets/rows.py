@@ -10,9 +10,9 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.geometry import Size
 from textual.message import Message
+from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from rise_tui.quiet import QuietScrollView
 from rise_tui.text import Row, plain
 from rise_tui.widgets.toned import CURSOR, CURSOR_AWAY, Toned
 
@@ -20,7 +20,7 @@ FALL = 0.7
 """Seconds after the cursor's row has vanished in which nobody can have seen the row where the cursor now stands."""
 
 
-class RowView(QuietScrollView, Toned, can_focus=True):
+class RowView(ScrollView, Toned, can_focus=True):
     """A list with a cursor. Subclasses say how many rows there are and what is in each."""
 
     DEFAULT_CSS = """
@@ -78,6 +78,20 @@ class RowView(QuietScrollView, Toned, can_focus=True):
     def current(self) -> str:
         """The id of the row under the cursor, or empty."""
         return self.row_at(self.cursor).id if 0 <= self.cursor < self.count else ""
+
+    @property
+    def painted_width(self) -> int:
+        """Cells of a painted line."""
+        return self.size.width
+
+    @property
+    def row_width(self) -> int:
+        """Cells of one row, without the scrollbar."""
+        return self.scrollable_content_region.width
+
+    def resize_content(self, size: Size) -> None:
+        """Give the content its size: so many cells wide, so many rows."""
+        self.virtual_size = size
 
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y

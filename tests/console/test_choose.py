@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_tui.cli import main
+from rise_tui.cli.main import main
 from rise_tui.start import choose
 from rise_tui.start.settings import NothingChosenError
 from tests.console.fake import DEMO

@@ -13,10 +13,11 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from rise_tui.cli import main
-from rise_tui.start import starting
+from rise_tui.cli import start
+from rise_tui.cli.main import main
+from rise_tui.cli.options import CommandLine
 from rise_tui.start.display import Display
-from rise_tui.start.starting import Asked
+from rise_tui.start.settings import NothingChosenError
 from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of, terminal
 
@@ -26,14 +27,14 @@ MOUSE = re.compile(rb"\x1b\[\?(?:9|100[0-3]|1005|1006|101[56])[hl]")
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[CommandLine]:
     """What would have been started."""
-    found: list[Asked] = []
-    monkeypatch.setattr("rise_tui.cli.start", found.append)
+    found: list[CommandLine] = []
+    monkeypatch.setattr("rise_tui.cli.main.start", found.append)
     return found
 
 
-def test_what_is_asked_for(asked: list[Asked]) -> None:
+def test_what_is_asked_for(asked: list[CommandLine]) -> None:
     line = "--config x --participant P07 --condition b --theme mono --mouse off --fps 5 --keys none --fresh --new"
     done = CliRunner().invoke(main, [*line.split(), "--wizard", " anna ", "--ros-args", "-r", "__ns:=/lab"])
     assert done.exit_code == 0, done.output
@@ -44,20 +45,20 @@ def test_what_is_asked_for(asked: list[Asked]) -> None:
     assert it.settings.wire.arguments == ("-r", "__ns:=/lab")
 
 
-def test_what_a_session_begins_with(asked: list[Asked]) -> None:
+def test_what_a_session_begins_with(asked: list[CommandLine]) -> None:
     line = ["--config", "x", "--set", "task=2", "--set", "name=Anna", "--place", "memory=pilot.json"]
     assert CliRunner().invoke(main, line).exit_code == 0
     (it,) = asked
     assert it.settings.places == {"memory": "pilot.json"} and it.wizard is None
-    assert it.begins == ["--set", "--place"]
-    assert [task["behavior"] for task in starting._first(it)] == ['{"task": 2}', '{"name": "Anna"}']
-    with pytest.raises(starting.NothingChosenError, match="--set task: write KEY=JSON"):
-        starting._first(Asked(sets=("task",)))
+    assert it.only_for_new == ["--set", "--place"]
+    assert [task["behavior"] for task in start._first_inputs(it)] == ['{"task": 2}', '{"name": "Anna"}']
+    with pytest.raises(NothingChosenError, match="--set task: write KEY=JSON"):
+        start._first_inputs(CommandLine(sets=("task",)))
     with pytest.raises(SystemExit):
-        _ = Asked(places=("memory",)).settings
+        _ = CommandLine(places=("memory",)).settings
 
 
-def test_what_is_usual(asked: list[Asked]) -> None:
+def test_what_is_usual(asked: list[CommandLine]) -> None:
     assert CliRunner().invoke(main, []).exit_code == 0
     assert asked[0].display == Display() and asked[0].web is None and asked[0].role == "wizard"
 
@@ -65,7 +66,7 @@ def test_what_is_usual(asked: list[Asked]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "port"), [(("--web",), 8321), (("--web", "9000"), 9000), (("--web", "--theme", "light"), 8321)]
 )
-def test_web_with_and_without_a_port(asked: list[Asked], arguments: tuple[str, ...], port: int) -> None:
+def test_web_with_and_without_a_port(asked: list[CommandLine], arguments: tuple[str, ...], port: int) -> None:
     assert CliRunner().invoke(main, list(arguments)).exit_code == 0
     assert asked[0].web == port
 
@@ -108,7 +109,7 @@ def test_every_command_and_option_is_documented() -> None:
 
 
 def test_the_console_is_imported_only_by_what_opens_one() -> None:
-    code = "import sys, rise_tui.cli; print([m for m in ('textual', 'rich', 'rise_tui.actions') if m in sys.modules])"
+    code = "import sys, rise_tui.cli.main; print([m for m in ('textual', 'rise_tui.actions') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -210,7 +211,8 @@ def test_info_tells_which_sessions_run_and_not_who_takes_part() -> None:
 
 
 def test_a_start_ends_with_its_status(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(starting, "_attach", lambda *_: starting._nothing("why"))
+    monkeypatch.setattr(start, "prepare_textual", lambda *_: None)
+    monkeypatch.setattr(start, "_attach", lambda *_: start._nothing("why"))
     with pytest.raises(SystemExit) as ended:
-        starting.start(Asked(keys="none"))
+        start.start(CommandLine(keys="none"))
     assert ended.value.code == 2

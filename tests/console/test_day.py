@@ -27,7 +27,6 @@ KINDS = (MessagePump, StylesCache, Timer, asyncio.Task)
 
 def living() -> Counter[str]:
     """Objects of Textual's and asyncio's that would pile up, and all of ours."""
-    gc.unfreeze()  # the console keeps what starting made out of the collector's sight
     gc.collect()
     ours = (
         each for each in gc.get_objects() if isinstance(each, KINDS) or str(type(each).__module__).startswith("rise_")

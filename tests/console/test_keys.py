@@ -9,7 +9,6 @@ from textual import events
 
 from rise_engine.link.client import ClientInput, Reply
 from rise_tui.model.control import Taken
-from rise_tui.quiet import begin
 from tests.console.conftest import console
 
 TAKEN = Taken("wizard:ben", 83.0)
@@ -58,24 +57,20 @@ async def test_no_key_starts_anything_while_a_dialog_is_open(opening: str) -> No
         assert it.client.sent == []
 
 
-async def test_a_command_is_sent_before_anything_is_repainted(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_that_a_command_is_on_its_way_is_to_be_seen_before_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console() as it:
-        order: list[str] = []
+        answer: asyncio.Event = asyncio.Event()
         send = it.client.send
 
         async def sends(message: ClientInput) -> Reply:
-            order.append("sent")
-            await asyncio.sleep(0)
+            await answer.wait()
             return await send(message)
 
         monkeypatch.setattr(it.client, "send", sends)
-        monkeypatch.setattr(it.screen.session, "changed", lambda topics: order.append("painted"))
-        work = it.screen.session.submit("raiseEventTopic", "/next")
-        rest = begin(work)
-        assert order == ["sent"] and rest is not None
-        await asyncio.sleep(0)
-        assert order == ["sent", "painted"]  # that it is on its way is to be seen before the answer
-        await rest
+        await it.press("g")
+        await it.until(lambda: "sent" in it.row("acts", "Greet"))
+        answer.set()
+        await it.sent(*GREET)
 
 
 async def test_a_key_takes_the_notice_away() -> None:

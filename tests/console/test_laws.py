@@ -31,7 +31,7 @@ def test_nobody_cites_a_law_in_another_form() -> None:
         f"{path.relative_to(ROOT)}: {hit}"
         for folder in FOLDERS
         for path in (ROOT / folder).rglob("*.py")
-        if path != Path(__file__) and "quiet" not in path.parts
+        if path != Path(__file__)
         for hit in loose.findall(path.read_text(encoding="utf-8"))
     ]
     assert found == []

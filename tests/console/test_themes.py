@@ -12,7 +12,7 @@ from textual.theme import Theme
 
 import rise_tui
 from rise_tui import themes
-from rise_tui.cli import THEMES
+from rise_tui.cli.main import THEMES
 from rise_tui.start.display import Colors, Display, colors, prepare_textual, theme
 from rise_tui.widgets.toned import LOOKS
 from tests.console.conftest import Console, console

@@ -6,9 +6,9 @@ import asyncio
 import os
 import pty
 import select
-import sys
 import tty
 from collections.abc import AsyncIterator
+from threading import Event, Thread
 from time import monotonic
 
 import pytest
@@ -16,18 +16,14 @@ import pytest_asyncio
 from textual import events
 from textual.message import Message
 
-from rise_tui.quiet import Outlet, click_driver
-from rise_tui.quiet.ears import Ears, read_together
-
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no such driver")
+from rise_tui.rendering.terminal_driver import TerminalDriver
+from rise_tui.rendering.terminal_reader import TerminalReader, read_together
 
 
 def test_the_driver_asks_for_clicks_but_not_for_every_movement() -> None:
-    made = click_driver()
-    assert made is not None
     written: list[str] = []
 
-    class Quiet(made):  # type: ignore[valid-type, misc]
+    class Silent(TerminalDriver):
         def __init__(self) -> None:
             self._mouse = True
 
@@ -37,7 +33,7 @@ def test_the_driver_asks_for_clicks_but_not_for_every_movement() -> None:
         def flush(self) -> None:
             pass
 
-    driver = Quiet()
+    driver = Silent()
     driver._enable_mouse_support()
     assert "\x1b[?1003h" not in "".join(written) and "\x1b[?1006h" in "".join(written)
     driver._disable_mouse_support()
@@ -45,14 +41,15 @@ def test_the_driver_asks_for_clicks_but_not_for_every_movement() -> None:
 
 
 class Terminal:
-    """A pty that is listened to; collects what it says."""
+    """A pty that is read; collects what it says."""
 
     def __init__(self) -> None:
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
         self.messages: list[Message] = []
-        self.outlet = Outlet(open(self.slave, "w", closefd=False))  # noqa: SIM115
-        self.ears = Ears(self.slave, self.outlet, self.messages.append)
+        self.stop = Event()
+        self.thread = Thread(target=TerminalReader(self.slave, self.messages.append, self.stop).run)
+        self.thread.start()
 
     async def keys(self, data: bytes, count: int) -> list[tuple[str, bool | None]]:
         self.messages.clear()
@@ -62,7 +59,7 @@ class Terminal:
 
     @property
     def heard(self) -> list[events.Key]:
-        return [each for each in self.messages if isinstance(each, events.Key)]
+        return [each for each in list(self.messages) if isinstance(each, events.Key)]
 
     async def taken(self) -> None:
         """Wait until what was sent has been read."""
@@ -76,8 +73,9 @@ class Terminal:
             await asyncio.sleep(0.001)
 
     def close(self) -> None:
-        self.ears.close()
-        os.close(self.outlet.fileno())
+        self.stop.set()
+        self.thread.join(20)
+        assert not self.thread.is_alive()
         for descriptor in (self.master, self.slave):
             if descriptor >= 0:
                 os.close(descriptor)
@@ -93,33 +91,27 @@ async def terminal() -> AsyncIterator[Terminal]:
 async def test_a_key_alone_is_known_to_be(terminal: Terminal) -> None:
     assert await terminal.keys(b"g", 1) == [("g", False)]
     assert await terminal.keys(b"\x1b[20~", 1) == [("f9", False)]
-    assert terminal.outlet.key_wait() > 0
 
 
 async def test_keys_of_one_read_came_together(terminal: Terminal) -> None:
     assert await terminal.keys(b"gp", 2) == [("g", True), ("p", True)]
 
 
-async def test_what_follows_at_once_came_together(terminal: Terminal) -> None:
+async def test_what_follows_at_once_came_together(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first byte of a paste may be read alone; what comes within a third of a millisecond was not typed."""
     read = os.read
-
-    def first(descriptor: int, count: int) -> bytes:
-        return read(descriptor, 1)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rise_tui.quiet.ears.os.read", first)
-        assert (await terminal.keys(b"gp", 2))[0] == ("g", True)
+    monkeypatch.setattr("rise_tui.rendering.terminal_reader.os.read", lambda descriptor, count: read(descriptor, 1))
+    assert (await terminal.keys(b"gp", 2))[0] == ("g", True)
 
 
 def test_what_no_terminal_brought_is_not_known() -> None:
     assert read_together(events.Key("g", "g")) is None
 
 
-async def test_escape_alone_is_a_key_and_is_not_waited_for_long(terminal: Terminal) -> None:
+async def test_escape_alone_is_a_key_once_no_sequence_can_follow(terminal: Terminal) -> None:
     began = monotonic()
     assert await terminal.keys(b"\x1b", 1) == [("escape", None)]
-    assert monotonic() - began > 0.09  # a sequence could have followed
+    assert monotonic() - began > 0.09
 
 
 @pytest.mark.parametrize(("data", "key"), [(b"\x1b\r", "enter"), (b"\x1b[", "left_square_bracket")])
@@ -149,44 +141,9 @@ async def test_half_a_character_waits_for_its_other_half(terminal: Terminal) -> 
     assert await terminal.keys(b"\xa4", 1) == [("ä", False)]
 
 
-async def test_a_key_that_the_loop_has_not_got_to_goes_first_all_the_same(terminal: Terminal) -> None:
-    assert terminal.outlet.key_wait() == 0
-    os.write(terminal.master, b"g")
-    select.select([terminal.slave], [], [], 20)
-    assert terminal.outlet.key_wait() > 0 and not terminal.heard
-    await terminal.until(lambda: terminal.heard)
-
-
-async def test_a_terminal_that_has_gone_is_left_alone(terminal: Terminal) -> None:
+async def test_a_terminal_that_has_gone_ends_the_reading(terminal: Terminal) -> None:
     assert await terminal.keys(b"g", 1) == [("g", False)]
     master, terminal.master = terminal.master, -1
     os.close(master)
-    await terminal.until(lambda: terminal.outlet.listening < 0)
-    assert terminal.outlet.key_wait() >= 0 and len(terminal.heard) == 1
-
-
-async def test_nobody_blocks_on_what_somebody_else_has_read(terminal: Terminal) -> None:
-    terminal.ears._read()  # as if it were told of something that is not there any more
-    assert terminal.messages == []
-    assert await terminal.keys(b"g", 1) == [("g", False)]
-
-
-async def test_once_closed_nothing_is_heard(terminal: Terminal) -> None:
-    descriptor = terminal.outlet.listening
-    terminal.ears.close()
-    assert not asyncio.get_running_loop().remove_reader(descriptor)  # its number may be another file's by now
-    os.write(terminal.master, b"g")
-    await asyncio.sleep(0)
-    terminal.ears.close()  # and closing again does no harm
-    assert terminal.outlet.listening < 0 and terminal.messages == []
-
-
-def test_the_stock_driver_still_reads_in_this_way() -> None:
-    """What ours replaces, and calls: another release that moves them is noticed here."""
-    from textual._xterm_parser import XTermParser
-    from textual.driver import Driver
-    from textual.drivers.linux_driver import LinuxDriver
-
-    assert {"run_input_thread", "write", "disable_input", "start_application_mode"} <= set(LinuxDriver.__dict__)
-    assert {"process_message", "send_message"} <= set(Driver.__dict__) | set(LinuxDriver.__dict__)
-    assert [event.key for event in XTermParser().feed("g")] == ["g"]  # type: ignore[attr-defined]
+    await terminal.until(lambda: not terminal.thread.is_alive())
+    assert len(terminal.heard) == 1

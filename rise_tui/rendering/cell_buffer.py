@@ -1,4 +1,4 @@
-"""What the terminal shows, cell by cell, so that only cells that differ are sent (law 8). Pure: knows no screen.
+"""What the terminal shows, cell by cell, so that only cells that differ are sent. Pure: knows no screen.
 
 Textual paints regions: opening a small dialog sends every cell of the terminal again, 27 kB at 120x40.
 """
@@ -22,7 +22,7 @@ SECOND = "\0"
 Cell: TypeAlias = tuple[str, Style | None]
 
 
-class Run(NamedTuple):
+class CellRun(NamedTuple):
     """Cells to write, beginning at a place."""
 
     x: int
@@ -30,7 +30,7 @@ class Run(NamedTuple):
     strip: Strip
 
 
-class Frame:
+class CellBuffer:
     """What was written so far. Whoever disturbs the terminal calls `forget`."""
 
     def __init__(self) -> None:
@@ -46,14 +46,14 @@ class Frame:
         if self._size != (width, height):
             self._rows, self._size = [[None] * width for _ in range(height)], (width, height)
 
-    def put(self, x: int, y: int, strip: Strip) -> list[Run]:
+    def put(self, x: int, y: int, strip: Strip) -> list[CellRun]:
         """Take in what is to stand at a place; returns what has to be written for it."""
         if not 0 <= y < len(self._rows):
             return []
         row = self._rows[y]
         cells = cells_of(strip)[: max(0, len(row) - x)]
         before, row[x : x + len(cells)] = row[x : x + len(cells)], cells
-        return [Run(x + start, y, strip_of(cells[start:end])) for start, end in differing(before, cells)]
+        return [CellRun(x + start, y, strip_of(cells[start:end])) for start, end in differing(before, cells)]
 
 
 def cells_of(strip: Iterable[Segment]) -> list[Cell]:

@@ -12,7 +12,7 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from rise_tui.quiet.frame import GAP, Cell, Frame, Run, cells_of, strip_of
+from rise_tui.rendering.cell_buffer import GAP, Cell, CellBuffer, CellRun, cells_of, strip_of
 
 RED, BLUE = Style(color="red"), Style(color="blue")
 
@@ -25,19 +25,19 @@ def plain(text: str) -> Strip:
     return strip((text, None))
 
 
-def written(runs: list[Run]) -> list[tuple[int, str]]:
+def written(runs: list[CellRun]) -> list[tuple[int, str]]:
     return [(run.x, run.strip.text) for run in runs]
 
 
-def frame_with(text: str) -> Frame:
-    frame = Frame()
+def frame_with(text: str) -> CellBuffer:
+    frame = CellBuffer()
     frame.resize(len(text), 1)
     frame.put(0, 0, plain(text))
     return frame
 
 
 def test_the_first_time_everything_is_written_and_the_second_time_nothing() -> None:
-    frame = Frame()
+    frame = CellBuffer()
     frame.resize(5, 1)
     assert written(frame.put(0, 0, plain("hello"))) == [(0, "hello")]
     assert frame.put(0, 0, plain("hello")) == []
@@ -76,7 +76,7 @@ def test_what_lies_outside_is_left_out() -> None:
 
 @pytest.mark.parametrize(("before", "after"), [("字宇", "宇宇"), ("ab宇", "字宇"), ("字宇", "ab宇")])
 def test_wide_characters_are_written_whole(before: str, after: str) -> None:
-    frame = Frame()
+    frame = CellBuffer()
     frame.resize(4, 1)
     frame.put(0, 0, plain(before))
     assert written(frame.put(0, 0, plain(after))) == [(0, after[:-1])]
@@ -92,7 +92,7 @@ def test_cells_and_back() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_a_terminal_shows_what_a_repaint_would(seed: int) -> None:
     chance, width, height = Random(seed), 40, 6
-    frame, screen = Frame(), pyte.Screen(width, height)
+    frame, screen = CellBuffer(), pyte.Screen(width, height)
     stream, console = pyte.Stream(screen), Console(color_system="truecolor", force_terminal=True)
     frame.resize(width, height)
     rows: list[list[Cell]] = [[(" ", None)] * width for _ in range(height)]  # what should be there, cell by cell

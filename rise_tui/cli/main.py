@@ -1,20 +1,21 @@
-"""`rise-tui`: the command line. What is asked for is done by `starting` and by the modules of the subcommands."""
+"""`rise-tui`: the options and the subcommands."""
 
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import click
 from click.core import ParameterSource
+from click.shell_completion import get_completion_class
 
 from rise_engine import __version__
+from rise_engine.arguments import split_ros_args
 from rise_engine.terminal import guarded
+from rise_tui.cli.options import CommandLine
+from rise_tui.cli.start import start
 from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
-from rise_tui.start.starting import Asked, start
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
 """Those of `rise_tui.themes`, which is not imported before a session is on its way."""
@@ -25,8 +26,6 @@ class _Program(click.Group):
     """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        from rise_engine.arguments import split_ros_args
-
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
         with guarded():
             return super().main(ours, *rest, obj=theirs, **more)
@@ -120,7 +119,7 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
         return
     given["wizard"] = (given["wizard"] or "").strip() or None
     display = Display(theme or "", colors, mouse == "on", fps)
-    asked = Asked(display=display, ros_args=tuple(context.obj or ()), **given)
+    asked = CommandLine(display=display, ros_args=tuple(context.obj or ()), **given)
     _check_usage(asked)
     start(asked)
 
@@ -136,7 +135,7 @@ def _check_alone(context: click.Context) -> None:
         raise click.UsageError(f"{', '.join(given)} cannot stand before `{context.invoked_subcommand}`")
 
 
-def _check_usage(asked: Asked) -> None:
+def _check_usage(asked: CommandLine) -> None:
     starting = {
         "--robot": asked.robot,
         "--mode": asked.mode,
@@ -178,7 +177,7 @@ def _check_usage(asked: Asked) -> None:
 @_KEYS
 def keys(folder: str | None, html: str | None, keys: str | None) -> None:
     """A card with all keys: those of the scenario in DIR, then the console's. To lay beside the keyboard."""
-    from rise_tui.start.keycard import print_card
+    from rise_tui.start.keycard import print_card  # Textual comes with it, as below
 
     sys.exit(print_card(folder, html, keys))
 
@@ -203,12 +202,6 @@ def completions(shell: str) -> None:
     zsh   in ~/.zshrc:   eval "$(rise-tui completions zsh)"
     fish  once:          rise-tui completions fish > ~/.config/fish/completions/rise-tui.fish
     """
-    from click.shell_completion import get_completion_class
-
     found = get_completion_class(shell)
     assert found is not None
     click.echo(found(main, {}, "rise-tui", "_RISE_TUI_COMPLETE").source())
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,96 @@
+"""The engine of `console_keys`, a process of its own: makes records all the time, and notes when commands come.
+
+Arguments: the folder of its scenario and its sockets, the folder of its journal, records a second. It says `ready`, and
+after a line on its input what it noted, as JSON: for each of a wizard's commands the behavior, when it came and when it
+was durable, and when something came to the floor's socket; seconds on the monotonic clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from rise_engine.clock import RealClock
+from rise_engine.engine import Answer, Engine, versions
+from rise_engine.kernel.inputs import Submit
+from rise_engine.link.client import ClientInput, Reply
+from rise_engine.link.places import claim
+from rise_engine.link.room import Member, Room
+from rise_engine.link.server import Server
+from rise_engine.robots import make_robot
+from rise_engine.scenario import load
+from rise_engine.session.folder import JOURNAL, create
+from rise_engine.session.journal import Journal
+from rise_engine.session.lines import header_line
+
+
+class WatchedRoom(Room):
+    """Notes each command of a wizard."""
+
+    def __init__(self, engine: Engine, folder: str) -> None:
+        super().__init__(engine, folder)
+        self.commands: list[tuple[str, float, float]] = []
+
+    def send(self, member: Member, message: ClientInput, answer: Answer) -> None:
+        came = time.monotonic()
+
+        def durable(reply: Reply) -> None:
+            if member.role == "wizard" and isinstance(message, Submit):
+                self.commands.append((message.behavior, came, time.monotonic()))
+            answer(reply)
+
+        super().send(member, message, durable)
+
+
+async def serve(root: Path, disk: Path, rate: float) -> None:
+    loop = asyncio.get_running_loop()
+    loaded = load(str(root / "scenario"))
+    scenario = loaded.scenario
+    assert scenario is not None
+    folder = create(disk, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
+    clock = RealClock(loop, 1)
+
+    def changed() -> None:
+        with suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(engine.look_at_journal)
+
+    journal = Journal(folder / JOURNAL, size=0, lock=None, changed=changed, later=loop.call_soon, now=clock.now)
+    journal.append(header_line("benchmark"))
+    engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1, journal=journal)
+    floor: list[float] = []
+
+    class Floor(asyncio.Protocol):
+        def data_received(self, data: bytes) -> None:
+            floor.append(time.monotonic())
+
+    with claim("keys") as name:
+        room = WatchedRoom(engine, str(folder))
+        server = Server(room, name.socket)
+        await server.start()
+        await loop.create_unix_server(Floor, str(root / "floor.sock"))
+        engine.start()
+        reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.readline))
+        print("ready", flush=True)
+        begun, first, number = time.monotonic(), room.view.seq, 0
+        while not reading.done():
+            while room.view.seq - first < (time.monotonic() - begun) * rate:
+                number += 1
+                if number % 3:
+                    engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
+                else:
+                    engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
+                await asyncio.sleep(0)
+            await asyncio.sleep(0.002)
+        made = (room.view.seq - first) / (time.monotonic() - begun)
+        print(json.dumps({"commands": room.commands, "floor": floor, "rate": made}), flush=True)
+        engine.end_now("done")
+        await server.close()
+        await asyncio.to_thread(journal.close, 5.0)
+
+
+if __name__ == "__main__":
+    asyncio.run(serve(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3])))

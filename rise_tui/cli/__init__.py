@@ -1,0 +1,1 @@
+"""`rise-tui`: the command line. `main` reads it, `start` does what is asked for."""

@@ -1,0 +1,84 @@
+"""Opens a console on a session and shows it until somebody leaves. Textual is prepared before this is imported."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+
+import click
+
+from rise_engine.link.client import Client
+from rise_engine.link.places import PlaceError, about
+from rise_engine.link.socket_client import SocketClient
+from rise_tui.app import ConsoleApp
+from rise_tui.cli.options import CommandLine
+from rise_tui.cli.terminal import login_name
+from rise_tui.start.display import colors, theme
+from rise_tui.start.keeper import Keeper
+from rise_tui.start.keymap import KeyFile
+from rise_tui.start.launch import Launcher
+from rise_tui.start.launch_process import process_launcher
+from rise_tui.start.paths import CONSOLE, state_folder
+from rise_tui.start.preferences import Preferences, load
+from rise_tui.start.settings import Settings
+from rise_tui.text import clean
+
+
+def on_session(
+    name: str, settings: Settings | None, asked: CommandLine, keys: KeyFile | None, *, notice: str = ""
+) -> int:
+    """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
+    wizard, remark = wizard_name(asked, name)
+    client = SocketClient(name, wizard, asked.role, resync=True)
+    if notice and remark:
+        remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
+    notice = "; ".join(filter(None, (notice, remark)))
+    return on_client(client, settings, process_launcher(wizard, asked.role), wizard, asked, keys, notice)
+
+
+def on_client(
+    client: Client,
+    settings: Settings | None,
+    launcher: Launcher,
+    wizard: str,
+    asked: CommandLine,
+    keys: KeyFile | None,
+    notice: str = "",
+) -> int:
+    """A console on what a client shows; returns the exit status."""
+    kept, unused = (Preferences(), "") if asked.fresh else load(state_folder() / CONSOLE, Preferences)
+    app = ConsoleApp(
+        None,
+        settings,
+        wizard=wizard,
+        theme=theme(asked.display, colors(asked.display, os.environ), kept.theme),
+        launcher=launcher,
+        client=client,
+        told=notice,
+        keys=keys,
+        in_browser=asked.in_browser,
+        keeper=Keeper(kept, fresh=asked.fresh, said=unused, keeps=not asked.observe and asked.replay is None),
+    )
+    app.run(mouse=asked.display.mouse)
+    if app.last_words and not app.terminal_gone:
+        with suppress(OSError):  # it may have gone just now
+            click.echo(app.last_words, err=True)
+    return app.return_code or 0
+
+
+def wizard_name(asked: CommandLine, session: str) -> tuple[str, str]:
+    """The name of whoever sits here, and what there is to say about it.
+
+    A wizard who comes back to a session and says no name is who this user's console was before: sessions belong to one
+    user of the machine, and whoever held control last is who has lost a console.
+    """
+    if asked.wizard is not None or asked.observe:
+        return asked.wizard or login_name(), ""
+    try:
+        found = about(session)
+    except PlaceError:  # attaching says it
+        found = None
+    login = login_name()
+    if found is None or found.wizard in ("", login):
+        return login, ""
+    return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"

@@ -1,0 +1,74 @@
+"""What the command line of `rise-tui` says."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from rise_engine.arguments import places_of
+from rise_engine.bridge import Transport, Wire
+from rise_engine.link.client import Role
+from rise_tui.start.display import Display
+from rise_tui.start.settings import Settings
+
+REFUSED, USAGE = 1, 2
+"""Exit statuses."""
+
+
+class CommandLine(Struct, frozen=True, kw_only=True):
+    """What was given, by the names of the options; None: it was not."""
+
+    folder: str | None = None
+    robot: str | None = None
+    mode: str | None = None
+    ros: Transport | None = None
+    ros_args: tuple[str, ...] = ()
+    seed: int | None = None
+    participant: str | None = None
+    condition: str | None = None
+    sets: tuple[str, ...] = ()
+    """Memory values to begin with, as they were written: `KEY=JSON`."""
+    places: tuple[str, ...] = ()
+    """Where acts, rules and memory are read, as it was written: `KIND=PATH`."""
+    new: bool = False
+    recover: bool = False
+    here: bool = False
+    session: str | None = None
+    observe: bool = False
+    wizard: str | None = None
+    """None: see `open_console.wizard_name`."""
+    replay: str | None = None
+    speed: float = 1.0
+    display: Display = Display()
+    keys: str | None = None
+    fresh: bool = False
+    web: int | None = None
+    in_browser: bool = False
+    """This is the console of one browser (`rise_tui.web.terminal`)."""
+
+    @property
+    def role(self) -> Role:
+        """As what the console attaches."""
+        return "observer" if self.observe else "wizard"
+
+    @property
+    def unfinished(self) -> str:
+        """What to do about an earlier session that did not end."""
+        return "new" if self.new else "recover" if self.recover else "ask"
+
+    @property
+    def only_for_new(self) -> list[str]:
+        """The options that were given and mean nothing to a session that runs."""
+        return ["--set"] * bool(self.sets) + ["--place"] * bool(self.places)
+
+    @property
+    def settings(self) -> Settings:
+        """What a session is started with."""
+        return Settings(
+            self.folder or "",
+            self.robot,
+            self.mode,
+            places=places_of(self.places),
+            wire=Wire(self.ros or "auto", self.ros_args),
+            participant=self.participant or "",
+            condition=self.condition or "",
+        )

@@ -1,0 +1,28 @@
+"""`rise-tui --replay`: a console on the record of a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rise_engine.link.replay_client import ReplayClient
+from rise_engine.session.folder import SessionError
+from rise_engine.session.reports import find_session
+from rise_tui.cli.open_console import on_client
+from rise_tui.cli.options import USAGE, CommandLine
+from rise_tui.start.keymap import KeyFile
+from rise_tui.start.launch_process import process_launcher
+from rise_tui.start.settings import NothingChosenError, expanded
+
+
+def find(asked: CommandLine) -> Path:
+    """The folder of the recorded session. Raises NothingChosenError."""
+    try:
+        return find_session(str(expanded(asked.replay or "")))
+    except SessionError as error:
+        raise NothingChosenError(USAGE, str(error)) from None
+
+
+def open_console(path: Path, asked: CommandLine, keys: KeyFile | None) -> int:
+    """Show it until somebody leaves; returns the exit status."""
+    client = ReplayClient(path, asked.speed)
+    return on_client(client, None, process_launcher("wizard", "wizard"), "replay", asked, keys)

@@ -1,0 +1,231 @@
+"""Finds or starts the session that the command line asks for, and opens a console on it.
+
+What opens a console is imported after the engine's process is on its way, for the two come up side by side (150 ms),
+and after the terminal's colours are settled, which Textual reads when it is imported.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+from msgspec.structs import replace
+
+from rise_engine.arguments import UnusableError, assignments
+from rise_engine.link.places import PlaceError, about, running, session_name
+from rise_engine.link.spawn import Refused, Starting, start_engine
+from rise_engine.session.folder import unfinished, whose
+from rise_tui.cli.options import REFUSED, USAGE, CommandLine
+from rise_tui.cli.running import reached_elsewhere, running_session
+from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
+from rise_tui.start import choose, launch
+from rise_tui.start.display import prepare_textual, settled
+from rise_tui.start.paths import key_file
+from rise_tui.start.settings import NothingChosenError, Settings, nothing_in, options, scenario_place
+
+if TYPE_CHECKING:
+    from rise_tui.start.keymap import KeyFile
+
+
+def start(asked: CommandLine) -> NoReturn:
+    """Do what is asked; ends the process with its exit status."""
+    if asked.in_browser:
+        take_terminal()
+    try:
+        if asked.web is not None:
+            _serve_browsers(asked)
+        asked = replace(asked, display=settled(asked.display, os.environ))
+        prepare_textual(asked.display)  # before anything imports Textual
+        keys = _read_keys(asked)
+        if asked.replay is not None:
+            _open_replay(asked, keys)
+        elif asked.folder is None:
+            _attach(asked, keys)
+        else:
+            _run(asked, asked.settings, keys)
+    except NothingChosenError as nothing:
+        for line in nothing.lines:
+            click.echo(line, err=True)
+        sys.exit(nothing.code)
+
+
+def _nothing(reason: str) -> NoReturn:
+    raise NothingChosenError(USAGE, reason)
+
+
+def _read_keys(asked: CommandLine) -> KeyFile | None:
+    """The user's key file; None when there is none."""
+    path = key_file(asked.keys)
+    if path is None:
+        return None
+    from rise_tui.start.keyfile import read_keys
+    from rise_tui.start.keymap import refusal
+
+    keys = read_keys(path)
+    if keys.findings:
+        raise NothingChosenError(USAGE, *map(str, keys.findings), refusal(path))
+    return keys
+
+
+def _need_terminal(also: str = "") -> None:
+    if not PlainTerminal().interactive:
+        click.echo("the console needs a terminal; `rise-engine run` and `rise-engine serve` need none", err=True)
+        if also:
+            click.echo(also, err=True)
+        sys.exit(USAGE)
+
+
+# --- sessions that run ------------------------------------------------------------------------------------------------
+
+
+def _serve_browsers(asked: CommandLine) -> NoReturn:
+    """Consoles for browsers, until somebody ends this process."""
+    _read_keys(asked)  # only to say now what is wrong with it
+    name = running_session(asked)
+    try:
+        from rise_tui.web.server import WebError, serve
+    except ImportError as error:
+        _nothing(f"--web needs more than is installed ({error.name}): pip install 'rise-tui[web]'")
+    try:
+        serve(name, _arguments_in_browser(name, asked), asked.web or 0)
+    except WebError as error:
+        _nothing(str(error))
+    sys.exit(0)
+
+
+def _arguments_in_browser(name: str, asked: CommandLine) -> list[str]:
+    """How the console of a browser is started."""
+    display = asked.display
+    given = ["--session", name, "--observe", "--in-browser", "--wizard", asked.wizard or login_name()]
+    given += ["--colors", display.colors, "--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
+    given += ["--theme", display.theme] if display.theme else []
+    given += ["--keys", asked.keys] if asked.keys is not None else []
+    return [*given, "--fresh"] if asked.fresh else given
+
+
+def _attach(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+    """To a session that runs already."""
+    name = running_session(asked)
+    _need_terminal()
+    _open(name, None, asked, keys)
+
+
+def _join(name: str, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+    """The session of the scenario that runs already, if it is what was asked for."""
+    choose.same(
+        name,
+        about(name),
+        new=asked.new,
+        robot=asked.robot,
+        mode=asked.mode,
+        participant=asked.participant,
+        condition=asked.condition,
+        begins=asked.only_for_new,
+    )
+    _need_terminal()
+    _open(name, None, asked, keys)
+
+
+# --- new sessions -----------------------------------------------------------------------------------------------------
+
+
+def _run(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoReturn:
+    """A session of a scenario: the one that runs, an earlier one recovered, or a new one."""
+    if problem := nothing_in(settings):
+        _refuse([problem], settings.folder)
+    name = session_name(scenario_place(settings))
+    try:
+        if name in running():
+            _join(name, asked, keys)
+    except PlaceError as error:
+        _nothing(str(error))
+    if asked.observe:
+        _observe(asked, settings, keys)
+    _need_terminal_to_choose(asked, settings)
+    if keys is not None:
+        _check_clashes(settings, keys)
+    wanted = options(settings, asked.seed, asked.unfinished)
+    wanted = replace(wanted, wizard=asked.wizard or login_name(), here=asked.here, first=_first_inputs(asked))
+    starting = Starting(wanted)
+    # Its process takes as long to come up as the console takes to be imported: both at once.
+    from rise_tui.cli import open_console
+
+    progress = ProgressLine()
+    found = starting.wait(progress.show)
+    progress.clear()
+    if isinstance(found, Refused) and (found.unfinished or found.others):
+        named = whose(settings.participant, settings.condition)
+        chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
+        found = start_engine(replace(wanted, unfinished=chosen), progress.show)
+        progress.clear()
+    if isinstance(found, Refused) and found.code == launch.RUNNING and (found.socket or name in running()):
+        _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
+    if isinstance(found, Refused):
+        _refuse(found.lines, settings.folder, found.code)
+    unused = asked.only_for_new if found.recovered else []
+    notice = launch.told_of(found) + (f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else "")
+    sys.exit(open_console.on_session(found.name, settings, asked, keys, notice=notice))
+
+
+def _observe(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoReturn:
+    """A session that runs with another runtime folder, perhaps; none is started."""
+    if elsewhere := reached_elsewhere(settings):
+        _join(elsewhere, asked, keys)
+    _nothing(f"no session of {settings.folder} is running, and --observe starts none")
+
+
+def _need_terminal_to_choose(asked: CommandLine, settings: Settings) -> None:
+    """Also where somebody has to be asked about a session that did not end."""
+    if PlainTerminal().interactive:
+        return
+    asks = asked.unfinished == "ask" and unfinished(str(Path(scenario_place(settings)).absolute()))
+    _need_terminal(choose.WITHOUT_TERMINAL if asks else "")
+
+
+def _first_inputs(asked: CommandLine) -> tuple[dict[str, str], ...]:
+    """What a new session begins with. Raises NothingChosenError."""
+    if not asked.sets:
+        return ()
+    try:
+        return tuple(
+            {"input": "submit", "function": "assignValue", "behavior": behavior, "source": "wizard:command-line"}
+            for behavior in assignments(asked.sets)
+        )
+    except UnusableError as error:
+        raise NothingChosenError(USAGE, *str(error).splitlines()) from None
+
+
+def _check_clashes(settings: Settings, keys: KeyFile) -> None:
+    """Before an engine is started for a console that would then refuse to open."""
+    from rise_tui.start.keymap import refusal
+
+    prepared = launch.prepare(settings)
+    if not isinstance(prepared, launch.Refused) and (clashes := keys.clashes(prepared.keys)):
+        raise NothingChosenError(USAGE, *map(str, clashes), refusal(keys.path))
+
+
+def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
+    for line in lines:
+        click.echo(line)
+    click.echo(f"{folder} was refused: nothing was started", err=True)
+    sys.exit(code)
+
+
+# --- consoles ---------------------------------------------------------------------------------------------------------
+
+
+def _open(name: str, settings: Settings | None, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+    from rise_tui.cli import open_console
+
+    sys.exit(open_console.on_session(name, settings, asked, keys))
+
+
+def _open_replay(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+    from rise_tui.cli import replay
+
+    path = replay.find(asked)
+    _need_terminal()
+    sys.exit(replay.open_console(path, asked, keys))

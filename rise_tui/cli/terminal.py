@@ -1,0 +1,65 @@
+"""The plain terminal, before any screen: questions, progress, and whose it is."""
+
+from __future__ import annotations
+
+import fcntl
+import sys
+import termios
+from contextlib import suppress
+from getpass import getuser
+
+import click
+
+from rise_engine.text import clean
+
+
+class PlainTerminal:
+    """Implements `rise_tui.start.choose.Terminal`."""
+
+    @property
+    def interactive(self) -> bool:
+        """Whether somebody can be asked."""
+        return sys.stdin.isatty() and sys.stdout.isatty()
+
+    def say(self, line: str) -> None:
+        """Write a line."""
+        click.echo(line)
+
+    def ask(self, question: str) -> str | None:
+        """The answer; None when nobody answers any more."""
+        try:
+            return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
+        except click.Abort:
+            click.echo("")
+            return None
+
+
+class ProgressLine:
+    """How far an engine is that is still coming up: one line of the terminal, which is written over."""
+
+    def __init__(self) -> None:
+        self._is_shown = False
+
+    def show(self, sentence: str) -> None:
+        """Write it over what the line said."""
+        self._is_shown = True
+        click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self._is_shown:
+            click.echo("\r\x1b[2K", nl=False)
+
+
+def login_name() -> str:
+    """The user's, or `wizard` where the system knows none."""
+    try:
+        return getuser()
+    except (KeyError, OSError):
+        return "wizard"
+
+
+def take_terminal() -> None:
+    """Make the input's terminal this process's own: it is then told when it changes its size or is hung up."""
+    with suppress(OSError):  # it has one already
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)

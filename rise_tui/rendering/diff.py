@@ -1,0 +1,46 @@
+"""Of what was painted again, only the cells that the terminal does not show already."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Console
+from rich.control import Control
+from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
+from textual.geometry import Size
+from textual.strip import Strip
+
+from rise_tui.rendering.cell_buffer import CellBuffer, CellRun
+
+
+class DiffUpdate(CompositorUpdate):
+    """Of an update, only the cells that the terminal does not show already.
+
+    The stock updates write every cell of every region that was painted again: opening or closing any dialog writes the
+    whole screen, 27 kB at 120x40, and so does a change of focus; leaving a row writes all of it.
+    """
+
+    def __init__(self, update: LayoutUpdate | ChopsUpdate, cells: CellBuffer, size: Size) -> None:
+        """`cells`: what the terminal of this size shows; takes in what is written."""
+        self._update, self._cells, self._size = update, cells, size
+
+    def render_segments(self, console: Console) -> str:
+        """The terminal's codes for the cells that differ."""
+        self._cells.resize(*self._size)
+        update = self._update
+        runs = _whole_lines(update, self._cells) if isinstance(update, LayoutUpdate) else _parts(update, self._cells)
+        return "".join(Control.move_to(run.x, run.y).segment.text + run.strip.render(console) for run in runs)
+
+
+def _whole_lines(update: LayoutUpdate, cells: CellBuffer) -> Iterator[CellRun]:
+    for y, line in enumerate(update.strips, update.region.y):
+        yield from cells.put(update.region.x, y, Strip.join(line))
+
+
+def _parts(update: ChopsUpdate, cells: CellBuffer) -> Iterator[CellRun]:
+    """A chop is a piece of a line between two borders of widgets; a span is what of the line is to be painted."""
+    for y, start, end in update.spans:
+        for (x, strip), chop_end in zip(update.chops[y].items(), update.chop_ends[y], strict=False):
+            left, right = max(x, start), min(chop_end, end)
+            if strip is not None and left < right:
+                yield from cells.put(left, y, strip.crop(left - x, right - x))

@@ -1,0 +1,92 @@
+"""An app that writes only the cells that differ, skips frames its terminal cannot take, and sees every key first."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import RenderableType
+from textual import events
+from textual._compositor import ChopsUpdate, LayoutUpdate
+from textual.app import App
+from textual.screen import Screen
+from textual.timer import Timer
+
+from rise_tui.rendering.cell_buffer import CellBuffer
+from rise_tui.rendering.diff import DiffUpdate
+from rise_tui.rendering.terminal_driver import TerminalDriver
+from rise_tui.rendering.terminal_reader import read_together
+from rise_tui.rendering.terminal_writer import TerminalWriter
+
+CATCH_UP = 0.05
+"""Seconds between two looks whether a terminal that lay behind takes more."""
+
+
+class TerminalApp(App[Any]):
+    """An app on a terminal that may be far away, slow, or gone."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(driver_class=TerminalDriver, **options)
+        self._cells = CellBuffer()
+        """What the terminal shows."""
+        self._catching_up: Timer | None = None
+
+    # --- writing ----------------------------------------------------------------------------------------------------
+
+    @property
+    def terminal_writer(self) -> TerminalWriter | None:
+        """The way to the terminal; None without one (tests)."""
+        writer = getattr(self._driver, "terminal_writer", None)
+        return writer if isinstance(writer, TerminalWriter) else None
+
+    def forget_terminal(self) -> None:
+        """Nobody knows what the terminal shows: whatever is painted next is written whole."""
+        self._cells.forget()
+
+    def repaint_everything(self) -> None:
+        """Write every cell again: something else has written to the terminal."""
+        self.forget_terminal()
+        self.screen.refresh()
+
+    def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
+        if not isinstance(renderable, LayoutUpdate | ChopsUpdate) or self._batch_count:
+            super()._display(screen, renderable)
+        elif self.terminal_writer is not None and self.terminal_writer.is_behind:
+            self._skip_frame()
+        else:
+            super()._display(screen, DiffUpdate(renderable, self._cells, self.size))  # type: ignore[arg-type]
+
+    def _skip_frame(self) -> None:
+        """What it would have shown is painted when the terminal has taken what came before."""
+        if self._catching_up is None:
+            self._catching_up = self.set_interval(CATCH_UP, self._catch_up)
+
+    def _catch_up(self) -> None:
+        if self._catching_up is not None and not (self.terminal_writer and self.terminal_writer.is_behind):
+            self._catching_up.stop()
+            self._catching_up = None
+            self.screen.refresh()
+
+    # --- keys -------------------------------------------------------------------------------------------------------
+
+    def observe_key(self, event: events.Key, together: bool | None) -> None:
+        """Called once for each key, before anything acts on it, also for those that a binding or a dialog takes.
+
+        `together`: whether it came in one piece with other keys, as a paste does; None: nobody knows (tests).
+        """
+
+    def admits(self, event: events.Event) -> bool:
+        """Whether an event of the keyboard or the mouse may go on; asked once for each, keys having been observed."""
+        return True
+
+    def handle_key_first(self, event: events.Key) -> bool:
+        """Carry out a key at once that nothing else could want; False: it goes its usual way."""
+        return False
+
+    async def on_event(self, event: events.Event) -> None:
+        """An input event comes here once from the driver, and again when it bubbles up; only the first counts."""
+        if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
+            if isinstance(event, events.Key):
+                self.observe_key(event, read_together(event))
+            if not self.admits(event) or (isinstance(event, events.Key) and self.handle_key_first(event)):
+                return
+        await super().on_event(event)

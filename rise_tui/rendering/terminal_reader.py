@@ -1,0 +1,85 @@
+"""Reading what a terminal sends: like Textual's own reader, but of each key it knows whether others came with it."""
+
+from __future__ import annotations
+
+import os
+import select
+from codecs import getincrementaldecoder
+from collections.abc import Callable, Iterable
+from threading import Event
+
+from textual import constants, events
+from textual._xterm_parser import XTermParser
+from textual.message import Message
+
+READ = 4096
+ALONE = 0.0003
+"""Seconds that are waited after a key for what may follow it: what is pasted comes at once, and fingers do not."""
+POLL = constants.ESCAPE_DELAY + 0.005
+"""Seconds after which a sequence that was not completed is looked at: Esc alone is one."""
+_TOGETHER = "_read_together"
+
+
+def read_together(event: events.Key) -> bool | None:
+    """Whether a key came in one piece with others, as a paste does; None when no terminal has brought it."""
+    found = event.__dict__.get(_TOGETHER)
+    return found if isinstance(found, bool) else None
+
+
+def mark_together(messages: Iterable[Message], together: bool) -> None:
+    """Mark the keys among some messages."""
+    for message in messages:
+        if isinstance(message, events.Key):
+            message.__dict__[_TOGETHER] = together
+
+
+class TerminalReader:
+    """Reads one terminal, on a thread of its own, until it is told to stop or the terminal has gone.
+
+    Textual's own reader does not tell what came in one read, so every key would have to wait until nothing more can
+    follow (25 ms); and it ends the whole console at a code that its parser trips over.
+    """
+
+    def __init__(self, fileno: int, deliver: Callable[[Message], None], stop: Event) -> None:
+        self._fileno, self._deliver, self._stop = fileno, deliver, stop
+        self._parser = XTermParser()
+        self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
+
+    def run(self) -> None:
+        """Read and deliver; returns at the end."""
+        while not self._stop.is_set():
+            if self._has_more(POLL) and not self._read():
+                return
+            self._deliver_incomplete()
+
+    def _has_more(self, seconds: float) -> bool:
+        return bool(select.select((self._fileno,), (), (), seconds)[0])
+
+    def _read(self) -> bool:
+        """False when the terminal has gone."""
+        try:
+            data = os.read(self._fileno, READ)
+        except OSError:
+            return False
+        messages = [message for character in self._decode(data) for message in self._parse(character)]
+        keys = sum(isinstance(message, events.Key) for message in messages)
+        if keys:
+            mark_together(messages, keys > 1 or self._has_more(ALONE))
+        for message in messages:
+            self._deliver(message)
+        return bool(data)
+
+    def _deliver_incomplete(self) -> None:
+        """What has waited in vain for the rest of a sequence."""
+        messages = list(self._parser.tick())
+        if any(isinstance(message, events.Key) and message.key != "escape" for message in messages):
+            mark_together(messages, True)  # Escape and something else came at once: alt+enter is not Enter
+        for message in messages:
+            self._deliver(message)
+
+    def _parse(self, character: str) -> list[Message]:
+        try:
+            return list(self._parser.feed(character))
+        except Exception:  # a code that Textual's parser trips over, such as a character beyond Unicode
+            self._parser = XTermParser()
+            return []
