@@ -43,14 +43,6 @@ KEY_LABELS = {
     "space": "space",
 }
 
-SWALLOWED = frozenset(
-    {"ctrl+h", "ctrl+i", "ctrl+m", "ctrl+left_square_bracket", "ctrl+space", "ctrl+at"}
-    | {f"ctrl+{digit}" for digit in range(10)}
-    | {f"alt+{digit}" for digit in range(10)}
-    | {"ctrl+enter", "shift+enter", "alt+enter", "ctrl+a", "ctrl+b", "ctrl+s", "ctrl+z", "ctrl+q", "f1", "f10", "f11"}
-)
-"""Keys that terminals, multiplexers or editors take or confuse; nothing here may be bound to one."""
-
 
 def available(store: Store) -> str:
     return ""
@@ -75,10 +67,6 @@ class Action(Struct, frozen=True):
         """The key to show where there is room for one."""
         keys = keys_of(self)
         return key_label(keys[0]) if keys else ""
-
-    @property
-    def all_keys(self) -> str:
-        return "  ".join(key_label(key) for key in keys_of(self))
 
 
 _own_keys: dict[str, tuple[str, ...]] = {}

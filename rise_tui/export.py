@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rise_engine.errors import RiseError
 from rise_engine.view import TaskView
 
 CLIPBOARD_BYTES = 75_000
@@ -20,11 +21,11 @@ COLUMNS = (
 TABLES, LINES = (".tsv", ".txt"), (".jsonl", ".ndjson")
 
 
-class NotSaved(Exception):
+class NotSaved(RiseError):
     """Nothing was written; the message says why, for a person."""
 
 
-class TooLong(ValueError):
+class TooLong(RiseError):
     """It does not fit on a clipboard; the message says what to do."""
 
 

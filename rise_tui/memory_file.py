@@ -6,11 +6,12 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from rise_engine.errors import RiseError
 from rise_engine.scenario.json_reader import JsonArray, JsonError, JsonObject, Member, plain, read_json
 from rise_engine.scenario.memory import LIST_KEY
 
 
-class NotEditable(ValueError):
+class NotEditable(RiseError):
     """The file is not what a scenario's memory is; the message says why, for a person."""
 
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from rise_engine.errors import RiseError
 from rise_engine.scenario.layout import DEFAULT_PLACES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Scenario
@@ -19,7 +20,7 @@ from rise_tui.memory_file import NotEditable, edited, same
 from rise_tui.text import value_text
 
 
-class NotWritable(Exception):
+class NotWritable(RiseError):
     """The start values cannot be written; the message says why, for a person."""
 
 

@@ -14,7 +14,7 @@ from textual.app import App
 from rise_engine.view import TaskView
 from rise_tui.export import NotSaved, TooLong, folder_for, for_clipboard, on_the_way, save, table
 from rise_tui.model.store import Store
-from rise_tui.start.choose import tilde
+from rise_tui.start.paths import tilde
 from rise_tui.text import clock
 
 

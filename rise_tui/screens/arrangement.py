@@ -119,10 +119,6 @@ class Arrangement(Container):
         self._layout_kind, self._narrow = layout_for(size.width, size.height), is_narrow(size.width)
         self._place_all()
 
-    @property
-    def layout_kind(self) -> Layout:
-        return self._layout_kind
-
     def focused(self) -> Pane | None:
         """The list or pane that has the focus."""
         return next((pane for pane in self.panes.values() if pane.has_focus_within), None)

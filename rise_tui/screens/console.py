@@ -166,7 +166,7 @@ class ConsoleScreen(Screen[None]):
     def _selected_act(self) -> str:
         """The act under the cursor, while the list of acts has the focus."""
         pane = self.panes.focused()
-        return getattr(pane.rows, "current", "") if pane is not None and pane.PLACE == "acts" else ""
+        return pane.rows.current if pane is not None and pane.PLACE == "acts" else ""
 
     # --- what keys make happen: InputActions ------------------------------------------------------------------------
 

@@ -24,7 +24,6 @@ from rise_tui.text import clean
 from rise_tui.widgets.editor import Field
 
 PLACES = ("acts", "rules", "memory")
-FOR_WHOM = ("participant", "condition")
 MODES = ("debug", "real")
 
 

@@ -6,10 +6,10 @@ Pure but for the `Terminal` that is passed in; knows neither sockets nor Textual
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Protocol
 
 from rise_tui.model.control import short
+from rise_tui.start.paths import tilde
 from rise_tui.start.settings import NothingChosenError
 from rise_tui.text import age, clean, wrap
 
@@ -215,9 +215,3 @@ WITHOUT_TERMINAL = (
     "an earlier session of this scenario did not end, and without a terminal nobody can be asked: "
     "say --recover to go on with it, or --new"
 )
-
-
-def tilde(folder: str) -> str:
-    """A path as people write it."""
-    home = f"{Path.home()}/"
-    return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder

@@ -12,10 +12,9 @@ from pathlib import Path
 
 from rise_engine.link.places import PlaceError, abouts, runtime_folder
 from rise_engine.session.folder import sessions_folder
-from rise_tui.start.choose import tilde
 from rise_tui.start.display import Display, colors, theme
 from rise_tui.start.keyfile import read_keys
-from rise_tui.start.paths import CONSOLE, config_folder, key_file, state_folder
+from rise_tui.start.paths import CONSOLE, config_folder, key_file, state_folder, tilde
 from rise_tui.start.preferences import Preferences, load
 from rise_tui.text import age, clean
 

@@ -6,7 +6,7 @@ from rise_tui.actions import why_blocked
 from rise_tui.model.running import session_words, told
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Answer, Dialog
-from rise_tui.start.choose import tilde
+from rise_tui.start.paths import tilde
 from rise_tui.text import clock
 
 GONE_ON = (

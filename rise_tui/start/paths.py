@@ -32,6 +32,12 @@ def key_file(named: str | None) -> Path | None:
     return usual if os.path.lexists(usual) else None
 
 
+def tilde(folder: str) -> str:
+    """A path as people write it, from the home folder on."""
+    home = f"{Path.home()}/"
+    return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder
+
+
 def _folder(variable: str, usual: str) -> Path:
     named = os.environ.get(variable, "")
     return (Path(named) if Path(named).is_absolute() else _expanded(usual)) / "rise-tui"

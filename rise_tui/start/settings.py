@@ -9,12 +9,13 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from rise_engine.bridge import Wire
+from rise_engine.errors import RiseError
 from rise_engine.link.spawn import Options
 from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
 from rise_engine.scenario.shipped import place_of
 
 
-class NothingChosenError(Exception):
+class NothingChosenError(RiseError):
     """Nothing is started and nothing attached to; `lines` say why, for a person."""
 
     def __init__(self, code: int, *lines: str) -> None:

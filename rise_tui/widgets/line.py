@@ -1,4 +1,4 @@
-"""Lines of fixed height that change often: a change repaints the cells that differ, without any layout."""
+"""Lines of fixed height that change often: a change repaints the lines that differ, without any layout."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from textual.geometry import Region
 from textual.message import Message
 from textual.strip import Strip
 
-from rise_tui.text import Line, plain, width_of
+from rise_tui.text import Line, plain
 from rise_tui.widgets.toned import Toned
 
 
@@ -38,13 +38,13 @@ class Lines(Toned):
         self.lines: tuple[Line, ...] = ()
 
     def show(self, *lines: Line) -> None:
-        """Paint these lines; only what differs is repainted."""
+        """Paint these lines; only those that differ are repainted."""
         old, self.lines = self.lines, lines
         for y in range(max(len(old), len(lines))):
             before = old[y] if y < len(old) else ()
             after = lines[y] if y < len(lines) else ()
-            if before != after and (changed := _difference(before, after)) is not None:
-                self.refresh(Region(changed[0], y, changed[1] - changed[0], 1))
+            if before != after:
+                self.refresh(Region(0, y, self.size.width, 1))
 
     @property
     def text(self) -> str:
@@ -56,21 +56,3 @@ class Lines(Toned):
 
     def on_resize(self, event: events.Resize) -> None:
         self.post_message(self.Resized(self))
-
-
-def _difference(before: Line, after: Line) -> tuple[int, int] | None:
-    """The cells, from and to, in which two lines differ; None when they do not."""
-    start = 0
-    same = 0
-    for one, other in zip(before, after, strict=False):
-        if one != other:
-            break
-        start += width_of((one,))
-        same += 1
-    end = max(width_of(before), width_of(after))
-    if width_of(before) == width_of(after):
-        for one, other in zip(reversed(before[same:]), reversed(after[same:]), strict=False):
-            if one != other:
-                break
-            end -= width_of((one,))
-    return (start, end) if end > start else None

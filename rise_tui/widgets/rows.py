@@ -89,6 +89,11 @@ class RowView(ScrollView, Toned, can_focus=True):
         """Cells of one row, without the scrollbar."""
         return self.scrollable_content_region.width
 
+    @property
+    def allow_vertical_scroll(self) -> bool:
+        """Also before the scrollbar of a list that has just become longer is laid out."""
+        return True
+
     def resize_content(self, size: Size) -> None:
         """Give the content its size: so many cells wide, so many rows."""
         self.virtual_size = size
@@ -215,12 +220,6 @@ class RowList(RowView):
             if row.id == row_id and row.selectable:
                 self.move_to(index, by_wizard=False)
                 return
-
-    def bring_to_middle(self, row_id: str) -> None:
-        """Scroll so that a row is in view with its surroundings; to the top when it is not there."""
-        index = next((index for index, row in enumerate(self._rows) if row.id == row_id), 0)
-        height = self.size.height
-        self.scroll_to(y=0 if index < height - 1 else index - height // 2, animate=False)
 
     def _find(self, row_id: str, before: int) -> int:
         if row_id:
