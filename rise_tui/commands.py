@@ -14,7 +14,7 @@ from rise_tui import themes
 from rise_tui.actions import ACTIONS, PLACES, Place, why_blocked, why_task_blocked
 from rise_tui.model.explain import ENDINGS
 from rise_tui.model.filtering import BrokenFilter, Filter
-from rise_tui.model.key_action import KeyAction, press_of, start_of
+from rise_tui.model.key_action import KeyAction, action_of_key, start_action
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import EVENT, SET, title_of
 
@@ -69,17 +69,17 @@ def _startable(store: Store, start: Callable[[KeyAction], None]) -> Iterator[Com
     scenario, why = store.scenario, why_blocked(store, "start")
     due = store.awaited()
     for name in scenario.acts:
-        action = start_of(scenario, "startCommunicationRobotAct", name)
+        action = start_action(scenario, "startCommunicationRobotAct", name)
         key = store.key_of(action.function, name)
         help = f"start this act{_called(key)}" + ("; a running rule waits for it" if name in due.acts else "")
         yield Command(name, "act", key.label if key else "", help, why, partial(start, action))
     for name in scenario.rules:
-        action = start_of(scenario, "startInteractionRule", name)
+        action = start_action(scenario, "startInteractionRule", name)
         key = store.key_of(action.function, name)
         help = f"start this rule{_called(key)}" + ("; a running rule waits for it" if name in due.rules else "")
         yield Command(name, "rule", key.label if key else "", help, why, partial(start, action))
     for key in scenario.keys.values():
-        action = press_of(scenario, key)
+        action = action_of_key(scenario, key)
         if key.function == EVENT and normal_topic(key.behavior) not in due.events:
             help, why = "raise this event; no running rule waits for it now", why_task_blocked(store, key.function)
             yield Command(title_of(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action))

@@ -8,6 +8,7 @@ from textual.app import App
 
 from rise_engine.link.client import Verb
 from rise_tui.model.key_action import KeyAction
+from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
 
 
@@ -20,7 +21,7 @@ class ConsoleActions(Protocol):
     @property
     def store(self) -> Store: ...
 
-    def show_notice(self, text: str) -> None:
+    def show_notice(self, text: str, level: Level = "info") -> None:
         """Tell the wizard something."""
 
     def action_do(self, action: str) -> None:

@@ -22,9 +22,9 @@ from rise_tui.model.input_lock import (
     toggle_lock,
     toggle_safe,
 )
-from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, press_of, start_of
+from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key, start_action
 from rise_tui.model.mistakes import newest
-from rise_tui.model.notice import Notice
+from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
 
 TOGETHER_SECONDS = 0.012
@@ -60,8 +60,8 @@ class InputActions(Protocol):
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         """The same for free speech, which stood as `typed` in its field."""
 
-    def tell(self, notice: Notice) -> None:
-        """Show a sentence."""
+    def show_notice(self, text: str, level: Level = "info") -> None:
+        """Tell the wizard something, and how much it matters."""
 
     def show_armed(self, act: str) -> None:
         """Show that the first of two presses of an act was seen; empty: no longer."""
@@ -136,7 +136,7 @@ class InputController:
         # A fast typist's keys may come near each other; where the driver knows that they came alone, they are no paste.
         if together or (near and not (typing and together is False)) or at < self._paste_until:
             if at >= self._paste_until and not typing:
-                self._actions.tell(Notice(PASTED_KEYS))
+                self._actions.show_notice(PASTED_KEYS)
             self._paste_until = at + PASTE_QUIET_SECONDS
             self.reset()
         self._last_key, self._last_at, self._came_alone = key, at, together is False
@@ -164,10 +164,10 @@ class InputController:
         if self._store.guard != "LOCKED" or leaving:
             return True
         if says_why:
-            self._actions.tell(Notice(f"LOCKED: {key_in_words('lock')} unlocks"))
+            self._actions.show_notice(f"LOCKED: {key_in_words('lock')} unlocks")
         return False
 
-    def note_action(self) -> None:
+    def action_carried_out(self) -> None:
         """An action of the registry was carried out: a line that it opens is open."""
         self._opening_at = float("-inf")
 
@@ -192,9 +192,9 @@ class InputController:
 
     def _handle_study_key(self, key: KeyBinding, at: float) -> None:
         if at - self._opening_at < OPENING_SECONDS:  # meant for the line that is just being opened
-            self._actions.tell(Notice(f"{key.label} came before the line was open: it did nothing"))
+            self._actions.show_notice(f"{key.label} came before the line was open: it did nothing")
         else:
-            self.start(press_of(self._store.scenario, key), at)
+            self.start(action_of_key(self._store.scenario, key), at)
 
     # --- what is asked for ------------------------------------------------------------------------------------------
 
@@ -208,18 +208,18 @@ class InputController:
     def say(self, typed: str, text: str, *, at_once: bool) -> None:
         """Free speech: `typed` as it stands in its field, `text` with the memory's values."""
         if reason := why_blocked(self._store, "start"):
-            self._actions.tell(Notice(f"not said: {reason}", "wait"))
+            self._actions.show_notice(f"not said: {reason}", "wait")
             return
         self._typed = typed
         action = KeyAction("say", text, calling_type="Interrupt" if at_once else "Blocking")
         if not self.press(action, self._now_or_key):
-            self._actions.tell(Notice(PASTED_ENTER, "wait"))
+            self._actions.show_notice(PASTED_ENTER, "wait")
 
     def repeat_failed_act(self) -> None:
         """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
         if (failed := next(iter(unanswered(self._store)), None)) is not None:
             self._typed = ""
-            self.start(start_of(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
+            self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
@@ -233,7 +233,7 @@ class InputController:
             return
         task = newest(self._store.view.tasks, self._store.person)
         if task is None:
-            self._actions.tell(Notice("you have done nothing yet: there is nothing to mark"))
+            self._actions.show_notice("you have done nothing yet: there is nothing to mark")
             return
         self.send("markMistake", f"{task.id} wrong")
         self._actions.ask_what_was_wrong(task.id)
@@ -253,7 +253,7 @@ class InputController:
     def _switch(self, mode: InputMode) -> None:
         self.reset()
         self._store.guard = mode
-        self._actions.tell(Notice(mode_notice(mode, key_in_words)))
+        self._actions.show_notice(mode_notice(mode, key_in_words))
         self._actions.show_mode()
 
     # --- which presses count ----------------------------------------------------------------------------------------
@@ -274,7 +274,7 @@ class InputController:
         elif at - last < action.debounce:
             if self._pending is None and at - last >= HELD_KEY_SECONDS:
                 what = action.behavior or describe(action.function, "")
-                self._actions.tell(Notice(f"{what}: pressed twice within {action.debounce:g} s, taken once"))
+                self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, taken once")
         else:
             self._hold_back(action, at, self._settle_seconds)
         return True
@@ -354,7 +354,7 @@ class InputController:
     def _refuse(self, action: KeyAction, reason: str) -> None:
         what = describe(action.function, action.behavior)
         starts = action.function in STARTING_FUNCTIONS
-        self._actions.tell(Notice(f"{what} not started: {reason}" if starts else f"{what}: not now, {reason}"))
+        self._actions.show_notice(f"{what} not started: {reason}" if starts else f"{what}: not now, {reason}")
 
     # --- times ------------------------------------------------------------------------------------------------------
 

@@ -27,12 +27,12 @@ MARK_CUE = KeyAction("markCue", "")
 NEXT_FILLER = KeyAction("nextFiller", "")
 
 
-def start_of(scenario: Scenario, function: str, behavior: str, calling_type: str = "") -> KeyAction:
+def start_action(scenario: Scenario, function: str, behavior: str, calling_type: str = "") -> KeyAction:
     """With the care that the scenario asks for; only an act can need two presses."""
     settings = scenario.settings_of(behavior)
     return KeyAction(function, behavior, settings.debounce, function == ACT and settings.hold, calling_type)
 
 
-def press_of(scenario: Scenario, key: KeyBinding) -> KeyAction:
+def action_of_key(scenario: Scenario, key: KeyBinding) -> KeyAction:
     """What a key of the scenario asks for."""
-    return start_of(scenario, key.function, key.behavior)
+    return start_action(scenario, key.function, key.behavior)

@@ -10,7 +10,7 @@ from textual import on
 from rise_tui.actions import bindings, why_blocked
 from rise_tui.messages import SelectionMoved, StartAsked, TaskAsked, Told
 from rise_tui.model.deeds import act_words
-from rise_tui.model.key_action import start_of
+from rise_tui.model.key_action import start_action
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,
@@ -148,7 +148,7 @@ class ActsPane(ControlPane):
         if not name:
             self.post_message(Told("no act is selected"))
         elif action == "acts.start":
-            self.post_message(StartAsked(start_of(self.store.scenario, self.FUNCTION, name)))
+            self.post_message(StartAsked(start_action(self.store.scenario, self.FUNCTION, name)))
         elif action == "acts.stop":
             act = self.store.act(name)
             if not act.running and not act.waiting:
@@ -209,7 +209,7 @@ class RulesPane(ControlPane):
         if not name:
             self.post_message(Told("no rule is selected"))
         elif action == "rules.start":
-            self.post_message(StartAsked(start_of(self.store.scenario, self.FUNCTION, name)))
+            self.post_message(StartAsked(start_action(self.store.scenario, self.FUNCTION, name)))
         elif action == "rules.stop":
             if self.store.rule(name).running:
                 self.post_message(TaskAsked("stopInteractionRule", name))

@@ -20,7 +20,7 @@ from rise_tui.console.confirmations import Confirmations
 from rise_tui.console.input import InputController, line_opener
 from rise_tui.messages import ActionAsked, PaneAsked, SelectionMoved, StartAsked, TaskAsked, Told
 from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, KeyAction
-from rise_tui.model.notice import Notice
+from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, Topic
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.arrangement import Arrangement
@@ -181,13 +181,10 @@ class ConsoleScreen(Screen[None]):
         if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
             self.say_line.keep(typed)
 
-    def tell(self, notice: Notice) -> None:
-        self.session.tell(notice)
-
     def show_armed(self, act: str) -> None:
         self.store.armed = act
         if act:
-            self.tell(Notice(f"{act}: Enter or the same key again within 2 s starts it", "wait"))
+            self.show_notice(f"{act}: Enter or the same key again within 2 s starts it", "wait")
         else:
             self.painting.clear_notice()
         self.painting.changed({"acts"})
@@ -221,9 +218,9 @@ class ConsoleScreen(Screen[None]):
         """Take, ask for, give or release control, without waiting."""
         self.run_worker(self.session.control(verb), group="send")
 
-    def show_notice(self, text: str) -> None:
+    def show_notice(self, text: str, level: Level = "info") -> None:
         """Tell the wizard something."""
-        self.tell(Notice(text))
+        self.session.tell(Notice(text, level))
 
     @on(TaskAsked)
     def _task_asked(self, event: TaskAsked) -> None:
@@ -257,7 +254,7 @@ class ConsoleScreen(Screen[None]):
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
-        self.input.note_action()
+        self.input.action_carried_out()
         if reason := BY_ID[action].unavailable(self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return

@@ -7,7 +7,7 @@ from textual.geometry import Size
 
 from rise_tui.actions import key_in_words
 from rise_tui.messages import ActionAsked, StartAsked
-from rise_tui.model.key_action import press_of
+from rise_tui.model.key_action import action_of_key
 from rise_tui.model.key_strip import Piece, strip, strip_rows
 from rise_tui.model.speech_band import band, counts, sentence_rows
 from rise_tui.model.store import Store
@@ -69,5 +69,5 @@ class KeyStrip(Lines):
             if key is None:
                 self.post_message(ActionAsked("help"))
                 return
-            self.post_message(StartAsked(press_of(self._store.scenario, key)))
+            self.post_message(StartAsked(action_of_key(self._store.scenario, key)))
             return

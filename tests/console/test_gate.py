@@ -10,7 +10,7 @@ from rise_engine.kernel.records import ControlRecord
 from rise_tui.console.input import PASTE_QUIET_SECONDS, PASTED_KEYS, SETTLE_SECONDS, InputController
 from rise_tui.model.input_lock import InputMode
 from rise_tui.model.key_action import MARK_CUE, KeyAction
-from rise_tui.model.notice import Notice
+from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
 from tests.console.fake import FakeClient, demo
 
@@ -57,8 +57,8 @@ class Keyboard:
         self.typed.append(typed)
         self.submit(action, pressed)
 
-    def tell(self, notice: Notice) -> None:
-        self.told.append(notice.text)
+    def show_notice(self, text: str, level: Level = "info") -> None:
+        self.told.append(text)
 
     def show_armed(self, act: str) -> None:
         self.armed.append(act)
@@ -364,7 +364,7 @@ def test_keys_that_are_meant_for_a_line_that_is_being_opened_do_nothing() -> Non
     keys.wait(0.2)
     assert keys.handle("g") and keys.fired == []
     assert keys.told == ["g came before the line was open: it did nothing"]
-    keys.input.note_action()  # it is open, and closed again
+    keys.input.action_carried_out()  # it is open, and closed again
     keys.wait(0.2)
     assert keys.handle("m") and keys.fired == ["Main"]
 
