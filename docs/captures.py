@@ -39,7 +39,7 @@ def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
             raise EngineGone("; ".join(found.lines))
         return SocketClient(found.name, "anna", "wizard", scenario=scenario)
 
-    launcher = Launcher(start=start, outlives=True)
+    launcher = Launcher(start=start)
     return ConsoleApp(scenario, settings, wizard="anna", theme=theme, launcher=launcher)
 
 

@@ -1,4 +1,4 @@
-"""The one home of every action (law 6): bindings, hints, help and palette are all made from this table."""
+"""The one home of every action (console.md 6.1): bindings, hints, help and palette are all made from this table."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 from textual.binding import Binding
 
+from rise_engine.kernel.speech import cannot_speak
 from rise_engine.scenario.fillers import fillers
 from rise_engine.scenario.keys import PUNCTUATION
+from rise_tui.model.blocked import Deed, blocked_text
 from rise_tui.model.store import Store
 
 Place: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
@@ -41,14 +43,6 @@ KEY_LABELS = {
     "space": "space",
 }
 
-SWALLOWED = frozenset(
-    {"ctrl+h", "ctrl+i", "ctrl+m", "ctrl+left_square_bracket", "ctrl+space", "ctrl+at"}
-    | {f"ctrl+{digit}" for digit in range(10)}
-    | {f"alt+{digit}" for digit in range(10)}
-    | {"ctrl+enter", "shift+enter", "alt+enter", "ctrl+a", "ctrl+b", "ctrl+s", "ctrl+z", "ctrl+q", "f1", "f10", "f11"}
-)
-"""Keys that terminals, multiplexers or editors take or confuse; nothing here may be bound to one."""
-
 
 def available(store: Store) -> str:
     return ""
@@ -73,10 +67,6 @@ class Action(Struct, frozen=True):
         """The key to show where there is room for one."""
         keys = keys_of(self)
         return key_label(keys[0]) if keys else ""
-
-    @property
-    def all_keys(self) -> str:
-        return "  ".join(key_label(key) for key in keys_of(self))
 
 
 _own_keys: dict[str, tuple[str, ...]] = {}
@@ -113,65 +103,73 @@ def key_label(key: str) -> str:
     return key.upper() if key.startswith("f") and key[1:].isdigit() else key
 
 
+def why_blocked(store: Store, deed: Deed) -> str:
+    """What stands in the way of such a deed, as a sentence with the user's own keys; empty when nothing does."""
+    return blocked_text(store.blocked_reason(deed), key_in_words)
+
+
+def why_task_blocked(store: Store, function: str) -> str:
+    """The same for a task with this function."""
+    return blocked_text(store.task_blocked(function), key_in_words)
+
+
 def _stoppable(store: Store) -> str:
     """Stopping needs no control, and is tried even when the connection is cut."""
-    return store.gone and store.unavailable()
+    return store.gone and why_blocked(store, "reach")
 
 
 def _acting(store: Store) -> str:
-    return store.cannot_act()
+    return why_blocked(store, "change")
 
 
 def _telling(store: Store) -> str:
-    return store.cannot_tell()
+    return why_blocked(store, "remark")
 
 
 def _controllable(store: Store) -> str:
     """Any wizard can do something about control; an observer never."""
-    return store.cannot_tell() or ("this console only watches (--observe)" if store.hello.role == "observer" else "")
+    return _telling(store) or ("this console only watches (--observe)" if store.hello.role == "observer" else "")
 
 
 def _live(store: Store) -> str:
-    return store.cannot_start()
+    return why_blocked(store, "start")
 
 
 def _own_console(store: Store) -> str:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
-    return (store.gone and store.unavailable()) or ("this is a replay" if store.hello.replay else "")
+    return (store.gone and why_blocked(store, "reach")) or ("this is a replay" if store.hello.replay else "")
 
 
 def _sayable(store: Store) -> str:
-    from rise_engine.kernel.speech import cannot_speak  # not needed to begin
-
-    return store.cannot_act() or cannot_speak(store.scenario)
+    return _acting(store) or cannot_speak(store.scenario)
 
 
 def _fillable(store: Store) -> str:
-    return store.cannot_start() or ("" if fillers(store.scenario) else "this scenario has no filler")
+    return _live(store) or ("" if fillers(store.scenario) else "this scenario has no filler")
 
 
 def _markable(store: Store) -> str:
-    return store.cannot_tell() or ("" if store.view.tasks else "nothing has been started yet")
+    return _telling(store) or ("" if store.view.tasks else "nothing has been started yet")
 
 
 def _failed(store: Store) -> str:
-    return store.cannot_act() or ("" if store.view.failed else "no act has failed")
+    return _acting(store) or ("" if store.view.failed else "no act has failed")
 
 
 def _repeatable(store: Store) -> str:
-    return _failed(store) or store.cannot_start()
+    return _failed(store) or _live(store)
 
 
 def _releasable(store: Store) -> str:
-    return store.cannot_act() or ("" if store.state == "STOPPED" else "nothing is stopped")
+    return _acting(store) or ("" if store.state == "STOPPED" else "nothing is stopped")
 
 
 def _some(what: str, found: Callable[[Store], object]) -> Callable[[Store], str]:
-    return lambda store: store.cannot_act() or ("" if found(store) else what)
+    return lambda store: _acting(store) or ("" if found(store) else what)
 
 
 def _start_values(store: Store) -> str:
-    return store.cannot_act() or ("" if store.scenario.folder else "this session's scenario has no folder")
+    return _acting(store) or ("" if store.scenario.folder else "this session's scenario has no folder")
 
 
 def _logged(store: Store) -> str:

@@ -15,11 +15,11 @@ from rise_engine.link.places import PlaceError
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
 from rise_tui import themes
-from rise_tui.actions import bindings, use_keys
+from rise_tui.actions import bindings, use_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.console import ConsoleScreen
-from rise_tui.screens.finding import offer_tour
+from rise_tui.screens.ending import question_of_end
 from rise_tui.screens.settings import SettingsScreen
 from rise_tui.session import Session
 from rise_tui.start import leaving
@@ -147,7 +147,7 @@ class ConsoleApp(TerminalApp):
             session.tell(Notice(self._told or told, "wait"))
             self._told = ""
         if self._keeper is not None and self._keeper.tour_is_due:
-            self.call_after_refresh(offer_tour, screen, self._tour_seen)
+            self.call_after_refresh(screen.offer_tour, self._tour_seen)
 
     def _tour_seen(self) -> None:
         if self._keeper is not None:
@@ -229,7 +229,7 @@ class ConsoleApp(TerminalApp):
 
     def _may_end(self, session: Session) -> bool:
         """Ending needs control, which may have gone while the question was open."""
-        if reason := session.store.cannot_act():
+        if reason := why_blocked(session.store, "change"):
             session.tell(Notice(f"the session goes on: {reason}", "wait"))
         return not reason
 
@@ -250,13 +250,13 @@ class ConsoleApp(TerminalApp):
 
     def observe_key(self, event: events.Key, together: bool | None) -> None:
         if (console := self.console_screen) is not None:
-            console.keyboard.seen(event, together)
+            console.observe_key(event, together)
 
     def admits(self, event: events.Event) -> bool:
-        return (console := self.console_screen) is None or console.keyboard.passes(event)
+        return (console := self.console_screen) is None or console.admits(event)
 
     def handle_key_first(self, event: events.Key) -> bool:
-        return (console := self.console_screen) is not None and console.keyboard.takes(event)
+        return (console := self.console_screen) is not None and console.handle_key_first(event)
 
     def action_do(self, action: str) -> None:
         console = self.console_screen
@@ -275,9 +275,6 @@ class ConsoleApp(TerminalApp):
         if session is None or session.store.hello.replay or (session.store.gone and not recoverable):
             await self._leave(0)
             return
-        if not recoverable and not self._launcher.outlives:
-            self._ask_to_end(session)
-            return
         dialog = leaving.question_of_gone(session.store) if recoverable else leaving.question(session.store)
         dialog.add_class("-quit")
 
@@ -292,7 +289,7 @@ class ConsoleApp(TerminalApp):
         self.push_screen(dialog, answered)
 
     def _ask_to_end(self, session: Session) -> None:
-        question = leaving.question_of_end(session.store)
+        question = question_of_end(session.store)
         question.add_class("-quit")
 
         def answered(yes: bool | None) -> None:
@@ -321,7 +318,6 @@ class ConsoleApp(TerminalApp):
             return
         self._ending = True
         if self._session is not None:
-            end = end or not self._launcher.outlives
             closed = await self._close(self._session, end=end)
             if closed == "refused":
                 self._ending = False

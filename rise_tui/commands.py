@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, normal_topic
 from rise_tui import themes
-from rise_tui.actions import ACTIONS, PLACES, Place
+from rise_tui.actions import ACTIONS, PLACES, Place, why_blocked, why_task_blocked
 from rise_tui.model.explain import ENDINGS
 from rise_tui.model.filtering import BrokenFilter, Filter
-from rise_tui.model.gate import Trigger
+from rise_tui.model.key_action import KeyAction, action_of_key, start_action
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import EVENT, SET, title_of
 
@@ -36,7 +36,7 @@ class Command(NamedTuple):
 
 
 def commands(
-    store: Store, place: Place | None, run: Callable[[str], None], start: Callable[[Trigger], None]
+    store: Store, place: Place | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
 ) -> Iterator[Command]:
     """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
     titles = dict(PLACES)
@@ -53,40 +53,39 @@ def commands(
     yield from _startable(store, start)
 
 
-def _awaited(store: Store, start: Callable[[Trigger], None]) -> Iterator[Command]:
+def _awaited(store: Store, start: Callable[[KeyAction], None]) -> Iterator[Command]:
     """Events that a running rule waits for and that no act or rule raises itself when it ends."""
     topics = store.awaited().events
     own = {name + ending for name in (*store.scenario.acts, *store.scenario.rules) for ending in ENDINGS}
-    why = store.cannot_start()
+    why = why_blocked(store, "start")
     for topic in sorted(topics - own):
-        trigger = Trigger("raiseEventTopic", topic)
-        key = store.key_of(trigger.function, topic)
+        action = KeyAction("raiseEventTopic", topic)
+        key = store.key_of(action.function, topic)
         help = f"raise this event{_called(key)}: a running rule waits for it"
-        yield Command(topic, "event", key.label if key else "", help, why, partial(start, trigger))
+        yield Command(topic, "event", key.label if key else "", help, why, partial(start, action))
 
 
-def _startable(store: Store, start: Callable[[Trigger], None]) -> Iterator[Command]:
-    scenario, why = store.scenario, store.cannot_start()
+def _startable(store: Store, start: Callable[[KeyAction], None]) -> Iterator[Command]:
+    scenario, why = store.scenario, why_blocked(store, "start")
     due = store.awaited()
     for name in scenario.acts:
-        settings = scenario.settings_of(name)
-        trigger = Trigger("startCommunicationRobotAct", name, settings.debounce, settings.hold)
-        key = store.key_of(trigger.function, name)
+        action = start_action(scenario, "startCommunicationRobotAct", name)
+        key = store.key_of(action.function, name)
         help = f"start this act{_called(key)}" + ("; a running rule waits for it" if name in due.acts else "")
-        yield Command(name, "act", key.label if key else "", help, why, partial(start, trigger))
+        yield Command(name, "act", key.label if key else "", help, why, partial(start, action))
     for name in scenario.rules:
-        trigger = Trigger("startInteractionRule", name)
-        key = store.key_of(trigger.function, name)
+        action = start_action(scenario, "startInteractionRule", name)
+        key = store.key_of(action.function, name)
         help = f"start this rule{_called(key)}" + ("; a running rule waits for it" if name in due.rules else "")
-        yield Command(name, "rule", key.label if key else "", help, why, partial(start, trigger))
+        yield Command(name, "rule", key.label if key else "", help, why, partial(start, action))
     for key in scenario.keys.values():
-        trigger = Trigger(key.function, key.behavior)
+        action = action_of_key(scenario, key)
         if key.function == EVENT and normal_topic(key.behavior) not in due.events:
-            help, why = "raise this event; no running rule waits for it now", store.cannot(key.function)
-            yield Command(title_of(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, trigger))
+            help, why = "raise this event; no running rule waits for it now", why_task_blocked(store, key.function)
+            yield Command(title_of(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action))
         elif key.function == SET:
-            why = store.cannot(key.function)
-            yield Command(title_of(key), "set", key.label, key.behavior, why, partial(start, trigger))
+            why = why_task_blocked(store, key.function)
+            yield Command(title_of(key), "set", key.label, key.behavior, why, partial(start, action))
 
 
 def _called(key: KeyBinding | None) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual.message import Message
 
-from rise_tui.model.gate import Trigger
+from rise_tui.model.key_action import KeyAction
 
 
 class TaskAsked(Message):
@@ -19,9 +19,9 @@ class TaskAsked(Message):
 class StartAsked(Message):
     """A start by Enter on a row: subject to the same care as a key of the scenario."""
 
-    def __init__(self, trigger: Trigger) -> None:
+    def __init__(self, action: KeyAction) -> None:
         super().__init__()
-        self.trigger = trigger
+        self.action = action
 
 
 class ActionAsked(Message):

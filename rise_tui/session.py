@@ -1,4 +1,4 @@
-"""The console's side of the link: takes batches of records in, sends what the wizard asks for (laws 3 and 5)."""
+"""The console's side of the link: takes batches of records in, sends what the wizard asks for (console.md 3.1, 5.1)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from itertools import count
 from time import monotonic
 
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.link.client import Arrival, Client, EngineGone, LinkLost, Verb
+from rise_engine.link.client import Arrival, Client, EngineGone, Hello, LinkLost, Verb
+from rise_tui.actions import key_in_words, why_blocked
 from rise_tui.model.deeds import describe
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import EVERYTHING, Sent, Store, Topic
@@ -23,6 +24,8 @@ AGAIN_SECONDS = 0.5
 RECLAIM_SECONDS, RECLAIMS = 0.1, 30
 """How often, and how many times, it is looked whether the engine has let go of the connection that was cut."""
 
+BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
+BACK_STOPPING = "the connection was cut and is back; STOP may not have arrived"
 UNSENT_STOP = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
 
 
@@ -77,7 +80,7 @@ class Session:
         self.changed(EVERYTHING)
         while True:
             try:
-                self.store.attach_again(await self.client.attach())
+                self._attached_again(await self.client.attach())
             except LinkLost:
                 await asyncio.sleep(AGAIN_SECONDS)
             except EngineGone as gone:
@@ -86,6 +89,13 @@ class Session:
             else:
                 self.changed(EVERYTHING)
                 return True
+
+    def _attached_again(self, hello: Hello) -> None:
+        """The truth is in the new snapshot; what was sent meanwhile is not known."""
+        stopping = self.store.stopping
+        self.store.attach_again(hello)
+        again = f"{BACK_STOPPING}: press {key_in_words('stop')} again unless it says STOPPED"
+        self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
 
     async def _reclaim(self) -> None:
         """Take back the control that was lost with the connection, once the engine has noticed that it is cut."""
@@ -106,7 +116,7 @@ class Session:
         `pressed`: session time of the key that asks for it. False when it was not taken, or nobody knows.
         """
         store = self.store
-        if reason := store.unavailable():
+        if reason := why_blocked(store, "reach"):
             if function == "stopAll" and store.cut is not None:
                 store.unstopped = True
                 store.notice = Notice(UNSENT_STOP, "fault")
@@ -137,7 +147,7 @@ class Session:
 
     async def note(self, text: str) -> bool:
         """Add a remark to the record. False when it was not taken; the reason is shown."""
-        reason = self.store.cannot_tell()
+        reason = why_blocked(self.store, "remark")
         if not reason:
             try:
                 reply = await self.client.send(Note(text=text, source=self.store.me))
@@ -146,14 +156,14 @@ class Session:
                 reason = "the connection was cut; it may or may not have arrived"
             except EngineGone as gone:
                 self._gone(str(gone), over=False)
-                reason = self.store.unavailable()
+                reason = why_blocked(self.store, "reach")
         if reason:
             self.tell(Notice(f"the note was not taken: {reason}", "wait"))
         return not reason
 
     async def control(self, verb: Verb) -> None:
         """Take, ask for, give or release control; what comes of it arrives as a record."""
-        reason = self.store.cannot_tell()
+        reason = why_blocked(self.store, "remark")
         if not reason:
             try:
                 reply = await self.client.control(verb)

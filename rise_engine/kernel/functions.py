@@ -252,7 +252,7 @@ class Functions:
     # --- stop-all ---
 
     def _stop_all(self, task: Submit) -> None:
-        """Law 1 of the console: at once, without asking, also when it is pressed again."""
+        """At once, without asking, also when it is pressed again (console.md 1.1)."""
         reason = f"stop-all by {task.source}"
         self._done(task)
         self._stop.request(task.source)

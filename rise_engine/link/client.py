@@ -1,4 +1,4 @@
-"""The one interface between a console and an engine: messages, never calls into the engine (console.md, law 4 and 5).
+"""The one interface between a console and an engine: messages, never calls into the engine (console.md 4.1, 5.1).
 
 `Client` is what a console, a feature node or a test holds. `rise_engine.link.socket_client` implements it over the
 session's socket, `rise_engine.link.replay_client` over the record of a session.

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from time import monotonic
 from typing import NamedTuple
 
-from rise_tui.actions import key_in_words
+from rise_tui.model.blocked import KeyNames
 from rise_tui.model.control import short
 from rise_tui.model.store import Store
 from rise_tui.text import Line, Span, age, clock
@@ -42,17 +42,17 @@ def lines(found: Sequence[Alarm]) -> tuple[Line, ...]:
     return worst.head, told, named
 
 
-def alarms(store: Store) -> list[Alarm]:
+def alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
     """All of them, the worst first."""
     if store.gone:
-        return [_gone(store)]
+        return [_gone(store, key_name)]
     if store.cut is not None and (store.unstopped or monotonic() - store.cut >= CUT_SECONDS):
         return [_cut(store, store.cut)]
-    return [*_stop(store), *_record(store), *_robot(store)]
+    return [*_stop(store, key_name), *_record(store, key_name), *_robot(store, key_name)]
 
 
-def _gone(store: Store) -> Alarm:
-    leave: Span = (f"   {key_in_words('quit')}", "key")
+def _gone(store: Store, key_name: KeyNames) -> Alarm:
+    leave: Span = (f"   {key_name('quit')}", "key")
     if store.over:
         return Alarm(
             ((" ■ SESSION ENDED ", "alarm"), (f"  {store.gone}", "strong")),
@@ -62,7 +62,7 @@ def _gone(store: Store) -> Alarm:
     again = "recovers the session, or leaves" if store.hello.folder else "leaves"
     if store.hello.role == "observer":
         again = "watches again once it is recovered, or leaves"
-    stop = key_in_words("stop")
+    stop = key_name("stop")
     return Alarm(
         ((" ✗ ENGINE GONE ", "alarm"), (f"  {store.gone}", "strong")),
         ((f"   no key reaches the robot, {stop} neither: its own switch stops it", "plain"),),
@@ -80,7 +80,7 @@ def _cut(store: Store, since: float) -> Alarm:
     )
 
 
-def _stop(store: Store) -> Iterator[Alarm]:
+def _stop(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     stop = store.view.stop
     _, _, told = store.journaling.trouble.partition("; ")
     if store.journaling.trouble and told:
@@ -98,10 +98,10 @@ def _stop(store: Store) -> Iterator[Alarm]:
             (("   if the robot goes on, use its own switch", "plain"),),
         )
     else:
-        release: Line = ((f"   {key_in_words('release')} release", "key"),) if store.has_control else ()
+        release: Line = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
         missing: Line = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
-            what = f"   look at the robot; {key_in_words('stop')} asks again"
+            what = f"   look at the robot; {key_name('stop')} asks again"
             missing = (("   NOT CONFIRMED  ", "fault"), (parts(stop.unconfirmed), "strong"), (what, "plain"))
         yield Alarm(
             ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
@@ -114,17 +114,17 @@ def _labelled(label: str, said: str) -> Line:
     return (f"   {label:<15}", "plain"), (said, "strong")
 
 
-def _record(store: Store) -> Iterator[Alarm]:
+def _record(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     why = store.journaling.trouble.partition("; ")[0]
     if why:
         yield Alarm(
             ((" ✗ NOT RECORDING ", "alarm"), (f"  {why}", "strong")),
             (("   the session is paused: nothing starts until the disk takes records again", "plain"),),
-            ((f"   {key_in_words('stop')}", "key"), (" still stops the robot; make room on the disk", "plain")),
+            ((f"   {key_name('stop')}", "key"), (" still stops the robot; make room on the disk", "plain")),
         )
 
 
-def _robot(store: Store) -> Iterator[Alarm]:
+def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     robot = store.view.robot
     if robot is None or robot.status != "lost":
         return
@@ -133,7 +133,7 @@ def _robot(store: Store) -> Iterator[Alarm]:
     broken += ["the say line"] if _said(store, robot.t) else []
     until = "acts fail until the robot is back; rules and memory go on"
     was = f"broken off: {', '.join(broken)}; " if broken else ""
-    switch = f"look at the robot and its network; {key_in_words('stop')} may not reach it, its own switch does"
+    switch = f"look at the robot and its network; {key_name('stop')} may not reach it, its own switch does"
     then = "this is a replay: it was so then" if store.hello.replay else switch
     yield Alarm(
         ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from rise_engine.expression import EvaluationError
-from rise_engine.scenario.model import Scenario, Transition
+from rise_engine.scenario.model import Scenario
+from rise_tui.model.conditions import holds
 from rise_tui.model.explain import ENDINGS, raised_by_rule
+from rise_tui.model.study_keys import transitions_of
 
 
 class Awaited(NamedTuple):
@@ -34,24 +35,10 @@ class Waits:
         events = frozenset(
             transition.event
             for name, state in states.items()
-            for transition in self._transitions(name, state)
-            if transition.event is not None and _open(transition, memory)
+            for transition in transitions_of(self._scenario, name, state)
+            if transition.event is not None and holds(transition.condition, memory)
         )
         acts = {name for name in self._scenario.acts if any(name + ending in events for ending in ENDINGS)}
         rules = {name for name, raised in self._raised.items() if name not in states and raised & events}
         rules |= {name for name in self._scenario.rules if name not in states and f"{name}_end" in events}
         return Awaited(frozenset(acts), frozenset(rules), events)
-
-    def _transitions(self, name: str, state: str | None) -> tuple[Transition, ...]:
-        rule = self._scenario.rules.get(name)
-        found = rule.states.get(state) if rule is not None and state is not None else None
-        return found.transitions if found is not None else ()
-
-
-def _open(transition: Transition, memory: Mapping[str, Any]) -> bool:
-    if transition.condition is None:
-        return True
-    try:
-        return transition.condition.as_condition(memory)
-    except EvaluationError:
-        return False

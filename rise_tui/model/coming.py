@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rise_engine.expression import EvaluationError
 from rise_engine.scenario.fillers import next_filler
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
 from rise_engine.view import TaskView, View
+from rise_tui.model.conditions import holds
 from rise_tui.model.deeds import act_words
 from rise_tui.model.explain import functions_in, waits_for
 from rise_tui.model.study_keys import ACT, StudyKeys, transitions_of
@@ -124,7 +124,7 @@ def _at_end(known: Knows, stack: list[str], running: list[TaskView]) -> Step | N
         for event in (f"{name}_succeeded", f"{name}_end"):
             for rule in stack:
                 for transition in transitions_of(known.scenario, rule, known.view.rules[rule].state):
-                    if transition.event == event and _open(transition, known.memory):
+                    if transition.event == event and holds(transition.condition, known.memory):
                         return _step(known, rule, transition, "end")
     return None
 
@@ -167,12 +167,3 @@ def _other(known: Knows, transitions: list[Transition] | tuple[Transition, ...])
         if transition.after is None and transition.condition is not None:
             return transition.condition.text
     return ""
-
-
-def _open(transition: Transition, memory: Mapping[str, Any]) -> bool:
-    if transition.condition is None:
-        return True
-    try:
-        return transition.condition.as_condition(memory)
-    except EvaluationError:
-        return False

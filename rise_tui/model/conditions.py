@@ -1,18 +1,29 @@
-"""The parts of a condition, each as it was written, so that each can be shown with its own truth. Pure."""
+"""Whether a condition holds now, and its parts, each as it was written. Pure."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from rise_engine.expression import Expression, LanguageError
+from rise_engine.expression import EvaluationError, Expression, LanguageError
 from rise_engine.expression.nodes import Logic, explicit
 
 Joint = Literal["and", "or", ""]
 
 _PIECE = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'|[()]|&&|\|\||[^\W\d][\w.]*', re.DOTALL)
 _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
+
+
+def holds(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
+    """Whether a condition holds with these values; one that cannot be worked out does not, and none always does."""
+    if condition is None:
+        return True
+    try:
+        return condition.as_condition(memory)
+    except EvaluationError:
+        return False
 
 
 class Parts(NamedTuple):

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from rise_engine.kernel.records import ControlRecord
-from rise_engine.link.client import Role, Verb
+from rise_engine.link.client import Verb
+from rise_tui.model.blocked import KeyNames
 from rise_tui.model.notice import Notice
 from rise_tui.text import clean, clock
 
@@ -32,14 +33,6 @@ class Taken(Struct, frozen=True):
 def short(name: str | None) -> str:
     """`anna` for `wizard:anna`; a program keeps its whole name."""
     return clean((name or "nobody").removeprefix("wizard:").removeprefix("observer:"))
-
-
-def why_not(holder: str | None, role: Role) -> str:
-    """Why a console without control cannot act."""
-    from rise_tui.actions import key_in_words  # which reads the store, which reads this
-
-    has = f"{short(holder)} has control"
-    return f"{has} and this console only watches" if role == "observer" else f"{has} ({key_in_words('control')})"
 
 
 def told(record: ControlRecord, before: str | None, me: str) -> tuple[Notice | None, Taken | None]:
@@ -73,10 +66,8 @@ def taken_words(taken: Taken, asks: str) -> str:
     return f"{short(taken.holder)} {when}; you are watching; {asks} takes it back"
 
 
-def question(holder: str | None, asker: str | None, me: str) -> tuple[list[str], list[Way]]:
+def question(holder: str | None, asker: str | None, me: str, key_name: KeyNames) -> tuple[list[str], list[Way]]:
     """The dialog about control: what it says, and what can be done."""
-    from rise_tui.actions import key_in_words  # which reads the store, which reads this
-
     mine = holder == me
     release = Way("release", "r", "Release it")
     if not mine and holder is None:
@@ -86,7 +77,7 @@ def question(holder: str | None, asker: str | None, me: str) -> tuple[list[str],
         return said, [Way("release", "r", "Ask no longer"), Way("take", "t", "Take it")]
     if not mine:
         said = [
-            f"{short(holder)} has control. You watch: {key_in_words('stop')} stops everything, notes can be added.",
+            f"{short(holder)} has control. You watch: {key_name('stop')} stops everything, notes can be added.",
             "Taking it works at once; they are told, and it is recorded.",
         ]
         return said, [Way("ask", "a", "Ask for it"), Way("take", "t", "Take it")]

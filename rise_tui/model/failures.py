@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from rise_engine.scenario.model import Act, Action, Scenario
 from rise_engine.scenario.template import MissingValue, Slot, Template
 from rise_engine.view import ActionView, TaskView
-from rise_tui.actions import key_in_words
 from rise_tui.model.act_text import speech
+from rise_tui.model.blocked import KeyNames, blocked_text
 from rise_tui.model.control import short
 from rise_tui.model.deeds import act_words
 from rise_tui.model.graph import levels
@@ -93,7 +93,7 @@ def _filled(template: Template, memory: Mapping[str, Any]) -> str:
 # --- the bar ---------------------------------------------------------------------------------------------------------
 
 
-def lines(store: Store, width: int, most: int) -> list[Line]:
+def lines(store: Store, width: int, most: int, key_name: KeyNames) -> list[Line]:
     """What the bar shows of the first failure, in at most `most` lines; none when there is none."""
     failed = unanswered(store)
     if not failed or store.gone:
@@ -110,7 +110,7 @@ def lines(store: Store, width: int, most: int) -> list[Line]:
     room = max(1, most - len(shown) - 1)
     if len(texts) > room:
         texts = [*texts[: room - 1], _cut(texts[room - 1], width)]
-    return [*shown, *texts, _keys(store, task, width)]
+    return [*shown, *texts, _keys(store, task, width, key_name)]
 
 
 def _cut(line: Line, width: int) -> Line:
@@ -133,7 +133,7 @@ def _texts(store: Store, task: TaskView, width: int) -> Iterator[Line]:
             yield (f"   {label if at == 0 else '':<{LABEL - 3}}", "wait"), (f" {piece}", "strong")
 
 
-def _keys(store: Store, task: TaskView, width: int) -> Line:
+def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> Line:
     """What can be done about it; for who has no control, who can."""
     if store.hello.replay:
         return (("   this is a replay: it was so then", "plain"),)
@@ -142,11 +142,11 @@ def _keys(store: Store, task: TaskView, width: int) -> Line:
     if not store.has_control:
         who = f"{short(store.view.control)} has control and decides" if store.view.control else "nobody has control"
         return crop(((f"   {who}: repeat it, or go on without it", "plain"),), width)
-    go_on: tuple[Span, ...] = ((f"   {key_in_words('go-on')}", "key"), (" go on without it", "plain"))
+    go_on: tuple[Span, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
     if why := _comes_again(store, task):
         return crop((("   ► ", "accent"), (why, "strong"), *go_on), width)
-    repeat: tuple[Span, ...] = ((f"   {key_in_words('repeat')}", "key"), (" repeat the whole act", "plain"))
-    if reason := store.cannot_start():
+    repeat: tuple[Span, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
+    if reason := blocked_text(store.blocked_reason("start"), key_name):
         room = width - width_of(go_on)
         return (*crop(((f"   not now: {reason}", "wait"),), room), *go_on)
     return crop((*repeat, *go_on), width)

@@ -104,7 +104,7 @@ def _width(key: KeyBinding, width: int) -> int:
 
 
 def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[Span]:
-    off = bool(store.cannot(key.function))
+    off = store.task_blocked(key.function) is not None
     title = _title(key, width)
     if store.is_sent((key.function,), key.behavior):
         mark: Span = (SENT.glyph, SENT.tone)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
+from rise_engine.errors import RiseError
+
 Path: TypeAlias = tuple[str | int, ...]
 """A memory key, then names into objects and indexes into arrays."""
 
 
-class NoSuchPart(LookupError):
+class NoSuchPart(RiseError, LookupError):
     """The value has no such part (any more)."""
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
+Level: TypeAlias = Literal["info", "wait", "fault"]
+"""Told, to be attended to, wrong."""
+
 
 class Notice(Struct, frozen=True):
-    """A sentence, and how much it matters: told, to be attended to, wrong."""
+    """A sentence, and how much it matters."""
 
     text: str
-    level: Literal["info", "wait", "fault"] = "info"
+    level: Level = "info"

@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rise_engine.expression import Expression
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_engine.view import RuleView
-from rise_tui.model.conditions import parts_of
+from rise_tui.model.conditions import holds, parts_of
 from rise_tui.model.explain import Raisers, Truth, engine_event, truth_of, waits_for
 from rise_tui.model.states import act_state, newest, rule_state
 from rise_tui.model.store import Store
@@ -25,7 +25,7 @@ READABLE = 84
 
 def whose(store: Store) -> str:
     """Who can press a key that is named: `you`, or whoever has control (`key`)."""
-    return "key" if store.cannot_act() else "you"
+    return "key" if store.blocked_reason("change") else "you"
 
 
 class Reasons:
@@ -65,7 +65,7 @@ class Reasons:
         stands, you = self._stands(transition, view), self._keys(transition)
         must: Line = ((f"  {whose(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
         condition = transition.condition
-        if transition.event is not None and condition is not None and not truth_of(condition, memory).holds:
+        if transition.event is not None and not holds(condition, memory):
             must = (*must, ("  not now", "wait"))
         target = clean(f"→ {transition.target}" if transition.target else "stays")
         line: Line = (*waits, *stands, *must)
@@ -168,4 +168,4 @@ def _says_it(part: Expression, truth: Truth) -> bool:
 
 
 def _takes(transition: Transition, event: str, memory: Mapping[str, Any]) -> bool:
-    return transition.event == event and (transition.condition is None or truth_of(transition.condition, memory).holds)
+    return transition.event == event and holds(transition.condition, memory)

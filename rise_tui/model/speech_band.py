@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, Scenario
-from rise_tui.actions import key_in_words
+from rise_tui.model.blocked import KeyNames
 from rise_tui.model.coming import Coming, Knows, Step, coming
 from rise_tui.model.reasons import whose
 from rise_tui.model.saying import Saying, longest_sentence, still_to_say
@@ -50,16 +50,16 @@ def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, hei
     return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
 
 
-def band(store: Store, width: int, rows: int) -> tuple[Line, ...]:
+def band(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[Line, ...]:
     """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
     saying = store.saying()
-    rest = [] if _nothing(store) else still_to_say(store.scenario, store.view, store.memory)
+    rest = [] if _nothing(store, key_name) else still_to_say(store.scenario, store.view, store.memory)
     lines = _sentence(saying, store, min(width, WIDEST), rows)
     told = len(lines) < rows and bool(rest)
     if told:
         lines.append(crop((("   then  ", "muted"), *_joined(rest)), width))
     lines += [()] * (rows - len(lines))
-    return (*lines, next_line(store, [] if told else rest, width))
+    return (*lines, next_line(store, [] if told else rest, width, key_name))
 
 
 def counts(store: Store) -> bool:
@@ -160,11 +160,11 @@ class _Piece(NamedTuple):
     """To so many cells it can be cut where there is no room; None: it stays whole, or is left out."""
 
 
-def next_line(store: Store, rest: Sequence[str], width: int) -> Line:
+def next_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> Line:
     """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
     pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
     room = width - cells(LABEL)
-    return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store, room)], room)), width)
+    return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store, room, key_name)], room)), width)
 
 
 def _laid(pieces: Sequence[_Piece], width: int) -> Line:
@@ -210,8 +210,8 @@ def _left(store: Store) -> float | None:
     return longest if store.view.running else None
 
 
-def _by_rules(store: Store, room: int) -> list[_Piece]:
-    if why := _nothing(store):
+def _by_rules(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
+    if why := _nothing(store, key_name):
         return [_Piece(why)]
     found = _coming(store)
     pieces = [_Piece(_step(step, store)) for step in found.steps]
@@ -231,14 +231,14 @@ def _by_rules(store: Store, room: int) -> list[_Piece]:
     return [_Piece(nothing), _Piece(_keys((first,), f"{whose(store)}: ", room))]
 
 
-def _nothing(store: Store) -> Line:
+def _nothing(store: Store, key_name: KeyNames) -> Line:
     """Why nothing will come, whatever the rules say; empty when that is not so."""
     if store.gone:
         return (("nothing: the session is over" if store.over else "nothing: the engine has gone", "muted"),)
     if store.cut is not None:
         return (("not known: the connection is cut", "wait"),)
     if store.state == "STOPPED":
-        return (("nothing until the stop is released: ", "muted"), (key_in_words("release"), "key"))
+        return (("nothing until the stop is released: ", "muted"), (key_name("release"), "key"))
     if store.journaling.trouble:
         return (("nothing: the session is paused, because it is not recorded", "wait"),)
     return ()

@@ -1,4 +1,4 @@
-"""What a state looks like: always a word and a glyph; colour only doubles it (law 7)."""
+"""What a state looks like: always a word and a glyph; colour only doubles it (console.md 7.1)."""
 
 from __future__ import annotations
 

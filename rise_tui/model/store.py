@@ -31,10 +31,11 @@ from rise_engine.link.client import Arrival, Hello, Journaling, Pulse, Resync
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_engine.view import ActView, RuleView, View
 from rise_tui.model import control
-from rise_tui.model.armed import STARTS, Guard, why_not
 from rise_tui.model.awaited import Awaited, Waits
+from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.deeds import done, news
 from rise_tui.model.graph import estimate
+from rise_tui.model.input_lock import STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
 from rise_tui.model.saying import Saying, Speeches
@@ -76,18 +77,9 @@ LEFT_OUT = "so much happens at once that this console leaves some of it out; wha
 LEFT_OUT_AGAIN = 10.0
 """Seconds before that is said again."""
 
-BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
-
-
-def back_stopping() -> str:
-    from rise_tui.actions import key_in_words  # which reads this
-
-    again = f"press {key_in_words('stop')} again unless it says STOPPED"
-    return f"the connection was cut and is back; STOP may not have arrived: {again}"
-
 
 class Sent(Struct, frozen=True):
-    """Something asked for, until the engine's record of it arrives (law 3)."""
+    """Something asked for, until the engine's record of it arrives (console.md 3.1)."""
 
     function: str
     behavior: str
@@ -123,7 +115,7 @@ class Store:
     journaling: Journaling = field(init=False)
     pulse: Pulse = field(default_factory=Pulse)
     """The last sign of life of the robot and the engine."""
-    guard: Guard = "LIVE"
+    guard: InputMode = "LIVE"
     """Whether this console's keys start anything, as far as its wizard is concerned."""
     taken: control.Taken | None = None
     """Control was taken from this console, and the wizard has pressed no key since that showed."""
@@ -170,7 +162,7 @@ class Store:
 
     def attach_again(self, hello: Hello) -> None:
         """The connection was cut and is back: the truth is in the new snapshot."""
-        had, stopping, self.cut, self.unstopped = self.has_control, self.stopping, None, False
+        had, self.cut, self.unstopped = self.has_control, None, False
         ghost = self.me
         self.sent.clear()
         self.attached += 1
@@ -178,7 +170,6 @@ class Store:
         self.reclaims = had and not self.has_control and self.view.control in (None, ghost)
         if had and not self.has_control and not self.reclaims:
             self.taken = control.Taken(self.view.control, None)
-        self.notice = Notice(back_stopping(), "fault") if stopping else Notice(BACK, "wait")
 
     def _take_in(self, hello: Hello) -> None:
         self.hello, self.view, self.journaling = hello, hello.view, hello.journaling
@@ -205,7 +196,7 @@ class Store:
         return any(sent.function == "stopAll" for sent in self.sent.values())
 
     @property
-    def state(self) -> Guard | Literal["STOPPED"]:
+    def state(self) -> InputMode | Literal["STOPPED"]:
         """Whether keys start anything. A stop comes before what the wizard has chosen."""
         return "STOPPED" if self.view.stop.latched or self.stopping else self.guard
 
@@ -221,7 +212,7 @@ class Store:
 
     @property
     def has_control(self) -> bool:
-        """Whether this console may act. An engine that gives no names has one console only."""
+        """Whether this console may act. A replay names nobody, and nobody can act in it."""
         return not self.hello.you or self.view.control == self.hello.you
 
     @property
@@ -229,35 +220,35 @@ class Store:
         """Who waits for this console's answer to the question for control."""
         return self.view.asked if self.has_control and self.view.asked != self.me else None
 
-    def unavailable(self) -> str:
-        """Why nothing can be asked of the engine now, or empty."""
+    def blocked_reason(self, deed: Deed) -> BlockedReason | None:
+        """What stands in the way of such a deed from this console now; None when nothing does."""
         if self.gone:
-            return f"the session is over: {self.gone}" if self.over else f"the engine has gone: {self.gone}"
-        return "the connection is cut; the console is attaching again" if self.cut is not None else ""
+            return BlockedReason("over" if self.over else "gone", self.gone)
+        if self.cut is not None:
+            return BlockedReason("cut")
+        if deed != "reach" and self.hello.replay:
+            return BlockedReason("replay")
+        if deed in ("change", "start") and not self.has_control:
+            watches = self.hello.role == "observer"
+            return BlockedReason("control", holder=control.short(self.view.control), watches=watches)
+        return self._start_blocked() if deed == "start" else None
 
-    def cannot_tell(self) -> str:
-        """Why not even a note can be sent now, or empty."""
-        return self.unavailable() or ("this is a replay" if self.hello.replay else "")
-
-    def cannot_act(self) -> str:
-        """Why nothing can be changed from here now, or empty."""
-        return self.cannot_tell() or ("" if self.has_control else control.why_not(self.view.control, self.hello.role))
-
-    def cannot_start(self) -> str:
-        """Why nothing can be started now, or empty."""
-        from rise_tui.actions import key_in_words  # which reads the store
-
-        if reason := self.cannot_act():
-            return reason
+    def _start_blocked(self) -> BlockedReason | None:
         if self.journaling.trouble:
-            return f"NOT RECORDING, the session is paused: {self.journaling.trouble}"
-        if self.state == "STOPPED":
-            return f"STOPPED: {key_in_words('release')} releases the stop"
-        return why_not(self.guard, key_in_words("safe"), key_in_words("lock"))
+            return BlockedReason("not-recording", self.journaling.trouble)
+        match self.state:
+            case "STOPPED":
+                return BlockedReason("stopped")
+            case "SAFE":
+                return BlockedReason("safe")
+            case "LOCKED":
+                return BlockedReason("locked")
+            case "LIVE":
+                return None
 
-    def cannot(self, function: str) -> str:
-        """Why a key that asks for this function does nothing now, or empty."""
-        return self.cannot_start() if function in STARTS else self.cannot_act()
+    def task_blocked(self, function: str) -> BlockedReason | None:
+        """What stands in the way of a task with this function."""
+        return self.blocked_reason("start" if function in STARTING_FUNCTIONS else "change")
 
     def saying(self) -> Saying:
         """What the robot says, or said last."""

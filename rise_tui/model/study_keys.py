@@ -8,6 +8,7 @@ from typing import Any
 
 from rise_engine.expression import Assignment, Env, EvaluationError, Expression, LanguageError, store
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, Transition, normal_topic
+from rise_tui.model.conditions import holds
 from rise_tui.model.explain import engine_event, functions_of, raised_by_rule
 from rise_tui.text import value_text
 
@@ -89,7 +90,7 @@ class StudyKeys:
             if transition.after is None and transition.condition is not None:
                 yield from self.setting(transition.condition, memory)
             return
-        if transition.condition is not None and not _holds(transition.condition, memory):
+        if not holds(transition.condition, memory):
             return
         for key in self._by_topic.get(transition.event, ()):
             if key.function != RULE or key.behavior not in running:
@@ -102,7 +103,7 @@ class StudyKeys:
 
     def setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
         """The keys that set a value with which a condition holds that does not hold now."""
-        if _holds(condition, memory):
+        if holds(condition, memory):
             return
         heads = {key.partition(".")[0] for key in condition.keys}
         for key in self._sets:
@@ -164,13 +165,6 @@ def transitions_of(scenario: Scenario, rule: str, state: str | None) -> tuple[Tr
 
 def _acts_started(rule: Rule) -> Iterator[str]:
     return (function.argument for function in functions_of(rule) if function.name == ACT)
-
-
-def _holds(condition: Expression, memory: Mapping[str, Any]) -> bool:
-    try:
-        return condition.as_condition(memory)
-    except EvaluationError:
-        return False
 
 
 @lru_cache(256)

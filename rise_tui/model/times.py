@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 
+from rise_engine.errors import RiseError
+
 _CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:\.\d+)?)")
 _PARTS = re.compile(r"(?:(\d+(?:\.\d+)?)h)?(?:(\d+(?:\.\d+)?)m(?:in)?)?(?:(\d+(?:\.\d+)?)s?)?")
 EXAMPLES = "14:32, 1:14:32, 90s, -30s, -2m, now"
 
 
-class NoTime(ValueError):
+class NoTime(RiseError):
     """It is no time; the message says why, for a person."""
 
 

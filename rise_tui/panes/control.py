@@ -7,10 +7,10 @@ from typing import ClassVar
 from rich.cells import cell_len
 from textual import on
 
-from rise_tui.actions import bindings
+from rise_tui.actions import bindings, why_blocked
 from rise_tui.messages import SelectionMoved, StartAsked, TaskAsked, Told
 from rise_tui.model.deeds import act_words
-from rise_tui.model.gate import Trigger
+from rise_tui.model.key_action import start_action
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,
@@ -64,7 +64,7 @@ class ControlPane(ListPane):
 
     def why_not(self, name: str) -> str:
         """Why its key would start nothing now, or empty."""
-        return self.store.cannot_start()
+        return why_blocked(self.store, "start")
 
     def key_cell(self, name: str) -> Span:
         binding = self.store.key_of(self.FUNCTION, name)
@@ -148,8 +148,7 @@ class ActsPane(ControlPane):
         if not name:
             self.post_message(Told("no act is selected"))
         elif action == "acts.start":
-            settings = self.store.scenario.settings_of(name)
-            self.post_message(StartAsked(Trigger(self.FUNCTION, name, settings.debounce, settings.hold)))
+            self.post_message(StartAsked(start_action(self.store.scenario, self.FUNCTION, name)))
         elif action == "acts.stop":
             act = self.store.act(name)
             if not act.running and not act.waiting:
@@ -175,7 +174,7 @@ class RulesPane(ControlPane):
         return self.store.awaited().rules
 
     def why_not(self, name: str) -> str:
-        return self.store.cannot_start() or ("it runs already" if self.store.rule(name).running else "")
+        return why_blocked(self.store, "start") or ("it runs already" if self.store.rule(name).running else "")
 
     def subtitle(self) -> Line:
         return ((f"{len(self.store.view.stack())} of {len(self.store.scenario.rules)} run", "muted"),)
@@ -210,7 +209,7 @@ class RulesPane(ControlPane):
         if not name:
             self.post_message(Told("no rule is selected"))
         elif action == "rules.start":
-            self.post_message(StartAsked(Trigger(self.FUNCTION, name)))
+            self.post_message(StartAsked(start_action(self.store.scenario, self.FUNCTION, name)))
         elif action == "rules.stop":
             if self.store.rule(name).running:
                 self.post_message(TaskAsked("stopInteractionRule", name))

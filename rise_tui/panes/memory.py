@@ -10,12 +10,14 @@ from textual import on
 from textual.widget import Widget
 
 from rise_engine.view import MemoryView
-from rise_tui.actions import bindings
+from rise_tui.actions import bindings, why_blocked
 from rise_tui.messages import TaskAsked, Told
 from rise_tui.model.nested import NoSuchPart, Path, part, parts, removed, replaced, written
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import value_rows
 from rise_tui.panes.pane import ListPane
+from rise_tui.panes.save_start_values import ask_to_save_start_values
+from rise_tui.screens.reading import Reading
 from rise_tui.text import Line, Row, Span, age, cell, cells, clock, fit_middle, type_word, value_text
 from rise_tui.widgets.editor import Present, RowEditor
 
@@ -151,14 +153,12 @@ class MemoryPane(ListPane):
             self._unfold(path)
         elif action == "memory.fold":
             self._fold(path)
-        elif reason := self.store.cannot_act():
+        elif reason := why_blocked(self.store, "change"):
             self.post_message(Told(reason))
         elif action == "memory.undo":
             self._undo()
         elif action == "memory.save":
-            from rise_tui.panes.keeping import Keeping  # not needed to begin
-
-            Keeping(self).ask()
+            self.run_worker(ask_to_save_start_values(self), group="keep", exclusive=True)
         elif action == "memory.add" or self.list.current == ADD:
             if action != "memory.delete":
                 self._open((), *(self.store.deleted or ("", None)))
@@ -210,7 +210,6 @@ class MemoryPane(ListPane):
 
     def _read(self, path: Path) -> None:
         """A value in full: its row may have no room for it."""
-        from rise_tui.screens.reading import Reading  # not needed to begin
 
         def rows(width: int) -> list[Row]:
             entry = self.store.view.memory.get(str(path[0]))

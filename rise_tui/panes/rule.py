@@ -11,7 +11,7 @@ from rise_engine.view import RuleView
 from rise_tui.actions import bindings
 from rise_tui.messages import StartAsked, Told
 from rise_tui.model.explain import raised_by_engine
-from rise_tui.model.gate import Trigger
+from rise_tui.model.key_action import KeyAction
 from rise_tui.model.reasons import Reasons, whose
 from rise_tui.model.state_drawing import HERE, Now, draw
 from rise_tui.model.state_graph import Layout, lay_out
@@ -185,4 +185,4 @@ class RulePane(ListPane):
         elif by_engine := raised_by_engine(self.store.scenario, event):
             self.post_message(Told(by_engine))
         else:
-            self.post_message(StartAsked(Trigger("raiseEventTopic", event)))
+            self.post_message(StartAsked(KeyAction("raiseEventTopic", event)))

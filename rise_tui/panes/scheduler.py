@@ -9,6 +9,7 @@ from rise_tui.model.expected import Turn, starts
 from rise_tui.model.states import SENT, progress, task_state
 from rise_tui.model.task_text import task_rows
 from rise_tui.panes.pane import ListPane
+from rise_tui.screens.reading import Reading
 from rise_tui.text import Line, Row, Span, cell, duration, seconds
 
 NARROW = 56
@@ -113,8 +114,6 @@ class SchedulerPane(ListPane):
                 self.post_message(Told("it is the last one already" if place > here else "it starts next already"))
 
     def _details(self, id: int) -> None:
-        from rise_tui.screens.reading import Reading  # not needed to begin
-
         def rows(width: int) -> list[Row]:
             task = self.store.view.tasks.get(id)
             return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []

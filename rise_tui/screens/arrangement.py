@@ -25,8 +25,6 @@ UPPER = ("rule", "act", "memory")
 LOWER = ("log", "scheduler")
 MONITORING = (*UPPER, *LOWER)
 
-LEAST = (70, 20)
-"""Columns and rows below which nothing could be read."""
 SMALL = (80, 24)
 """Below this there is room for one monitoring pane only."""
 
@@ -41,11 +39,6 @@ def layout_for(width: int, height: int) -> Layout:
 def is_narrow(width: int) -> bool:
     """Whether lists give way to monitoring panes."""
     return width < 100
-
-
-def too_small(width: int, height: int) -> bool:
-    """Whether a terminal has no room for a console."""
-    return width < LEAST[0] or height < LEAST[1]
 
 
 class Arrangement(Container):
@@ -125,10 +118,6 @@ class Arrangement(Container):
         size = self.app.size
         self._layout_kind, self._narrow = layout_for(size.width, size.height), is_narrow(size.width)
         self._place_all()
-
-    @property
-    def layout_kind(self) -> Layout:
-        return self._layout_kind
 
     def focused(self) -> Pane | None:
         """The list or pane that has the focus."""

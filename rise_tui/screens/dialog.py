@@ -12,7 +12,7 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Button, Static
 
-from rise_tui.model.gate import REPEAT
+from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.rendering.modal import SingleDismissModal
 
 
@@ -87,10 +87,10 @@ class Dialog(SingleDismissModal[str]):
 
     def _pressed_again(self, at: float) -> None:
         """Wait as long as a held key would take to repeat, as the gate does for acts that need two presses."""
-        held, self._again_at = at - self._again_at < REPEAT, at
+        held, self._again_at = at - self._again_at < HELD_KEY_SECONDS, at
         if self._second_press is not None:
             self._second_press.stop()
-        self._second_press = None if held else self.set_timer(REPEAT, self._take_first)
+        self._second_press = None if held else self.set_timer(HELD_KEY_SECONDS, self._take_first)
 
     def _take_first(self) -> None:
         self.action_answer(self._answers[0].key)

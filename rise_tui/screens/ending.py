@@ -9,6 +9,8 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label, Static
 
+from rise_tui.model.running import session_words, told, whose
+from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.widgets.editor import Field
 
@@ -61,3 +63,12 @@ class EndQuestion(SingleDismissModal[bool]):
         if event.key == "escape":
             event.stop()
             self.dismiss(False)
+
+
+def question_of_end(store: Store, then: str = "") -> EndQuestion:
+    """Before the session ends for good. `then`: what comes after it, if not nothing."""
+    of = whose(store)
+    said = [session_words(store), *told(store), ""]
+    said += ["The robot is stopped, and the session ends for good:", "it cannot be continued."]
+    said += [then] * bool(then)
+    return EndQuestion(f"End the session of {of}?" if of else "End the session?", said)

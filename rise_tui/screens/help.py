@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import PLACES, Action, Place, at, key_for, key_in_words, key_label, keys_of
+from rise_tui.actions import PLACES, Action, Place, at, key_for, key_in_words, key_label, keys_of, why_task_blocked
 from rise_tui.model.deeds import describe
 from rise_tui.model.filtering import BrokenFilter, Filter
 from rise_tui.model.store import Store
@@ -40,7 +40,7 @@ def entries(store: Store, place: Place | None = None) -> Iterator[Entry]:
         yield from (_of_action(action, titles[common], store) for action in at(common))
     yield from (Entry(IDEAS, word, "", text) for word, text in ideas())
     for key in store.scenario.keys.values():
-        why, what = store.cannot(key.function), describe(key.function, key.behavior)
+        why, what = why_task_blocked(store, key.function), describe(key.function, key.behavior)
         act = "CommunicationRobotAct" in key.function
         hold = "hold: needs a second key. " if act and store.scenario.settings_of(key.behavior).hold else ""
         text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"

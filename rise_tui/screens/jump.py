@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from textual import events
@@ -10,7 +10,6 @@ from textual.app import ComposeResult
 from textual.geometry import Region
 
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.screens.arrangement import Arrangement
 from rise_tui.text import Line, Span, crop
 from rise_tui.widgets.line import Lines
 
@@ -23,14 +22,6 @@ class Labels(NamedTuple):
 
     region: Region
     line: Line
-
-
-def labels(panes: Arrangement) -> Iterator[Labels]:
-    """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
-    for pane in panes.shown():
-        names = tuple(panes.panes) if panes.zoomed else tuple(name for name, _ in pane.title.tabs)
-        titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.PLACE) for name in names]
-        yield Labels(pane.title.region, crop(label_line(titles), pane.title.region.width))
 
 
 def label_line(titles: Sequence[tuple[str, str, bool]]) -> Line:
@@ -49,11 +40,11 @@ class JumpScreen(SingleDismissModal[str]):
     JumpScreen Lines { position: absolute; background: $rise-bar-focused; }
     """
 
-    def __init__(self, panes: Arrangement, foot: Region) -> None:
-        """`foot`: where the key hints stand; it is said there what this is."""
+    def __init__(self, labels: Iterable[Labels], foot: Region) -> None:
+        """`labels`: one for each title bar. `foot`: where the key hints stand; it is said there what this is."""
         super().__init__()
         said: Line = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
-        self._labels = [*labels(panes), Labels(foot, crop(said, foot.width))]
+        self._labels = [*labels, Labels(foot, crop(said, foot.width))]
 
     def compose(self) -> ComposeResult:
         for region, line in self._labels:

@@ -1,4 +1,4 @@
-"""When what is repainted: soon after a change, never faster than a terminal can take, and only what differs (law 8)."""
+"""When what is repainted: soon, never faster than a terminal can take, and only what differs (console.md 8.2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from time import monotonic
 from textual.timer import Timer
 from textual.widgets import Input
 
-from rise_tui.actions import BY_ID, at
+from rise_tui.actions import BY_ID, at, why_blocked
 from rise_tui.model.cue import ticks
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store, Topic
@@ -24,6 +24,8 @@ FRAME = 1 / 15
 """Seconds between two repaints while records pour in."""
 SHARE = 1 / 8
 """Of the time, at most so much goes into painting while records pour in, however dear that is."""
+LONGEST_PAUSE = 0.5
+"""Whatever the last frame took: on a busy machine it may have been others that took it."""
 NOTICE_SECONDS = 12.0
 NOTICE_LEAST = 1.0
 """A notice stays this long, whatever is pressed."""
@@ -61,7 +63,7 @@ class Painting:
         """The store changed; paint soon."""
         self._dirty |= topics
         if self._frame is None and self._panes.is_mounted:
-            pause = max(FRAME, self._spent / SHARE)
+            pause = max(FRAME, min(self._spent / SHARE, LONGEST_PAUSE))
             self._frame = self._later(max(0.001, self._painted + pause - monotonic()), self._paint)
 
     def repaint(self, *names: str) -> None:
@@ -146,7 +148,7 @@ class Painting:
     def draw_hints(self) -> None:
         focused = self._panes.screen.focused
         if isinstance(focused, SayField):
-            self.hints.draw_saying(self._store, self.say.effect, self._store.cannot_start())
+            self.hints.draw_saying(self._store, self.say.effect, why_blocked(self._store, "start"))
             return
         if isinstance(focused, Input):
             self.hints.draw_typing(self._store, "add the note" if isinstance(focused, NoteLine) else "take")

@@ -17,14 +17,13 @@ from rise_engine.scenario.study import condition_problem, conditions
 from rise_tui.model.running import whose
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.screens.ending import question_of_end
 from rise_tui.start.launch import Launcher, Refused, Shown, robots, shown
-from rise_tui.start.leaving import question_of_end
 from rise_tui.start.settings import Settings, expanded
 from rise_tui.text import clean
 from rise_tui.widgets.editor import Field
 
 PLACES = ("acts", "rules", "memory")
-FOR_WHOM = ("participant", "condition")
 MODES = ("debug", "real")
 
 

@@ -10,16 +10,22 @@ from rise_tui.actions import key_in_words
 from rise_tui.model.alarms import alarms
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.screens.arrangement import LEAST, too_small
 from rise_tui.text import Line, crop, wrap
 from rise_tui.widgets.line import Lines
 
 TICK = 0.5
+LEAST = (70, 20)
+"""Columns and rows below which nothing could be read."""
+
+
+def too_small(width: int, height: int) -> bool:
+    """Whether a terminal has no room for a console."""
+    return width < LEAST[0] or height < LEAST[1]
 
 
 def lines_for(size: Size, store: Store) -> list[Line]:
     """Sentences in whatever room there is, the most important first."""
-    found = alarms(store)
+    found = alarms(store, key_in_words)
     head: list[Line] = [crop(found[0].head, size.width)] if found else []
     stop, leave = key_in_words("stop"), key_in_words("quit")
     said = [

@@ -69,8 +69,6 @@ class Launcher:
     start: Callable[[Scenario, Settings], Client]
     """May block. Raises EngineGone with the reason."""
     prepare: Callable[[Settings], Prepared] = prepare
-    outlives: bool = False
-    """Whether the engine goes on when this process ends."""
     recover: Callable[[Hello, Tell], Recovered] | None = None
     """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
 

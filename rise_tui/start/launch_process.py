@@ -54,4 +54,4 @@ def process_launcher(who: str, role: Role) -> Launcher:
             raise EngineGone("nobody has recovered it yet")
         return Recovered(SocketClient(name, who, role, resync=True))  # somebody else has
 
-    return Launcher(start=start, outlives=True, recover=recover)
+    return Launcher(start=start, recover=recover)

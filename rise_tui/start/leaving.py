@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rise_tui.model.running import session_words, told, whose
+from rise_tui.actions import why_blocked
+from rise_tui.model.running import session_words, told
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Answer, Dialog
-from rise_tui.screens.ending import EndQuestion
 from rise_tui.start.paths import tilde
 from rise_tui.text import clock
 
@@ -24,20 +24,11 @@ def question(store: Store) -> Dialog:
     """What can be done when leaving: a session can be ended only by who has control."""
     said = [session_words(store), *told(store), ""]
     said += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
-    if why_not := store.cannot_act():
+    if why_not := why_blocked(store, "change"):
         said += [f"Ending the session needs control: {why_not}."]
         return Dialog("Leave?", said, Answer("d", "Detach"), no="Stay", first="d")
     said += ["End     for good; this asks once more."]
     return Dialog("Leave?", said, Answer("d", "Detach"), Answer(END_KEY, "End the session"), no="Stay", first="d")
-
-
-def question_of_end(store: Store, then: str = "") -> EndQuestion:
-    """Before the session ends for good. `then`: what comes after it, if not nothing."""
-    of = whose(store)
-    said = [session_words(store), *told(store), ""]
-    said += ["The robot is stopped, and the session ends for good:", "it cannot be continued."]
-    said += [then] * bool(then)
-    return EndQuestion(f"End the session of {of}?" if of else "End the session?", said)
 
 
 def question_of_gone(store: Store) -> Dialog:

@@ -33,7 +33,7 @@ class AlarmBar(Lines):
         """Whether what it shows changes with every second."""
 
     def draw(self, store: Store) -> None:
-        found = alarms(store)
+        found = alarms(store, key_in_words)
         self.counts = any(alarm.counts for alarm in found)
         shown = lines(found)
         self.set_class(bool(shown), "-on")
@@ -83,7 +83,7 @@ class FailureBar(Lines):
 
     def draw(self, store: Store) -> None:
         width, height = self.app.size
-        shown = failures.lines(store, self.size.width or width, max(LEAST, height // SHARE))
+        shown = failures.lines(store, self.size.width or width, max(LEAST, height // SHARE), key_in_words)
         self.set_class(bool(shown), "-on")
         if len(shown) != len(self.lines):
             self.styles.height = max(1, len(shown))

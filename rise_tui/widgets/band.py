@@ -5,12 +5,12 @@ from __future__ import annotations
 from textual import events
 from textual.geometry import Size
 
+from rise_tui.actions import key_in_words
 from rise_tui.messages import ActionAsked, StartAsked
-from rise_tui.model.gate import Trigger
+from rise_tui.model.key_action import action_of_key
 from rise_tui.model.key_strip import Piece, strip, strip_rows
 from rise_tui.model.speech_band import band, counts, sentence_rows
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT
 from rise_tui.widgets.line import Lines
 
 
@@ -30,7 +30,7 @@ class SpeechBand(Lines):
     def draw(self, store: Store) -> None:
         height = self.styles.height
         rows = int(height.value) if height is not None else 2
-        self.show(*band(store, self.size.width, rows - 1))
+        self.show(*band(store, self.size.width, rows - 1, key_in_words))
 
     def counts(self, store: Store) -> bool:
         """Whether it changes by tenths of a second."""
@@ -69,7 +69,5 @@ class KeyStrip(Lines):
             if key is None:
                 self.post_message(ActionAsked("help"))
                 return
-            settings = self._store.scenario.settings_of(key.behavior)
-            held = key.function == ACT and settings.hold
-            self.post_message(StartAsked(Trigger(key.function, key.behavior, settings.debounce, held)))
+            self.post_message(StartAsked(action_of_key(self._store.scenario, key)))
             return

@@ -9,8 +9,8 @@ from textual import events
 from rise_engine.scenario.fillers import fillers, next_filler
 from rise_tui.actions import BY_ID, Action, keys_of
 from rise_tui.messages import ActionAsked
-from rise_tui.model.armed import LOCKED_ACTIONS
 from rise_tui.model.cue import offer_due, passed_text
+from rise_tui.model.input_lock import LOCKED_ACTIONS
 from rise_tui.model.speech import Effect
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
@@ -144,7 +144,7 @@ def _offer(store: Store) -> Line:
     """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
     since = offer_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
     filler = next_filler_of(store)
-    if since is None or filler is None or store.view.running or store.cannot_start():
+    if since is None or filler is None or store.view.running or store.blocked_reason("start"):
         return ()
     key = BY_ID["filler"].key_label
     passed: Line = (("   no answer for ", "plain"), (f"{passed_text(since)} s", "wait"), (":  ", "plain"))

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from textual import events, on
-from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rise_tui.text import clean
+from rise_tui.widgets.editor import Field
 
 
-class NoteLine(Input):
+class NoteLine(Field):
     """Stands where the notice stands while it is open. What was not taken is still there the next time."""
 
     DEFAULT_CSS = """
@@ -22,7 +19,6 @@ class NoteLine(Input):
         &.-open { display: block; }
     }
     """
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
 
     class Done(Message):
         """Closed; `text` is empty when nothing is to be noted."""
@@ -40,10 +36,6 @@ class NoteLine(Input):
     @property
     def is_open(self) -> bool:
         return self.has_class("-open")
-
-    def validate_value(self, value: str) -> str:
-        """A pasted control character would reach the terminal as it is."""
-        return clean(value)
 
     def open(self, kept: str) -> None:
         """Begin, with what was not taken the last time."""

@@ -221,12 +221,6 @@ class RowList(RowView):
                 self.move_to(index, by_wizard=False)
                 return
 
-    def bring_to_middle(self, row_id: str) -> None:
-        """Scroll so that a row is in view with its surroundings; to the top when it is not there."""
-        index = next((index for index, row in enumerate(self._rows) if row.id == row_id), 0)
-        height = self.size.height
-        self.scroll_to(y=0 if index < height - 1 else index - height // 2, animate=False)
-
     def _find(self, row_id: str, before: int) -> int:
         if row_id:
             for index, row in enumerate(self._rows):

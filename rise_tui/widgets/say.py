@@ -17,7 +17,8 @@ from rise_tui.actions import BY_ID, key_in_words
 from rise_tui.model.speech import Effect, History, completion, effect, filled, sentences
 from rise_tui.model.states import SENT, State, task_state
 from rise_tui.model.store import Store
-from rise_tui.text import Line, clean, crop, seconds
+from rise_tui.text import Line, crop, seconds
+from rise_tui.widgets.editor import Field
 from rise_tui.widgets.line import Lines
 
 DONE_SECONDS = 5.0
@@ -26,7 +27,7 @@ PROMPT = " say > "
 SAID = State("✓", "said", "plain")
 
 
-class SayField(Input):
+class SayField(Field):
     """Where speech is typed. What may follow stands behind it in grey; `tab` takes it."""
 
     DEFAULT_CSS = """
@@ -53,10 +54,6 @@ class SayField(Input):
     def __init__(self, line: SayLine) -> None:
         super().__init__(select_on_focus=False, suggester=_Ghost(line))
         self._line = line
-
-    def validate_value(self, value: str) -> str:
-        """A pasted control character would reach the terminal as it is."""
-        return clean(value)
 
     def action_complete(self) -> None:
         if going_on := self._line.going_on(self.value):

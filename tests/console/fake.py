@@ -254,7 +254,6 @@ class FakeLauncher(Launcher):
         self,
         *clients: FakeClient,
         prepared: Prepared | None = None,
-        outlives: bool = True,
         recover: Callable[[Hello, Tell], Recovered] | None = None,
     ) -> None:
         self.clients = list(clients)
@@ -269,4 +268,4 @@ class FakeLauncher(Launcher):
             self.started.append(settings)
             return self.clients[min(len(self.started), len(self.clients)) - 1]
 
-        super().__init__(start, prepare, outlives, recover)
+        super().__init__(start, prepare, recover)

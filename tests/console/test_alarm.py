@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from rise_engine.kernel.records import RobotRecord
+from rise_tui.actions import key_in_words
 from rise_tui.model.alarms import alarms, degraded, lines, parts
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store
@@ -30,7 +31,7 @@ def store_after(*happenings: Callable[[FakeClient], object], **options: object) 
 
 
 def said(store: Store) -> list[str]:
-    return [plain(line) for line in lines(alarms(store))]
+    return [plain(line) for line in lines(alarms(store, key_in_words))]
 
 
 def test_nothing_is_wrong() -> None:
@@ -82,7 +83,7 @@ def test_a_robot_that_is_back_is_no_alarm() -> None:
 def test_a_degraded_robot_is_said_in_words_and_is_no_red_alarm() -> None:
     record = RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze")
     store = store_after(lambda client: client.emit(record))
-    assert alarms(store) == []
+    assert alarms(store, key_in_words) == []
     assert degraded(store) == "◐ robot degraded since 00:01:23: no server for gaze"
 
 
@@ -141,7 +142,7 @@ def test_everything_fits_in_80_columns() -> None:
     gone = store_after()
     gone.gone = "the engine was killed"
     for store in (*made, gone):
-        assert all(width_of(line) <= 80 for line in lines(alarms(store))), said(store)
+        assert all(width_of(line) <= 80 for line in lines(alarms(store, key_in_words))), said(store)
 
 
 def test_parts_of_several_robots() -> None:

@@ -1,11 +1,13 @@
-"""LIVE, SAFE, LOCKED: what keys of this console may do (law 2)."""
+"""LIVE, SAFE, LOCKED: what keys of this console may do (console.md 2.1)."""
 
 from __future__ import annotations
 
 import pytest
 from textual import events
 
-from rise_tui.model.armed import Guard, after_lock, after_safe, why_not
+from rise_tui.actions import key_in_words, why_task_blocked
+from rise_tui.model.blocked import BlockedReason, blocked_text
+from rise_tui.model.input_lock import InputMode, mode_notice, toggle_lock, toggle_safe
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.help import HelpScreen
@@ -15,17 +17,24 @@ from tests.console.fake import FakeClient, demo
 
 
 @pytest.mark.parametrize(
-    ("guard", "safe", "lock"),
+    ("mode", "safe", "lock"),
     [("LIVE", "SAFE", "LOCKED"), ("SAFE", "LIVE", "LOCKED"), ("LOCKED", "LOCKED", "SAFE")],
 )
-def test_what_each_of_the_two_keys_makes_of_it(guard: Guard, safe: Guard, lock: Guard) -> None:
-    assert after_safe(guard) == safe and after_lock(guard) == lock
+def test_what_each_of_the_two_keys_makes_of_it(mode: InputMode, safe: InputMode, lock: InputMode) -> None:
+    assert toggle_safe(mode) == safe and toggle_lock(mode) == lock
 
 
 def test_only_what_is_not_live_has_a_reason() -> None:
-    assert why_not("LIVE", "ctrl+x", "ctrl+n") == ""
-    assert why_not("SAFE", "ctrl+x", "ctrl+n") == "SAFE: ctrl+x makes keys act"
-    assert why_not("LOCKED", "ctrl+x", "ctrl+n") == "LOCKED: ctrl+n unlocks"
+    assert blocked_text(None, key_in_words) == ""
+    assert blocked_text(BlockedReason("safe"), key_in_words) == "SAFE: ctrl+x makes keys act"
+    assert blocked_text(BlockedReason("locked"), key_in_words) == "LOCKED: ctrl+n unlocks"
+
+
+@pytest.mark.parametrize(
+    ("mode", "key"), [("LIVE", "LIVE: keys start"), ("SAFE", "ctrl+x makes them act"), ("LOCKED", "leave and ctrl+n")]
+)
+def test_a_chosen_mode_is_told_with_the_key_that_leaves_it(mode: InputMode, key: str) -> None:
+    assert key in mode_notice(mode, key_in_words)
 
 
 async def quiet(it: Console) -> None:
@@ -165,10 +174,10 @@ async def test_a_console_that_watches_is_not_called_live() -> None:
 @pytest.mark.parametrize(
     "function", ["startCommunicationRobotAct", "raiseEventTopic", "assignValue", "say", "nextFiller"]
 )
-def test_what_makes_something_happen_does_not_while_keys_are_safe(guard: Guard, function: str) -> None:
+def test_what_makes_something_happen_does_not_while_keys_are_safe(guard: InputMode, function: str) -> None:
     client = FakeClient(demo())
     store = Store(client.hello(), "anna", client.now)
-    assert store.cannot(function) == ""
+    assert why_task_blocked(store, function) == ""
     store.guard = guard
-    assert store.cannot(function).startswith(guard)
-    assert store.cannot("markCue") == store.cannot("stopCommunicationRobotAct") == ""
+    assert why_task_blocked(store, function).startswith(guard)
+    assert why_task_blocked(store, "markCue") == why_task_blocked(store, "stopCommunicationRobotAct") == ""

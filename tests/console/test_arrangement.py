@@ -7,9 +7,9 @@ import pytest
 from rise_engine.kernel.records import MemoryRecord
 from rise_tui.model.store import Store
 from rise_tui.panes.pane import Pane
-from rise_tui.screens.arrangement import Arrangement, layout_for, too_small
+from rise_tui.screens.arrangement import Arrangement, layout_for
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.small import SmallScreen, lines_for
+from rise_tui.screens.small import SmallScreen, lines_for, too_small
 from rise_tui.text import plain, width_of
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo

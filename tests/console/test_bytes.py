@@ -1,4 +1,4 @@
-"""What the console costs on the wire (law 8), counted at a terminal. Bytes only: no test here measures time.
+"""What the console costs on the wire (console.md 8.1), counted at a terminal. Bytes only: no test here measures time.
 
 The engine's clock stands still except where a test lets it go, so that every byte has its cause.
 """

@@ -413,10 +413,10 @@ async def test_zoom_and_back_by_esc() -> None:
 async def test_resizing_the_terminal_changes_the_layout() -> None:
     async with console(size=(200, 50)) as it:
         await it.pilot.resize_terminal(80, 24)
-        await it.until(lambda: it.screen.panes.layout_kind == "two")
+        await it.until(lambda: it.screen.panes.has_class("-two"))
         await it.until(lambda: it.pane("acts").rows.region.width < 40)
         await it.pilot.resize_terminal(75, 24)
-        await it.until(lambda: it.screen.panes.layout_kind == "one")
+        await it.until(lambda: not it.screen.panes.has_class("-two"))
 
 
 async def test_hints_and_tabs_can_be_clicked() -> None:

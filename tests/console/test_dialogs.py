@@ -11,7 +11,7 @@ from textual import events
 from textual.widgets import Button
 
 from rise_engine.kernel.records import SessionRecord
-from rise_tui.model.gate import REPEAT
+from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.ending import EndQuestion
 from rise_tui.screens.settings import Choice, SettingsScreen
@@ -81,7 +81,7 @@ async def test_a_key_that_is_held_down_releases_nothing() -> None:
             event = events.Key("ctrl+r", None)
             event.time = at + 0.4 + number * 0.03
             dialog.on_key(event)
-        await it.pilot.pause(2 * REPEAT)
+        await it.pilot.pause(2 * HELD_KEY_SECONDS)
         assert it.app.screen is dialog and ("releaseStop", "") not in it.client.asked()
         await it.press("escape")
         await it.until(lambda: it.app.screen is it.screen)

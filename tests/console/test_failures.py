@@ -11,7 +11,7 @@ from rise_engine.kernel.records import MemoryRecord
 from rise_engine.link.messages import state_of, view_of
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_tui.actions import BY_ID
+from rise_tui.actions import BY_ID, key_in_words
 from rise_tui.model.failures import Unsaid, lines, unanswered, unsaid
 from rise_tui.model.store import Store
 from rise_tui.text import plain, width_of
@@ -115,7 +115,7 @@ def store_after(*acts: tuple[str, str], **options: object) -> Store:
 
 
 def bar(store: Store, width: int = 80, most: int = 8) -> list[str]:
-    return [plain(line) for line in lines(store, width, most)]
+    return [plain(line) for line in lines(store, width, most, key_in_words)]
 
 
 def test_of_several_the_first_is_shown_and_the_others_are_counted() -> None:
@@ -159,7 +159,7 @@ def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width:
     client = FakeClient(demo())
     text = " ".join(f"word{number}" for number in range(300))
     client.task("say", text, "ABORTED", reason="a reason of some length " * 20)
-    found = lines(Store(client.hello(), "anna", client.now), width, most)
+    found = lines(Store(client.hello(), "anna", client.now), width, most, key_in_words)
     assert len(found) <= most and all(width_of(line) <= width for line in found)
     assert "word0" in plain(found[-2]) + plain(found[3])
     assert plain(found[-2]).endswith("all of it: act pane" if width > 40 else "…")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_tui.model.filtering import LONGEST, BrokenFilter, Filter
-from rise_tui.model.sieve import Sieve
+from rise_tui.model.row_search import RowSearch
 
 ROW = "00:14:32.1 wizard:anna act Blocking R_Instruction_2 done"
 
@@ -159,59 +159,65 @@ class Rows:
         self.looked.append(id)
         return self.texts.get(id)
 
-    def sieve(self, typed: str) -> Sieve:
-        return Sieve(Filter(typed), self.ids, self.text_of, self.living.__contains__)
+    def search(self, typed: str) -> RowSearch:
+        return RowSearch(Filter(typed), self.ids, self.text_of, self.living.__contains__)
+
+
+def to_the_end(search: RowSearch) -> None:
+    search.look_again()
+    while search.step():
+        assert search.matching == sorted(search.matching)
+    assert search.done
 
 
 def test_a_search_goes_backwards_from_the_newest_in_slices() -> None:
     rows = Rows(1000)
-    sieve = rows.sieve("7")
-    assert not sieve.work(0.0)
-    assert sieve.matching and sieve.matching[-1] == 997 and min(rows.looked) > 900
-    while not sieve.work(0.0):
-        assert sieve.matching == sorted(sieve.matching)
-    assert sieve.done and sieve.matching == [id for id in rows.ids if "7" in str(id)]
+    search = rows.search("7")
+    assert search.step() < 100 and not search.done
+    assert search.matching and search.matching[-1] == 997 and min(rows.looked) > 900
+    to_the_end(search)
+    assert search.matching == [id for id in rows.ids if "7" in str(id)]
     assert len(rows.looked) == 1000
 
 
 def test_new_rows_are_looked_at_first_and_the_list_grows_in_place() -> None:
     rows = Rows(1000)
-    sieve = rows.sieve("7")
-    sieve.work(1.0)
-    found = sieve.matching
+    search = rows.search("7")
+    to_the_end(search)
+    found = search.matching
     rows.ids += [1001, 1007]
     rows.texts |= {1001: "row", 1007: "row 7"}
-    assert sieve.work(0.0)
-    assert sieve.matching is found and found[-1] == 1007
+    to_the_end(search)
+    assert search.matching is found and found[-1] == 1007
 
 
 def test_what_has_not_ended_is_looked_at_again() -> None:
     rows = Rows(100)
     rows.living |= {40, 50}
-    sieve = rows.sieve("failed")
-    sieve.work(1.0)
-    assert sieve.matching == []
+    search = rows.search("failed")
+    to_the_end(search)
+    assert search.matching == []
     rows.texts[40] = rows.texts[50] = "failed"
-    sieve.work(1.0)
-    assert sieve.matching == [40, 50]
+    to_the_end(search)
+    assert search.matching == [40, 50]
     rows.living.discard(40)
     rows.texts[50] = "done"
-    sieve.work(1.0)
-    sieve.work(1.0)
-    assert sieve.matching == [40]
+    to_the_end(search)
+    assert search.matching == [40]
     rows.texts[40] = "done"  # it had ended: nothing looks again
-    sieve.work(1.0)
-    assert sieve.matching == [40]
-    sieve.look_again_at(40)
-    sieve.work(1.0)
-    assert sieve.matching == []
+    to_the_end(search)
+    assert search.matching == [40]
+    search.expect_change(40)
+    to_the_end(search)
+    assert search.matching == []
 
 
 def test_rows_that_are_in_the_journal_only_match_nothing() -> None:
     rows = Rows(3)
     del rows.texts[1]
-    sieve = rows.sieve("row")
-    assert sieve.work(1.0) and sieve.matching == [2, 3]
+    search = rows.search("row")
+    to_the_end(search)
+    assert search.matching == [2, 3]
 
 
 @given(st.lists(st.booleans(), max_size=200), st.lists(st.integers(1, 60), max_size=8))
@@ -219,12 +225,11 @@ def test_slices_find_what_one_look_finds(hits: list[bool], grow: list[int]) -> N
     rows = Rows(0)
     rows.ids = list(range(1, len(hits) + 1))
     rows.texts = {id: "hit" if hit else "miss" for id, hit in zip(rows.ids, hits, strict=True)}
-    sieve = rows.sieve("hit")
+    search = rows.search("hit")
     for more in grow:
-        sieve.work(0.0)
+        search.step()
         start = len(rows.ids) + 1
         rows.ids += range(start, start + more)
         rows.texts |= {id: "hit" if id % 3 == 0 else "miss" for id in range(start, start + more)}
-    while not sieve.work(0.0):
-        pass
-    assert sieve.matching == [id for id in rows.ids if rows.texts[id] == "hit"]
+    to_the_end(search)
+    assert search.matching == [id for id in rows.ids if rows.texts[id] == "hit"]

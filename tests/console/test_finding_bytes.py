@@ -1,4 +1,4 @@
-"""What it costs on the wire to open and leave what helps to find one's way (law 8), measured on a terminal."""
+"""What it costs on the wire to open and leave what helps to find one's way (console.md 8.1), measured on a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No accidents (law 2): which keys start something, and where."""
+"""No accidents (console.md 2.1 to 2.4): which keys start something, and where."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ async def test_that_a_command_is_on_its_way_is_to_be_seen_before_the_answer(monk
 
 async def test_a_key_takes_the_notice_away() -> None:
     async with console() as it:
-        it.screen.say("read me")
+        it.screen.show_notice("read me")
         await it.until(lambda: "read me" in it.notice)
         it.screen.painting._noticed_at -= 2  # it has been there long enough to be read
         await it.press("down")
@@ -85,13 +85,13 @@ async def test_a_key_takes_the_notice_away() -> None:
 async def test_a_key_takes_no_notice_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console() as it:
         painting, store = it.screen.painting, it.screen.session.store
-        it.screen.say("read me")
+        it.screen.show_notice("read me")
         await it.until(lambda: "read me" in it.notice)
         painting._noticed_at -= 2
         monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
         painting.key_pressed()
         assert store.notice is None
-        it.screen.say("it was refused")
+        it.screen.show_notice("it was refused")
         painting.key_pressed()
         assert store.notice is not None and store.notice.text == "it was refused"
 

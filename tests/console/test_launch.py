@@ -12,7 +12,7 @@ from rise_engine.session_options import SessionOptions
 from rise_tui.app import ConsoleApp
 from rise_tui.screens.console import ConsoleScreen
 from rise_tui.start import launch_process
-from rise_tui.start.launch import Launcher, settings_of
+from rise_tui.start.launch import settings_of
 from rise_tui.start.launch_process import process_launcher
 from rise_tui.start.settings import Settings, options, scenario_place
 from tests.console.conftest import Console
@@ -70,10 +70,6 @@ def test_an_unfinished_session_of_another_scenario_is_not_given_up_in_passing(mo
 def test_a_console_that_attaches_knows_what_its_session_was_started_with() -> None:
     found = settings_of(FakeClient(demo(), mode="real").hello())
     assert (found.folder, found.robot, found.mode, found.seed) == (demo().folder, "pepper", "real", 1)
-    assert (
-        process_launcher("anna", "wizard").outlives
-        and not Launcher(start=lambda scenario, settings: FakeClient(demo())).outlives
-    )
 
 
 async def test_what_there_is_to_say_about_a_recovery_is_said_first() -> None:

@@ -177,16 +177,6 @@ async def test_a_signal_detaches(number: signal.Signals) -> None:
         assert it.app.return_code == 128 + number
 
 
-async def test_an_engine_in_this_process_is_ended_and_not_detached_from() -> None:
-    client = FakeClient(demo())
-    async with console(client=client, launcher=FakeLauncher(client, outlives=False)) as it:
-        await it.press("ctrl+c")
-        await it.until(lambda: isinstance(it.app.screen, EndQuestion))
-        await it.press("escape")
-        it.app._signalled(signal.SIGTERM)
-        await it.until(lambda: client.closed == [True])
-
-
 async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> None:
     client, again = FakeClient(demo()), FakeClient(demo())
     asked: list[str] = []

@@ -49,7 +49,7 @@ async def test_a_session_from_the_first_key_to_the_last(place: Path) -> None:
         await pilot.pause(0.6)  # its debounce time
         await it.press("m")
         await it.until(lambda: "rejected" in it.notice, "starting a running rule was not refused in words")
-        await it.press("ctrl+c", "e", "n", "d", "enter")
+        await it.press("ctrl+c", "ctrl+x", "e", "n", "d", "enter")
         await it.until(lambda: not app.is_running)
     assert app.return_code == 0
 

@@ -8,6 +8,7 @@ from rise_engine.kernel.records import EventRecord, NoteRecord, RobotRecord, Rul
 from rise_engine.view import REMARKS, TaskView, View
 from rise_tui.model.log_rows import STEP, LogRows, row_of, task_of
 from rise_tui.panes.log import LogPane
+from rise_tui.panes.log_export import rows_of
 from rise_tui.start.keeper import Keeper
 from rise_tui.start.preferences import Preferences
 from tests.console.conftest import Console, console
@@ -137,7 +138,7 @@ async def test_a_filter_finds_notes_and_only_in_what_is_shown() -> None:
         await it.until(lambda: len(texts(it)) == 1 and "child" in texts(it)[0])
         pane.unfold(True)
         await it.until(lambda: len(texts(it)) == 2)
-        assert list(pane.out._shown())[1].behavior == "the child laughed"
+        assert list(rows_of(pane.store, pane.log_view.ids))[1].behavior == "the child laughed"
 
 
 async def test_whether_the_rules_own_is_shown_lasts() -> None:

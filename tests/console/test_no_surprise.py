@@ -10,7 +10,6 @@ from textual.widgets import Input
 from rise_engine.kernel.records import EventRecord, MemoryRecord
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
 from rise_tui.model.explain import raised_by_engine
-from rise_tui.model.gate import Gate
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.text import fit_end, headed, plain, value_text
 from rise_tui.widgets.rows import RowList
@@ -166,14 +165,6 @@ async def test_the_end_of_a_state_stays_in_the_list_of_rules() -> None:
         await it.until(lambda: "► After task 1, step 3" in it.text("rules"))
     assert fit_end("After task 1, step 3", 10) == "…1, step 3"
     assert fit_end("short", 7) == "short  "
-
-
-def test_typing_fast_is_no_paste_of_keys() -> None:
-    told: list[str] = []
-    gate = Gate(lambda _: None, lambda _: None, told.append, lambda *_: None)  # type: ignore[arg-type]
-    gate.observe("a", 1.0, typing=True)
-    gate.observe("b", 1.001, typing=True)
-    assert told == []
 
 
 def test_a_long_name_leaves_its_state() -> None:

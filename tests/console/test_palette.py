@@ -7,7 +7,7 @@ import pytest
 from rise_tui import themes
 from rise_tui.actions import ACTIONS
 from rise_tui.commands import Command, commands, found, theme_commands
-from rise_tui.model.gate import Trigger
+from rise_tui.model.key_action import KeyAction
 from rise_tui.model.store import Store
 from rise_tui.screens.palette import Palette
 from tests.console.conftest import Console, console
@@ -52,7 +52,7 @@ def test_what_a_running_rule_waits_for_is_offered_as_an_event_and_raised() -> No
     assert [command.title for command in events] == ["next"]  # the condition of `repeat` does not hold
     assert events[0].key == "n"
     events[0].run()
-    assert ran == [Trigger("raiseEventTopic", "next")]
+    assert ran == [KeyAction("raiseEventTopic", "next")]
     others = [command for command in all_commands(a_store()) if command.kind in ("event", "set")]
     assert [(command.title, command.key) for command in others] == [("next", "n"), ("understood", "u")]
     assert "no running rule waits for it now" in others[0].help and others[1].help == "understood = true"
@@ -105,7 +105,7 @@ def test_what_cannot_be_done_is_there_with_the_reason() -> None:
 def test_a_hold_act_stays_one_and_keeps_its_debounce() -> None:
     ran: list[object] = []
     next(command for command in all_commands(a_store(), ran) if command.title == "Goodbye").run()
-    assert isinstance(ran[0], Trigger) and ran[0].hold
+    assert isinstance(ran[0], KeyAction) and ran[0].hold
 
 
 # --- on the screen --------------------------------------------------------------------------------------------------

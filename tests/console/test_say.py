@@ -10,7 +10,7 @@ from textual import events
 
 from rise_engine.view import TaskView, View
 from rise_tui.model.speech import Filled, History, completion, effect, filled, sentences
-from rise_tui.screens.keyboard import Keyboard
+from rise_tui.screens.console import ConsoleScreen
 from rise_tui.widgets.say import SayField
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -225,7 +225,7 @@ async def test_a_pasted_text_with_a_line_end_is_not_said() -> None:
     async with console() as it:
         await it.press("ctrl+t")
         for key in ("a", "b", "enter"):
-            it.screen.acting.key_seen(key, monotonic(), typing=True, together=True)
+            it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
         it.screen.say_line.field.value = "ab"
         it.screen.say_line.field.post_message(SayField.Entered(at_once=False))
         await it.until(lambda: "faster than anybody types" in it.notice)
@@ -262,7 +262,7 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
         focused: list[object] = []
 
         def taken() -> bool:
-            done = it.screen.keyboard.takes(events.Key("ctrl+t", None))
+            done = it.screen.handle_key_first(events.Key("ctrl+t", None))
             focused.append(it.screen.focused)
             return done
 
@@ -276,7 +276,7 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
 async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line(
     key: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Keyboard, "takes", lambda self, event: False)
+    monkeypatch.setattr(ConsoleScreen, "handle_key_first", lambda self, event: False)
     async with console() as it:
         it.client.act("Greet")
         await it.until(lambda: "running" in it.row("acts", "Greet"))

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from rise_engine.kernel.records import CueRecord, MemoryRecord, SessionRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import FillerSettings, Scenario
+from rise_tui.actions import key_in_words
 from rise_tui.model.speech_band import band, sentence_rows
 from rise_tui.model.store import Store
 from rise_tui.text import Tone, plain, width_of
@@ -44,7 +45,7 @@ class Played:
         self.client.emit = emitted  # type: ignore[method-assign]
 
     def lines(self, width: int = 80, rows: int = 2) -> list[str]:
-        made = band(self.store, width, rows)
+        made = band(self.store, width, rows, key_in_words)
         assert len(made) == rows + 1 and all(width_of(line) <= width for line in made)
         return [plain(line).rstrip() for line in made]
 
@@ -57,7 +58,7 @@ class Played:
         return self.lines()[-1]
 
     def tones(self) -> set[Tone]:
-        return {tone for text, tone in band(self.store, 80, 2)[0] if text.strip()}
+        return {tone for text, tone in band(self.store, 80, 2, key_in_words)[0] if text.strip()}
 
     def greet(self) -> int:
         """Greet says its first sentence."""

@@ -10,7 +10,6 @@ import pytest
 from textual.geometry import Region, Size
 
 from rise_tui.model.store import Store
-from rise_tui.screens.finding import offer_tour, start_tour
 from rise_tui.screens.tour import TourScreen, box, offered, placed, steps
 from rise_tui.start.keeper import Keeper
 from rise_tui.start.paths import CONSOLE, state_folder
@@ -127,7 +126,7 @@ async def test_keys_trigger_nothing_stop_works_and_the_alarm_is_not_covered() ->
 async def test_it_is_seen_once_it_has_ended_however_that_was() -> None:
     async with console() as it:
         seen: list[bool] = []
-        start_tour(it.screen, lambda: seen.append(True))
+        it.screen.open_tour(lambda: seen.append(True))
         await it.until(lambda: isinstance(it.app.screen, TourScreen))
         assert seen == []
         await it.press("escape")
@@ -137,7 +136,7 @@ async def test_it_is_seen_once_it_has_ended_however_that_was() -> None:
 async def test_an_offer_at_the_wrong_moment_shows_nothing_and_stays_open_for_the_next_time() -> None:
     async with console() as it:  # its session is 83 s old
         seen: list[bool] = []
-        offer_tour(it.screen, lambda: seen.append(True))
+        it.screen.offer_tour(lambda: seen.append(True))
         await it.pilot.pause(0.1)
         assert it.app.screen is it.screen and seen == []
 

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from rise_engine.link.client import Verb
 from rise_tui.actions import BY_ID, key_in_words, keys_of
+from rise_tui.console.console_actions import ConsoleActions
 from rise_tui.model.control import question
 from rise_tui.screens.dialog import Answer, Dialog
 
-if TYPE_CHECKING:
-    from rise_tui.screens.console import ConsoleScreen
 
-
-class Questions:
+class Confirmations:
     """Belongs to one console."""
 
-    def __init__(self, console: ConsoleScreen) -> None:
+    def __init__(self, console: ConsoleActions) -> None:
         self._console = console
         self._control_shown: tuple[str | None, str | None] = (None, None)
+        """Who had control and who asked for it when the question about it was opened."""
 
-    def release(self) -> None:
+    def ask_to_release_stop(self) -> None:
         """Whether the stop is to be released."""
         console = self._console
-        stop = console.session.store.view.stop
+        stop = console.store.view.stop
         said = [f"Stopped by {stop.source or 'the console'}."]
         said.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
         if stop.unconfirmed:
@@ -36,45 +34,31 @@ class Questions:
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
 
-    def stopped_again(self) -> None:
+    def ask_about_control(self) -> None:
+        """What is to become of control, by who has it and who asks for it."""
+        console = self._console
+        store = console.store
+        said, ways = question(store.view.control, store.view.asked, store.me, key_in_words)
+        self._control_shown = self._holder_and_asker()
+        verbs: dict[str, Verb] = {way.key: way.verb for way in ways}
+        dialog = Dialog("Control", said, *(Answer(way.key, way.title) for way in ways), no="Leave it")
+        dialog.add_class("-control")
+        console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
+
+    def stop_pressed(self) -> None:
         """The stop that a question is about is not the last one any more."""
         self._withdraw("-release", "stopped again: the question whether to release the stop was closed")
 
-    def control(self) -> None:
-        """What is to become of control, by who has it and who asks for it."""
-        console = self._console
-        store = console.session.store
-        said, ways = question(store.view.control, store.view.asked, store.me)
-        self._control_shown = self._who()
-        verbs = {way.key: way.verb for way in ways}
-        dialog = Dialog("Control", said, *(Answer(way.key, way.title) for way in ways), no="Leave it")
-        dialog.add_class("-control")
-
-        def answered(key: str | None) -> None:
-            if key:
-                console.run_worker(console.session.control(verbs[key]), group="send")
-
-        console.app.push_screen(dialog, answered)
-
-    def look_again(self) -> None:
-        """Who has control, or who asks for it, may have changed."""
-        if self._who() != self._control_shown:
+    def control_may_have_changed(self) -> None:
+        """Close the question about control when somebody else has it by now, or asks for it."""
+        if self._holder_and_asker() != self._control_shown:
             self._withdraw("-control", "control has just changed: the question about it was closed")
 
-    def close_all(self) -> None:
-        """Questions and lists above the console close unanswered: one that was forgotten should not be there later.
-
-        What is being typed stays in its field.
-        """
-        app = self._console.app
-        while app.screen is not self._console:
-            app.screen.dismiss()
-
-    def _who(self) -> tuple[str | None, str | None]:
-        view = self._console.session.store.view
+    def _holder_and_asker(self) -> tuple[str | None, str | None]:
+        view = self._console.store.view
         return view.control, view.asked
 
     def _withdraw(self, kind: str, said: str) -> None:
         for screen in self._console.app.screen_stack:
             if isinstance(screen, Dialog) and screen.has_class(kind) and screen.withdraw():
-                self._console.say(said)
+                self._console.show_notice(said)

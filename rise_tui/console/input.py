@@ -1,0 +1,372 @@
+"""The way of a key: past all care against accidents (console.md 2.1 to 2.4) to a task for the engine.
+
+Pure: times, focus and timers come in, what counts goes out through `InputActions`; no screen is known here. Times are
+those of the monotonic clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import monotonic
+from typing import Protocol
+
+from rise_engine.scenario.model import KeyBinding
+from rise_tui.actions import BY_ID, key_in_words, keys_of, why_blocked, why_task_blocked
+from rise_tui.model.deeds import describe
+from rise_tui.model.failures import unanswered
+from rise_tui.model.input_lock import (
+    LOCKED_ACTIONS,
+    STARTING_FUNCTIONS,
+    InputMode,
+    mode_notice,
+    toggle_lock,
+    toggle_safe,
+)
+from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key, start_action
+from rise_tui.model.mistakes import newest
+from rise_tui.model.notice import Level
+from rise_tui.model.store import Store
+
+TOGETHER_SECONDS = 0.012
+"""Two different keys nearer than this cannot come from two fingers' intent."""
+SETTLE_SECONDS = 0.025
+"""A press waits this long for a key that would make it part of a paste."""
+PASTE_QUIET_SECONDS = 0.3
+"""After a paste, keys count again once nothing has come for this long."""
+ARMED_SECONDS = 2.0
+"""How long the first press of a `hold` act stays armed."""
+OPENING_SECONDS = 2.0
+"""For so long a line for letters may take to open; keys meanwhile are meant for it."""
+
+LINE_OPENERS = ("say", "note", "mistake")
+"""Actions that open a line in which letters are not the scenario's keys."""
+PASTED_KEYS = "several keys at once (a paste, or a stalled link): nothing was started"
+PASTED_ENTER = "the keys came faster than anybody types: nothing was said; press enter again"
+
+
+class RunningTimer(Protocol):
+    """A call that is due later."""
+
+    def stop(self) -> None:
+        """It is not to come."""
+
+
+class InputActions(Protocol):
+    """What keys make happen. Nothing here waits for the engine."""
+
+    def submit(self, action: KeyAction, pressed: float | None) -> None:
+        """Give a task to the engine. `pressed`: session time of its key; None: it was the mouse."""
+
+    def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
+        """The same for free speech, which stood as `typed` in its field."""
+
+    def show_notice(self, text: str, level: Level = "info") -> None:
+        """Tell the wizard something, and how much it matters."""
+
+    def show_armed(self, act: str) -> None:
+        """Show that the first of two presses of an act was seen; empty: no longer."""
+
+    def show_mode(self) -> None:
+        """Show that keys start things, or that they no longer do."""
+
+    def ask_what_was_wrong(self, task: int) -> None:
+        """Open the line in which a mark is bettered."""
+
+    def leave_transient(self) -> None:
+        """Esc, when no act is armed."""
+
+
+class InputController:
+    """All keys of one console: which count, and what they ask of the engine.
+
+    - Keys that arrive together are a paste, or a link that stalled: none of them counts. A terminal's driver may know
+      that (they came in one read) or know the opposite; where it does not, the time between two keys tells.
+    - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
+    - A `hold` act needs a second press, or Enter, and a key that repeats because it is held down is not a second press.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        actions: InputActions,
+        set_timer: Callable[[float, Callable[[], None]], RunningTimer],
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._store, self._actions, self._set_timer, self._clock = store, actions, set_timer, clock
+        self._key_at: float | None = None
+        """When the key was pressed that caused what happens now. None: it was the mouse."""
+        self._last_key = ""
+        self._last_at = float("-inf")
+        self._came_alone = False
+        """The driver is sure that the last key came alone, and has waited long enough for others."""
+        self._paste_until = float("-inf")
+        self._opening_at = float("-inf")
+        """When a key was pressed that opens a line for letters, until that is done."""
+        self._pressed: dict[tuple[str, str], float] = {}
+        """By function and behavior: the last press, whether it counted or not."""
+        self._pending: tuple[KeyAction, float, RunningTimer] | None = None
+        """A press that counts unless something comes meanwhile."""
+        self._armed: KeyAction | None = None
+        self._disarm_timer: RunningTimer | None = None
+        self._typed = ""
+        """The speech that is being pressed, as it stands in its field."""
+
+    @property
+    def armed(self) -> KeyAction | None:
+        """The `hold` act whose first press was seen."""
+        return self._armed
+
+    @property
+    def pasting(self) -> bool:
+        """Whether the last key was part of a paste."""
+        return self._last_at < self._paste_until
+
+    # --- what came from the terminal --------------------------------------------------------------------------------
+
+    def observe_key(
+        self, key: str, at: float, *, typing: bool = False, on_console: bool = True, together: bool | None = None
+    ) -> None:
+        """Every key, before anything acts on it.
+
+        `typing`: it goes into a text field. `on_console`: no dialog is open above the console. `together`: whether it
+        came in one piece with others; None: nobody knows.
+        """
+        self._key_at = at
+        near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
+        # A fast typist's keys may come near each other; where the driver knows that they came alone, they are no paste.
+        if together or (near and not (typing and together is False)) or at < self._paste_until:
+            if at >= self._paste_until and not typing:
+                self._actions.show_notice(PASTED_KEYS)
+            self._paste_until = at + PASTE_QUIET_SECONDS
+            self.reset()
+        self._last_key, self._last_at, self._came_alone = key, at, together is False
+        if on_console and not typing and line_opener(key):
+            self._opening_at = at
+
+    def observe_mouse(self) -> None:
+        """A press of the mouse: what happens now has no key."""
+        self._key_at = None
+
+    def admits_key(self, key: str, *, printable: bool, typing: bool, leaving: bool) -> bool:
+        """Whether a key may go on to whatever has the focus; dialogs or not, all of them come by here.
+
+        Text that is pasted where nobody types is no row of commands and answers. While it is LOCKED only stopping,
+        leaving and unlocking go on, and the answer to the question about leaving (`leaving`: it is open).
+        """
+        if self.pasting and not typing and (printable or key == "enter"):
+            return False
+        if any(key in keys_of(BY_ID[id]) for id in LOCKED_ACTIONS):
+            return True
+        return self.admits_other(leaving=leaving, says_why=True)
+
+    def admits_other(self, *, leaving: bool, says_why: bool) -> bool:
+        """Whether anything else of the mouse and the clipboard may go on."""
+        if self._store.guard != "LOCKED" or leaving:
+            return True
+        if says_why:
+            self._actions.show_notice(f"LOCKED: {key_in_words('lock')} unlocks")
+        return False
+
+    def action_carried_out(self) -> None:
+        """An action of the registry was carried out: a line that it opens is open."""
+        self._opening_at = float("-inf")
+
+    def handle_key(self, key: str, at: float, *, selected_act: str) -> bool:
+        """A key that no field has taken: one of the scenario, Enter for an armed act, Esc. False: none of these.
+
+        `selected_act`: the act under the cursor, while the list of acts has the focus.
+        """
+        if key == "enter" and self._armed is not None:
+            if selected_act == self._armed.behavior:
+                self.press(self._armed, at)
+            else:
+                self.confirm()
+        elif key == "escape":
+            if not self.disarm():
+                self._actions.leave_transient()
+        elif (binding := self._store.scenario.keys.get(key)) is not None:
+            self._handle_study_key(binding, at)
+        else:
+            return False
+        return True
+
+    def _handle_study_key(self, key: KeyBinding, at: float) -> None:
+        if at - self._opening_at < OPENING_SECONDS:  # meant for the line that is just being opened
+            self._actions.show_notice(f"{key.label} came before the line was open: it did nothing")
+        else:
+            self.start(action_of_key(self._store.scenario, key), at)
+
+    # --- what is asked for ------------------------------------------------------------------------------------------
+
+    def start(self, action: KeyAction, at: float | None = None) -> None:
+        """Ask for something, with all care against accidents. `at`: when its key was pressed."""
+        if reason := why_task_blocked(self._store, action.function):
+            self._refuse(action, reason)
+        else:
+            self.press(action, self._now_or_key if at is None else at)
+
+    def say(self, typed: str, text: str, *, at_once: bool) -> None:
+        """Free speech: `typed` as it stands in its field, `text` with the memory's values."""
+        if reason := why_blocked(self._store, "start"):
+            self._actions.show_notice(f"not said: {reason}", "wait")
+            return
+        self._typed = typed
+        action = KeyAction("say", text, calling_type="Interrupt" if at_once else "Blocking")
+        if not self.press(action, self._now_or_key):
+            self._actions.show_notice(PASTED_ENTER, "wait")
+
+    def repeat_failed_act(self) -> None:
+        """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
+        if (failed := next(iter(unanswered(self._store)), None)) is not None:
+            self._typed = ""
+            self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
+
+    def go_on_without_failed_act(self) -> None:
+        """Put the failure away that is shown."""
+        failed = next(iter(unanswered(self._store)), None)
+        if failed is not None and not self.pasting:
+            self.send("goOn", str(failed.id))
+
+    def mark_mistake(self) -> None:
+        """Mark what the wizard did last as wrong at once, and ask for the better word."""
+        if self.pasting:
+            return
+        task = newest(self._store.view.tasks, self._store.person)
+        if task is None:
+            self._actions.show_notice("you have done nothing yet: there is nothing to mark")
+            return
+        self.send("markMistake", f"{task.id} wrong")
+        self._actions.ask_what_was_wrong(task.id)
+
+    def send(self, function: str, behavior: str = "") -> None:
+        """Give a task to the engine at once, whatever was pressed before: stopping, marks, changes of the memory."""
+        self._actions.submit(KeyAction(function, behavior), self._session_time(self._key_at))
+
+    def switch_safe(self) -> None:
+        """LIVE or SAFE."""
+        self._switch(toggle_safe(self._store.guard))
+
+    def switch_lock(self) -> None:
+        """LOCKED, or SAFE."""
+        self._switch(toggle_lock(self._store.guard))
+
+    def _switch(self, mode: InputMode) -> None:
+        self.reset()
+        self._store.guard = mode
+        self._actions.show_notice(mode_notice(mode, key_in_words))
+        self._actions.show_mode()
+
+    # --- which presses count ----------------------------------------------------------------------------------------
+
+    def press(self, action: KeyAction, at: float) -> bool:
+        """A key or Enter asks for something; `at` is when it was pressed. False when it is part of a paste."""
+        same = (action.function, action.behavior)
+        last = self._pressed.get(same, float("-inf"))
+        self._pressed[same] = at
+        if at < self._paste_until:
+            return False
+        if self._armed is not None and (self._armed.function, self._armed.behavior) == same:
+            # A held key repeats: wait long enough to see whether another of its kind follows.
+            if at - last < HELD_KEY_SECONDS:
+                self._drop_pending()
+            else:
+                self._hold_back(action, at, HELD_KEY_SECONDS)
+        elif at - last < action.debounce:
+            if self._pending is None and at - last >= HELD_KEY_SECONDS:
+                what = action.behavior or describe(action.function, "")
+                self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, taken once")
+        else:
+            self._hold_back(action, at, self._settle_seconds)
+        return True
+
+    def confirm(self) -> bool:
+        """Enter, while an act is armed: starts it. False when none is."""
+        if self._armed is None or self.pasting:
+            return False
+        self._hold_back(self._armed, self._last_at, self._settle_seconds)
+        return True
+
+    def disarm(self) -> bool:
+        """Forget the first of two presses. True when there was one."""
+        was, self._armed = self._armed, None
+        if self._disarm_timer is not None:
+            self._disarm_timer.stop()
+            self._disarm_timer = None
+        if was is not None:
+            self._actions.show_armed("")
+        return was is not None
+
+    def reset(self) -> None:
+        """Forget everything that was pressed and does not count yet."""
+        self._drop_pending()
+        self.disarm()
+
+    @property
+    def _settle_seconds(self) -> float:
+        return 0.0 if self._came_alone else SETTLE_SECONDS
+
+    def _hold_back(self, action: KeyAction, at: float, seconds: float) -> None:
+        """Let a press count after this time, unless something comes meanwhile."""
+        if self._pending is not None and self._pending[0] != action:
+            self._pending[2].stop()
+            self._count_pending()  # another key, not near enough to be a paste: the one before it counts
+        self._drop_pending()
+        if seconds > 0:
+            self._pending = action, at, self._set_timer(seconds, self._count_pending)
+        else:
+            self._count(action, at)
+
+    def _count_pending(self) -> None:
+        if self._pending is not None:
+            action, at, _ = self._pending
+            self._pending = None
+            self._count(action, at)
+
+    def _drop_pending(self) -> None:
+        if self._pending is not None:
+            self._pending[2].stop()
+            self._pending = None
+
+    def _count(self, action: KeyAction, at: float) -> None:
+        """A press counts: it arms an act that needs two, or else is carried out."""
+        armed = self._armed is not None and self._armed.behavior == action.behavior
+        self.disarm()
+        if action.hold and not armed:
+            self._armed = action
+            self._actions.show_armed(action.behavior)
+            self._disarm_timer = self._set_timer(ARMED_SECONDS, self._disarm_later)
+        else:
+            self._carry_out(action, at)
+
+    def _disarm_later(self) -> None:
+        if self._pending is None:  # else the second press is being looked at
+            self.disarm()
+
+    def _carry_out(self, action: KeyAction, at: float) -> None:
+        """What was possible when the key was pressed may not be now."""
+        if reason := why_task_blocked(self._store, action.function):
+            self._refuse(action, reason)
+        elif action.function == "say" and self._typed:
+            self._actions.submit_speech(action, self._typed, self._session_time(at))
+        else:
+            self._actions.submit(action, self._session_time(at))
+
+    def _refuse(self, action: KeyAction, reason: str) -> None:
+        what = describe(action.function, action.behavior)
+        starts = action.function in STARTING_FUNCTIONS
+        self._actions.show_notice(f"{what} not started: {reason}" if starts else f"{what}: not now, {reason}")
+
+    # --- times ------------------------------------------------------------------------------------------------------
+
+    @property
+    def _now_or_key(self) -> float:
+        return self._clock() if self._key_at is None else self._key_at
+
+    def _session_time(self, at: float | None) -> float | None:
+        """Session time of something that happened at `at`."""
+        return None if at is None else max(0.0, self._store.now() - max(0.0, self._clock() - at))
+
+
+def line_opener(key: str) -> str:
+    """The action of this key that opens a line for letters; empty when there is none."""
+    return next((id for id in LINE_OPENERS if key in keys_of(BY_ID[id])), "")

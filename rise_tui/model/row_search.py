@@ -1,0 +1,97 @@
+"""A filter over a log of 100,000 rows, a few at a time, so that no key waits for it (console.md 9.2). Pure."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from collections.abc import Callable, Sequence
+
+from rise_tui.model.filtering import Filter
+
+ROWS_OF_STEP = 32
+
+
+class RowSearch:
+    """The ids that match: what is new first, then backwards from the newest.
+
+    `ids` is the caller's list, ascending; it only grows at its end. `text_of` gives None for what is no longer known.
+    """
+
+    def __init__(
+        self,
+        filter: Filter,
+        ids: Sequence[int],
+        text_of: Callable[[int], str | None],
+        is_live: Callable[[int], bool],
+    ) -> None:
+        """`is_live`: whether a task can still change, so that it must be looked at again."""
+        self.filter = filter
+        self._ids, self._text_of, self._is_live = ids, text_of, is_live
+        self._from = self._to = len(ids)
+        """What lies between has been looked at."""
+        self._matching: list[int] = []
+        self._earlier: list[list[int]] = []
+        """What was found before all of these, the latest rows first."""
+        self._live: list[int] = []
+
+    @property
+    def matching(self) -> list[int]:
+        """All that was found so far. It grows at its end in place; for any other change it becomes another list."""
+        if self._earlier:
+            self._matching = [*(one for part in reversed(self._earlier) for one in part), *self._matching]
+            self._earlier.clear()
+        return self._matching
+
+    @property
+    def done(self) -> bool:
+        """Whether all rows have been looked at."""
+        return self._from == 0 and self._to == len(self._ids)
+
+    def step(self) -> int:
+        """Look at a few rows more; gives how many, 0 at the end. Raises BrokenFilter."""
+        if self._to < len(self._ids):
+            start, end = self._to, min(self._to + ROWS_OF_STEP, len(self._ids))
+            found = self._pick(start, end)
+            self._to = end
+            self._matching += found
+        else:
+            start, end = max(0, self._from - ROWS_OF_STEP), self._from
+            found = self._pick(start, end)
+            self._from = start
+            if found:
+                self._earlier.append(found)
+        return end - start
+
+    def look_again(self) -> None:
+        """What had not ended when it was looked at, may match by now, or no longer. Raises BrokenFilter."""
+        for one in self._live:
+            matching = self.matching
+            place = bisect_left(matching, one)
+            there = place < len(matching) and matching[place] == one
+            if self._matches(one) == there:
+                continue
+            self._matching = list(matching)
+            if there:
+                del self._matching[place]
+            else:
+                insort(self._matching, one)
+        self._live = [one for one in self._live if self._is_live(one)]
+
+    def expect_change(self, id: int) -> None:
+        """This row has changed, although its task had ended."""
+        place = bisect_left(self._ids, id)
+        if self._from <= place < self._to and id not in self._live:
+            self._live.append(id)
+
+    def _pick(self, start: int, end: int) -> list[int]:
+        picked = []
+        for index in range(start, end):
+            one = self._ids[index]
+            if self._matches(one):
+                picked.append(one)
+            if self._is_live(one):
+                self._live.append(one)
+        return picked
+
+    def _matches(self, id: int) -> bool:
+        text = self._text_of(id)
+        return text is not None and self.filter.matches(text)

@@ -1,0 +1,56 @@
+"""Writing the memory as it is into the scenario's file, after asking."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rise_tui.messages import Told
+from rise_tui.panes.pane import Pane
+from rise_tui.screens.dialog import Answer, Dialog
+from rise_tui.start_values import NotWritable, changes, file_of, write
+from rise_tui.text import clean, crop, plain
+
+MOST_NAMED = 8
+"""Changes that the question names."""
+
+
+async def ask_to_save_start_values(pane: Pane) -> None:
+    """Ask over `pane` whether later sessions are to begin with the memory as it is now; then write it."""
+    scenario = pane.store.scenario
+    try:
+        path = await asyncio.to_thread(file_of, scenario)
+    except NotWritable as why:
+        pane.post_message(Told(f"not saved: {why}"))
+        return
+    memory = {key: entry.value for key, entry in pane.store.view.memory.items()}
+    differing = changes(scenario.memory, memory)
+    if not differing:
+        pane.post_message(Told("the memory is as it was at the start: nothing to save"))
+        return
+    said = ["Later sessions of this scenario begin with:"]
+    said += [f"  {plain(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
+    said += [f"  and {len(differing) - MOST_NAMED} more"] if len(differing) > MOST_NAMED else []
+    said += [
+        "",
+        f"Written into {path}; the rest of the file stays as it is.",
+        "The session that runs now does not change.",
+    ]
+
+    def answered(key: str | None) -> None:
+        if key == "s":
+            pane.run_worker(_save(pane, path, scenario.memory, memory, len(differing)), group="keep")
+
+    pane.app.push_screen(Dialog("Save the memory as start values?", said, Answer("s", "Save")), answered)
+
+
+async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: dict[str, Any], changed: int) -> None:
+    try:
+        await asyncio.to_thread(write, path, before, memory)
+    except NotWritable as why:
+        pane.post_message(Told(f"not saved: {why}"))
+        return
+    what = "1 start value" if changed == 1 else f"{changed} start values"
+    pane.post_message(Told(f"saved {what} in {path.name}; the rest of it is as it was"))
