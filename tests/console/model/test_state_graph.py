@@ -138,7 +138,7 @@ def test_forty_states(width: int) -> None:
 
 def test_the_rule_of_the_study() -> None:
     """Forty-five states: each instruction and the repetition of it are together, and nothing is said in words."""
-    scenario = load(str(Path(__file__).parents[2] / "scenarios" / "lablinking")).scenario
+    scenario = load(str(Path(__file__).parents[3] / "scenarios" / "lablinking")).scenario
     assert scenario is not None
     layout = check(scenario.rules["Table setting"], 80)
     drawn = [line.rstrip() for line in texts(layout, Now("After the welcome", ("Welcome", 0)))]

@@ -14,7 +14,7 @@ from rise_tui.model.awaited import Awaited, Waits
 from tests.console.conftest import console
 from tests.console.fake import demo
 
-LABLINKING = str(Path(__file__).parents[2] / "scenarios" / "lablinking")
+LABLINKING = str(Path(__file__).parents[3] / "scenarios" / "lablinking")
 
 
 def lablinking() -> Scenario:

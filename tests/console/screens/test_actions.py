@@ -25,7 +25,7 @@ from rise_tui.model.control import question, why_not
 from rise_tui.model.store import back_stopping
 from tests.console.conftest import console
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "wizard.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "how-to" / "wizard.md"
 
 
 def test_ids_are_unique_and_every_place_has_a_title() -> None:
@@ -83,7 +83,7 @@ async def test_every_action_of_the_console_is_carried_out_by_something() -> None
 
 
 def test_every_action_of_a_pane_is_known_to_it() -> None:
-    panes = Path(__file__).parents[2] / "rise_tui" / "panes"
+    panes = Path(__file__).parents[3] / "rise_tui" / "panes"
     source = "".join(path.read_text(encoding="utf-8") for path in panes.glob("*.py"))
     for place, _ in PLACES:
         if place not in ("everywhere", "console"):

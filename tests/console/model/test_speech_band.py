@@ -19,7 +19,7 @@ from tests.console.fake import FakeClient, demo
 from tests.scenario.folders import act, folder, rule
 
 SIZES = ((80, 24), (120, 40), (200, 50))
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
 
 
 def scenario(name: str) -> Scenario:

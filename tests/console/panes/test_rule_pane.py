@@ -16,7 +16,7 @@ from rise_tui.model.store import Store
 from rise_tui.panes.rule import RulePane
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
-from tests.console.test_state_graph import forty
+from tests.console.model.test_state_graph import forty
 
 
 def pane(it: Console) -> RulePane:
@@ -182,7 +182,7 @@ async def test_after_the_end_no_key_starts_anything_and_none_is_named() -> None:
 
 async def test_before_any_rule_has_run_the_one_with_the_first_key_is_shown() -> None:
     """LabLinking's alphabet begins with *Next*, which nobody starts first."""
-    found = load(str(Path(__file__).parents[2] / "scenarios" / "lablinking")).scenario
+    found = load(str(Path(__file__).parents[3] / "scenarios" / "lablinking")).scenario
     assert found is not None
     keys = {"d": found.keys["d"], **found.keys}
     for given, first in ((found, "Table setting"), (replace(found, keys=keys), "Noise starts")):

@@ -17,7 +17,7 @@ from rise_tui.text import plain, width_of
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
 
 
 def scenario(name: str) -> Scenario:
