@@ -193,7 +193,7 @@ def test_torn_at_every_byte(shared: Made) -> None:
         assert compare(shared.folder).identical
         assert_is(shared, recover(shared.folder), step_of(shared, lines - 1))
         assert kept(shared) == ({"journal.torn-1": torn} if torn else {})
-        assert recover(shared.folder).report == [text for text in recover(shared.folder).report if "torn" not in text]
+        assert not any("torn" in text for text in recover(shared.folder).report), "it is put aside once"
         clean(shared)
 
 
