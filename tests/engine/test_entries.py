@@ -12,6 +12,8 @@ import pytest
 from rise_engine.entries import Entry, entries
 from rise_engine.robots import drivers
 
+pytestmark = pytest.mark.slow
+
 GROUPS = ("rise.robots", "rise.drivers", "rise.bridges", "rise.checks", "rise.doctors", "console_scripts", "pytest11")
 
 

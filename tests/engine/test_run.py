@@ -30,6 +30,8 @@ from rise_engine.run import run as run_session
 from .processes import ENGINE, Live, engine, folder, records
 from .samples import GREETING, assert_one_ending_each, scenario, start
 
+pytestmark = pytest.mark.slow
+
 FAST = ("--speed", "max", "--json")
 
 

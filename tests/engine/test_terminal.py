@@ -45,6 +45,7 @@ EVERY_COMMAND = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
 @pytest.mark.parametrize("command", EVERY_COMMAND, ids=" ".join)
 def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> None:
@@ -89,6 +90,7 @@ def seen(output: str) -> bool:
     return UNSEEN.search(output.replace("\n", "")) is None
 
 
+@pytest.mark.slow
 def test_nothing_of_a_file_reaches_the_terminal_raw(evil: Path) -> None:
     for words in (
         ("check", evil),
@@ -155,6 +157,7 @@ def test_a_finding_is_one_clean_line() -> None:
 # --- the pieces -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(st.text())
 @example(EVIL)
 @example("\udcff\x00\x7f")
@@ -185,6 +188,7 @@ def test_what_is_seen_stays(text: str) -> None:
     assert clean(text) is text
 
 
+@pytest.mark.slow
 @given(st.recursive(st.text() | st.integers(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
 @example({EVIL: [EVIL, "\U000e0041\n"]})
 def test_json_is_the_same_value(value: object) -> None:

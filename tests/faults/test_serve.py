@@ -26,6 +26,8 @@ from rise_engine.session.reading import read_journal
 
 from ..engine.processes import ENGINE, engine, folder
 
+pytestmark = pytest.mark.slow
+
 TUI = Path(ENGINE).with_name("rise-tui")
 
 

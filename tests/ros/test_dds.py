@@ -29,6 +29,8 @@ from rise_adapters.ros2.port import End, PortError, QoS
 
 from tests.ros.dds_peer import SET, TEXT
 
+pytestmark = pytest.mark.dds
+
 ROOT = Path(__file__).parents[2]
 PATIENCE = 15.0
 LATCHED = QoS(depth=3, latched=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -139,6 +140,7 @@ PIECES = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(name=st.sampled_from(sorted(SEEDS)), data=st.data())
 @settings(max_examples=300)
 def test_mutated_files_never_raise(name: str, data: st.DataObject) -> None:

@@ -182,6 +182,7 @@ def last_lines(made: Made) -> Iterator[int]:
     yield from range(start - 3, start + len(made.lines[made.step_lines[-1]]) + 2)
 
 
+@pytest.mark.slow
 def test_torn_at_every_byte(shared: Made) -> None:
     for cut in last_lines(shared):
         data = shared.whole[:cut]
@@ -272,6 +273,7 @@ def outcome(made: Made) -> str:
     return "repaired" if found.report else "identical"
 
 
+@pytest.mark.slow
 @quick
 @given(st.data())
 def test_a_flipped_byte_anywhere(shared: Made, data: st.DataObject) -> None:
@@ -289,6 +291,7 @@ def test_a_flipped_byte_anywhere(shared: Made, data: st.DataObject) -> None:
     clean(shared)
 
 
+@pytest.mark.slow
 @quick
 @given(st.data())
 def test_much_damage_at_once(shared: Made, data: st.DataObject) -> None:

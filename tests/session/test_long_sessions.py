@@ -52,6 +52,7 @@ def peak(work: Callable[[], object]) -> int:
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_the_journal_is_never_all_in_memory(made: Made) -> None:
     size = made.journal.stat().st_size
     assert size > 2_000_000
@@ -67,6 +68,7 @@ class Nowhere(io.BytesIO):
         return 0
 
 
+@pytest.mark.slow
 def test_recovery_keeps_the_state_and_nothing_of_the_way_there(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rise_engine.view.TASK_LOG", 100)
     monkeypatch.setattr("rise_engine.view.FORGET", 10)

@@ -238,6 +238,7 @@ def check(some: Rule, width: int) -> Layout:
     return layout
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(rules(), st.integers(34, 130))
 def test_everything_is_there_once_and_rails_lead_where_they_should(some: Rule, width: int) -> None:

@@ -165,6 +165,7 @@ async def test_an_act_that_the_wizard_selects_replaces_free_speech() -> None:
         await it.until(lambda: it.row("act", it.screen.session.store.act_shown) and "Hello." not in it.text("act"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
 @pytest.mark.parametrize("height", [8, 24])
 async def test_it_fits_at_every_size(width: int, height: int) -> None:

@@ -87,6 +87,7 @@ async def test_what_was_found_is_marked_not_only_by_colour() -> None:
         assert style.bold and style.underline
 
 
+@pytest.mark.slow
 async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_restarts() -> None:
     async with console() as it:
         pane, log = log_of(it)
@@ -166,6 +167,7 @@ async def test_a_mistake_shows_in_its_row_and_can_be_found() -> None:
 # --- times -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "found"),
     [("2:00", "/topic20"), ("1:59.6", "/topic20"), ("-9s", "/topic90"), ("0", "/topic0"), ("9h", "/topic99")],
@@ -251,6 +253,7 @@ class Terminal:
         monkeypatch.setattr(type(it.app), "copy_to_clipboard", lambda _, text: setattr(self, "copied", text))
 
 
+@pytest.mark.pty
 async def test_a_letter_copies_the_row_and_the_notice_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMUX", "/tmp/x,1,0")
     async with console(size=(120, 40)) as it:
@@ -268,6 +271,7 @@ async def test_a_letter_copies_the_row_and_the_notice_says_so(monkeypatch: pytes
         assert terminal.copied.splitlines()[0] == "\t".join(COLUMNS) and len(terminal.copied.splitlines()) == 2
 
 
+@pytest.mark.pty
 async def test_too_much_is_not_copied_and_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console(size=(120, 40)) as it:
         terminal = Terminal(it, monkeypatch)

@@ -52,6 +52,7 @@ class Painted:
         monkeypatch.setattr(graph, "refresh", all_of_it)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
 @pytest.mark.parametrize("height", [8, 24])
 async def test_it_fits_at_every_size(width: int, height: int) -> None:

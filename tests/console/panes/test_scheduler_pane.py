@@ -62,6 +62,7 @@ async def test_a_name_a_state_and_a_time_have_room_at_every_width() -> None:
                 assert "Greet" in text and "► running" in text and "2.0 s left" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("row", "key", "sent"),
     [
@@ -80,6 +81,7 @@ async def test_tasks_are_moved_and_cancelled(row: int, key: str, sent: tuple[str
         assert len(it.client.sent) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("row", "key", "said"),
     [(0, "left", "runs already"), (1, "left", "starts next already"), (1, "shift+up", "starts next already"),

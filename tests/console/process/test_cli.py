@@ -20,6 +20,8 @@ from rise_tui.start.starting import Asked
 from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of, terminal
 
+pytestmark = pytest.mark.slow
+
 PAGE = ROOT / "docs" / "reference" / "rise-tui.md"
 MOUSE = re.compile(rb"\x1b\[\?(?:9|100[0-3]|1005|1006|101[56])[hl]")
 """Whatever asks a terminal for the mouse, or takes that back."""

@@ -15,6 +15,8 @@ import pytest
 from rise_tui.quiet import Outlet
 from tests.console.terminals import ROOT, Terminal, terminal
 
+pytestmark = pytest.mark.pty
+
 GREETING = str(ROOT / "scenarios" / "greeting")
 SECONDS = 20.0
 """More than the 5 s of the watchdog on a busy machine; an orderly end takes less than 3."""

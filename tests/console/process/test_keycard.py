@@ -17,6 +17,8 @@ from rise_tui.start.keycard import Entry, Section, lines, page, sections, spoken
 from tests.console.fake import DEMO, demo
 from tests.console.terminals import ROOT, environment_of
 
+pytestmark = pytest.mark.slow
+
 SCENARIOS = [DEMO, *(str(path.parent) for path in sorted((ROOT / "scenarios").glob("*/scenario.toml")))]
 
 

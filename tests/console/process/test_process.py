@@ -13,6 +13,8 @@ import pytest
 from tests.console.fake import DEMO
 from tests.console.terminals import PATIENCE, ROOT, alive, terminal
 
+pytestmark = pytest.mark.pty
+
 
 def test_start_press_stop_and_leave() -> None:
     with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna") as it:

@@ -30,6 +30,8 @@ from rise_tui.web.page import headers, page  # noqa: E402
 from tests.console.fake import DEMO  # noqa: E402
 from tests.console.terminals import ROOT, UNKNOWN_TO_PYTE, alive, environment_of  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 PATIENCE = 60.0
 
 

@@ -32,6 +32,7 @@ async def quiet(it: Console) -> None:
     await it.pilot.pause(0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["g", "m", "n", "u", "comma", "enter"])
 async def test_safe_starts_nothing_and_says_why(key: str) -> None:
     async with console() as it:

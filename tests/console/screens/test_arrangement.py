@@ -96,6 +96,7 @@ async def test_shift_tab_goes_the_other_way_round() -> None:
         assert seen == ["rule", "scheduler", "log"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["acts", "rules", "rule", "act", "memory", "log", "scheduler"])
 async def test_any_list_or_pane_can_be_zoomed_says_so_and_esc_goes_back(name: str) -> None:
     async with console(size=(80, 24)) as it:

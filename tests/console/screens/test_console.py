@@ -216,6 +216,7 @@ async def test_one_hundred_thousand_tasks() -> None:
 # --- memory ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "kind", "value"),
     [

@@ -9,6 +9,7 @@ import asyncio
 import gc
 from collections import Counter
 
+import pytest
 from textual._styles_cache import StylesCache
 from textual.message_pump import MessagePump
 from textual.timer import Timer
@@ -51,6 +52,7 @@ async def some_time(at: Console, number: int) -> None:
     await at.pilot.pause()
 
 
+@pytest.mark.slow
 async def test_nothing_grows_with_what_is_done() -> None:
     async with console() as at:
         await some_time(at, 0)  # what is made once, is made by now

@@ -248,6 +248,7 @@ OPENINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
 async def test_esc_leaves_it_does_nothing_and_a_second_one_finds_the_console(opening: str) -> None:
     async with console() as it:

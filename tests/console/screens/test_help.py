@@ -101,6 +101,7 @@ async def opened(it: Console) -> HelpScreen:
     return screen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
 async def test_it_opens_searches_scrolls_and_closes(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -49,6 +49,7 @@ async def test_the_letters_stand_on_every_list_pane_and_tab(size: tuple[int, int
             assert region.right <= size[0] and region.bottom <= size[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (200, 50)])
 @pytest.mark.parametrize("name", list(LETTERS))
 async def test_a_letter_goes_there_also_to_a_hidden_tab(name: str, size: tuple[int, int]) -> None:
@@ -61,6 +62,7 @@ async def test_a_letter_goes_there_also_to_a_hidden_tab(name: str, size: tuple[i
         assert it.client.sent == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["escape", "g", "n", "b", "enter", "space", "comma", "tab", "f3", "ctrl+d"])
 async def test_any_other_key_leaves_and_does_nothing(key: str) -> None:
     async with console() as it:

@@ -196,6 +196,7 @@ async def test_a_clash_with_the_scenario_opens_no_console(tmp_path: Path) -> Non
     assert app.last_words.count("error key-twice") == 2 and "--keys none" in app.last_words
 
 
+@pytest.mark.pty
 def test_a_console_with_a_broken_key_file_does_not_start() -> None:
     with terminal("--config", DEMO, "--keys", "nowhere.toml") as it:
         assert it.ended() == 2 and it.engines() == []
@@ -203,6 +204,7 @@ def test_a_console_with_a_broken_key_file_does_not_start() -> None:
         assert b"nowhere.toml:1:1" in it.shown and b"--keys none" in it.shown and b"\x1b" not in it.shown
 
 
+@pytest.mark.pty
 def test_a_clash_starts_no_engine_and_the_usual_keys_always_work(tmp_path: Path) -> None:
     path = tmp_path / "keys.toml"
     path.write_text('[keys]\ntheme = "g"\n')

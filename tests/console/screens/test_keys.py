@@ -16,6 +16,7 @@ TAKEN = Taken("wizard:ben", 83.0)
 GREET = ("startCommunicationRobotAct", "Greet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "function", "behavior"),
     [
@@ -33,6 +34,7 @@ async def test_a_scenario_key_submits_its_task_as_the_wizard(key: str, function:
         assert [message.source for message in it.client.sent] == ["wizard:anna"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pane", ["acts", "rules", "memory", "act", "rule", "scheduler", "log"])
 async def test_scenario_keys_work_whatever_list_has_the_focus(pane: str) -> None:
     async with console() as it:

@@ -123,6 +123,7 @@ async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest
         await it.sent(ACT, "Greet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "function", "behavior", "name"),
     [

@@ -121,6 +121,7 @@ async def opened(it: Console, typed: str = "", key: str = "colon") -> Palette:
     return screen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
 @pytest.mark.parametrize("key", ["colon", "ctrl+p"])
 async def test_enter_does_what_the_cursor_is_on(key: str, size: tuple[int, int]) -> None:
@@ -171,6 +172,7 @@ async def test_nothing_found_chooses_nothing() -> None:
         await it.until(lambda: it.app.screen is it.screen)
 
 
+@pytest.mark.slow
 async def test_moving_over_a_theme_shows_it_and_esc_brings_back_the_one_before() -> None:
     async with console() as it:
         before = it.app.theme

@@ -179,6 +179,7 @@ async def test_panes_that_are_unknown_change_nothing() -> None:
         assert it.screen.panes.panes["rule"].display
 
 
+@pytest.mark.pty
 def test_a_console_that_is_killed_has_kept_it() -> None:
     with terminal("--config", DEMO, "--seed", "1") as it:
         it.until("LIVE")

@@ -115,6 +115,7 @@ def said(client: FakeClient) -> list[tuple[str, str]]:
     return [(message.behavior, message.calling_type) for message in client.sent if message.function == "say"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "calling_type"), [("enter", "Blocking"), ("ctrl+j", "Interrupt")])
 async def test_what_is_shown_is_said_in_its_turn_or_at_once(key: str, calling_type: str) -> None:
     async with console() as it:

@@ -77,6 +77,7 @@ async def test_who_watches_is_not_told_to_be_live(client: Callable[[], FakeClien
         await it.until(lambda: it.notice.strip().endswith(told))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "verb"), [("t", "take"), ("a", "ask")])
 @pytest.mark.parametrize("open_with", ["f8", "ctrl+y"])
 async def test_one_takes_control_or_asks_for_it(open_with: str, key: str, verb: str) -> None:

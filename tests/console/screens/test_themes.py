@@ -119,6 +119,7 @@ async def main_screens(it: Console) -> str:
     return "\n".join(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", themes.NAMES)
 async def test_every_state_is_a_word_and_a_glyph_in_every_theme(name: str) -> None:
     async with console(theme=name) as it:
@@ -132,6 +133,7 @@ COLORED = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])(?:;[
 """An escape sequence that sets a colour; 39 and 49 are the terminal's own."""
 
 
+@pytest.mark.pty
 @pytest.mark.parametrize(
     ("arguments", "environment", "colored"),
     [

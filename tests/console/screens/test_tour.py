@@ -94,6 +94,7 @@ async def started(it: Console) -> TourScreen:
     return screen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 async def test_enter_and_right_go_on_left_goes_back_and_the_last_one_ends_it(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -18,6 +18,8 @@ from rise_engine.kernel.records import MemoryRecord
 from tests.console.scripted import ScriptedEngine, scripted
 from tests.console.terminals import Terminal, environment_of, terminal
 
+pytestmark = pytest.mark.pty
+
 FOCUS, LOG_LINE, ROW, CURSOR = 10_000, 2_500, 300, 1_200
 CLOCK = 110
 """A second, while nothing but the clock moves."""

@@ -11,6 +11,8 @@ import pytest
 from tests.console.scripted import scripted
 from tests.console.terminals import Terminal, environment_of, terminal
 
+pytestmark = pytest.mark.pty
+
 ESC = b"\x1b"
 
 

@@ -13,6 +13,8 @@ import pytest
 from tests.console.scripted import ScriptedEngine, scripted
 from tests.console.terminals import Terminal, environment_of, terminal
 
+pytestmark = pytest.mark.pty
+
 ACT = "startCommunicationRobotAct"
 Both = tuple[Terminal, ScriptedEngine]
 

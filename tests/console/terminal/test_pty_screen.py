@@ -10,10 +10,14 @@ from contextlib import contextmanager
 from shutil import rmtree
 from time import monotonic, sleep
 
+import pytest
+
 from rise_engine.kernel.records import MemoryRecord
 from tests.console.fake import FakeClient
 from tests.console.scripted import ScriptedEngine, scripted
 from tests.console.terminals import Terminal, environment_of, terminal
+
+pytestmark = pytest.mark.pty
 
 STALLED = 5.0
 

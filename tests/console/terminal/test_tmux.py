@@ -16,7 +16,7 @@ import pytest
 from tests.console.fake import DEMO
 from tests.console.terminals import PATIENCE, ROOT, environment_of, kill_engines
 
-pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
+pytestmark = [pytest.mark.pty, pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")]
 
 
 class Tmux:
