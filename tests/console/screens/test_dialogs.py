@@ -272,6 +272,24 @@ async def test_stop_works_in_it_and_leaves_it_open_or_closes_it(opening: str) ->
         await it.sent("stopAll", "")
 
 
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+@pytest.mark.parametrize("key", ["ctrl+c", "f8", "ctrl+r"])
+async def test_every_word_and_answer_of_a_question_is_on_the_screen(key: str, size: tuple[int, int]) -> None:
+    client = FakeClient(demo())
+    client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
+    client.control_record("asked", "wizard:ben", "wizard:anna")
+    async with console(client=client, size=size) as it:
+        await it.press(key)
+        await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
+        await it.pilot.pause()
+        screen = it.app.screen
+        box = screen.query_one("#box").region
+        assert (box.height, box.right, box.bottom) <= (size[1], size[0], size[1])
+        for shown in screen.query("#said, Button"):
+            where = screen.find_widget(shown)
+            assert where.region.area and where.clip.contains_region(where.region), f"{shown} is cut off"
+
+
 @pytest.mark.parametrize("action", ["settings", "theme", "tour"])
 async def test_what_the_palette_opens_can_be_left_and_stops_too(action: str) -> None:
     async with console() as it:

@@ -1,7 +1,12 @@
-"""What it looks like. Time stands still, the session is played, the cursor does not blink."""
+"""What it looks like: what no sentence says, namely where things stand and in which colours.
+
+Few, because each has to be looked at when anything changes; what is said on a screen, other tests assert in words. Time
+stands still, the session is played, the cursor does not blink.
+"""
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
@@ -11,6 +16,13 @@ from rise_engine.kernel.records import RobotRecord
 from rise_tui.app import ConsoleApp
 from rise_tui.start.settings import Settings
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+from tests.virtual_time import VirtualLoop
+
+
+@pytest.fixture(autouse=True)
+def _virtual_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The app is started with a loop of its own here."""
+    monkeypatch.setattr(asyncio.events, "new_event_loop", VirtualLoop)
 
 
 def played(**options: Any) -> FakeClient:
@@ -51,125 +63,32 @@ async def settle(pilot: Pilot[Any], *keys: str) -> None:
 SIZES = {"small": (80, 24), "usual": (120, 40), "wide": (200, 50)}
 
 
-@pytest.mark.parametrize("theme", ["dark", "light", "mono"])
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(
+    ("size", "theme"),
+    [("small", "dark"), ("usual", "dark"), ("wide", "dark"), ("usual", "light"), ("usual", "mono")],
+)
 def test_the_console(snap_compare: Any, size: str, theme: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot)
-
-    assert snap_compare(app(theme), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(theme), terminal_size=SIZES[size], run_before=settle)
 
 
-@pytest.mark.parametrize("theme", ["contrast", "colorblind", "terminal"])
-def test_themes(snap_compare: Any, theme: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "f3", "f3")
-
-    assert snap_compare(app(theme), terminal_size=(120, 40), run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_stopped(snap_compare: Any, size: str) -> None:
+def test_stopped(snap_compare: Any) -> None:
+    """With the question whether to release it."""
     client = played()
     client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
 
     async def before(pilot: Pilot[Any]) -> None:
         await settle(pilot, "ctrl+r")
 
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(client=client), terminal_size=SIZES["usual"], run_before=before)
 
 
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_editing_the_memory(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "f3", "f3", "f3", "home", "enter", "backspace", "4", "full_stop", "5")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_help(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "question_mark")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_the_palette(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "colon", *"filler")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_jumping(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "ctrl+d")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_saying_something(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "ctrl+t", *"Well", "space", *"done")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_a_mistake(snap_compare: Any, size: str) -> None:
+def test_the_robot_is_lost(snap_compare: Any) -> None:
     client = played()
-    client.answers = False
-
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "exclamation_mark")
-
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    client.emit(RobotRecord(0, 0.0, "", "lost", "no answer from pepper/speech"), at=80.0)
+    assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=settle)
 
 
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_safe(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "f3", "f3", "f3", "f3", "ctrl+x")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_everything_about_a_task(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "ctrl+d", "l", "enter")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-# --- several consoles, leaving, trouble ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_watching(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "g")
-
-    assert snap_compare(app(client=played(you="wizard:ben")), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_asked_for_control(snap_compare: Any, size: str) -> None:
-    client = played()
-    client.control_record("asked", "wizard:ben", "wizard:anna")
-
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "f8")
-
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_control_taken(snap_compare: Any, size: str) -> None:
+def test_control_taken(snap_compare: Any) -> None:
     client = played()
 
     async def before(pilot: Pilot[Any]) -> None:
@@ -177,64 +96,32 @@ def test_control_taken(snap_compare: Any, size: str) -> None:
         client.control_record("taken", "wizard:ben", "wizard:ben")
         await settle(pilot)
 
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=before)
 
 
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_the_robot_is_lost(snap_compare: Any, size: str) -> None:
-    client = played()
-    client.emit(RobotRecord(0, 0.0, "", "lost", "no answer from pepper/speech"), at=80.0)
-
+def test_editing_the_memory(snap_compare: Any) -> None:
     async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot)
+        await settle(pilot, "f3", "f3", "f3", "home", "enter", "backspace", "4", "full_stop", "5")
 
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(), terminal_size=SIZES["usual"], run_before=before)
 
 
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_not_recording(snap_compare: Any, size: str) -> None:
-    client = played()
-    client.journal(trouble="no space is left on the disk (/home/lab/rise-sessions)")
-
+def test_help(snap_compare: Any) -> None:
     async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "g")
+        await settle(pilot, "question_mark")
 
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(), terminal_size=SIZES["usual"], run_before=before)
 
 
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_stopped_and_not_recording(snap_compare: Any, size: str) -> None:
-    client = played()
-    client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
-    client.journal(trouble="no space is left on the disk (/home/lab/rise-sessions)")
-
+def test_the_palette(snap_compare: Any) -> None:
     async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot)
+        await settle(pilot, "colon", *"filler")
 
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(), terminal_size=SIZES["small"], run_before=before)
 
 
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_leaving(snap_compare: Any, size: str) -> None:
+def test_saying_something(snap_compare: Any) -> None:
     async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "ctrl+c")
+        await settle(pilot, "ctrl+t", *"Well", "space", *"done")
 
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_a_replay(snap_compare: Any, size: str) -> None:
-    client = played(you="observer:replay", role="observer", replay=True)
-
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot)
-
-    assert snap_compare(app(client=client), terminal_size=SIZES[size], run_before=before)
-
-
-@pytest.mark.parametrize("size", ["small", "usual"])
-def test_a_note(snap_compare: Any, size: str) -> None:
-    async def before(pilot: Pilot[Any]) -> None:
-        await settle(pilot, "ctrl+o", *"child", "space", *"laughed")
-
-    assert snap_compare(app(), terminal_size=SIZES[size], run_before=before)
+    assert snap_compare(app(), terminal_size=SIZES["small"], run_before=before)
