@@ -6,10 +6,11 @@ import os
 import tempfile
 from collections.abc import Iterator
 from shutil import rmtree
-from time import sleep
+from time import monotonic, sleep
 
 import pytest
 
+from rise_tui.model.gate import REPEAT
 from tests.console.scripted import ScriptedEngine, scripted
 from tests.console.terminals import Terminal, environment_of, terminal
 
@@ -109,6 +110,7 @@ def test_a_key_alone_starts_its_act_once(both: Both) -> None:
     it.press(b"g")
     engine.until_sent(ACT, "Greet")
     it.still()
+    stop(it, engine)  # all that was pressed before has been through
     assert engine.asked(ACT, "Greet") == 1
 
 
@@ -122,9 +124,14 @@ def test_escape_and_a_letter_in_two_pieces_are_two_keys(both: Both) -> None:
 
 def test_a_function_key_in_two_pieces_is_one_key(both: Both) -> None:
     it, engine = both
-    os.write(it.master, b"\x1b[2")
-    sleep(0.02)  # less than a terminal's user could wait, and more than one read
-    os.write(it.master, b"0~")
+    for _ in range(20):
+        began = monotonic()
+        os.write(it.master, b"\x1b[2")
+        sleep(0.02)  # less than a terminal's user could wait, and more than one read
+        os.write(it.master, b"0~")
+        if monotonic() - began < 0.05:  # on a busy machine the second piece may be so late that it is another key
+            break
+        it.still(0.5)
     engine.until_sent("stopAll")
 
 
@@ -143,12 +150,16 @@ def test_a_pasted_block_starts_nothing(block: bytes, both: Both) -> None:
 
 def test_a_key_held_down_counts_once(both: Both) -> None:
     it, engine = both
+    slowest, last = 0.0, monotonic()
     for _ in range(25):
         os.write(it.master, b"g")
         it.read(0.033)
+        slowest, last = max(slowest, monotonic() - last), monotonic()
     engine.until_sent(ACT, "Greet")
     it.still(0.6)
-    assert engine.asked(ACT, "Greet") == 1
+    stop(it, engine)
+    if slowest < REPEAT:  # no keyboard repeats as slowly as this machine did
+        assert engine.asked(ACT, "Greet") == 1
 
 
 @pytest.mark.parametrize("data", GARBAGE.values(), ids=GARBAGE)
