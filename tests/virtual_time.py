@@ -42,7 +42,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     """Goes to the next timer at once when it would wait for it; but not while a thread of its own works for it."""
 
     def __init__(self) -> None:
-        super().__init__(_Selector(self))  # type: ignore[arg-type]
+        super().__init__(_Selector(self))
         self.at = real_monotonic()
         self.working = 0
         """Jobs that threads of this loop have not ended."""
@@ -71,7 +71,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self.working -= 1
 
 
-class _Selector(selectors.DefaultSelector):  # type: ignore[misc,valid-type]
+class _Selector(selectors.DefaultSelector):
     def __init__(self, loop: VirtualLoop) -> None:
         super().__init__()
         self._loop = loop
