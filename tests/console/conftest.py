@@ -18,12 +18,12 @@ from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.virtual_time import VirtualLoop, real_monotonic
 
 PATIENCE = 60.0
-REAL_TIME = {"terminal", "process"}
-"""Folders whose tests have to do with what does not wait for a clock of ours: terminals, threads, processes."""
+VIRTUAL_TIME = {"model", "panes", "screens"}
+"""Folders whose tests have to do with nothing that has a clock of its own: no terminal, no thread, no process."""
 
 
 def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
-    return {"machine": asyncio.new_event_loop} if item.path.parent.name in REAL_TIME else {"virtual": VirtualLoop}
+    return {"virtual": VirtualLoop} if item.path.parent.name in VIRTUAL_TIME else {"machine": asyncio.new_event_loop}
 
 
 @pytest.fixture(autouse=True)

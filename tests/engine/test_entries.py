@@ -12,8 +12,6 @@ import pytest
 from rise_engine.entries import Entry, entries
 from rise_engine.robots import drivers
 
-pytestmark = pytest.mark.slow
-
 GROUPS = ("rise.robots", "rise.drivers", "rise.bridges", "rise.checks", "rise.doctors", "console_scripts", "pytest11")
 
 
@@ -52,6 +50,7 @@ def test_of_two_with_one_name_python_finds_the_first(tmp_path: Path, monkeypatch
     assert drivers()["mine"].value == "one:Robot" and "simulated" in drivers()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "absent"),
     [

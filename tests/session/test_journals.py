@@ -592,10 +592,10 @@ def test_reading_is_quick(made: Made) -> None:
     record = made.records[-1]
     lines = [record_line(replace(record, seq=number)) for number in range(1, 20_001)]
     made.write(header_line("x") + b"".join(lines))
-    start = time.process_time()
+    start = time.perf_counter()
     contents = read_journal(made.journal)
     assert contents.records == sum(1 for _ in contents.placed()) == 20_000
-    assert time.process_time() - start < 2
+    assert time.perf_counter() - start < 2
 
 
 def test_a_session_that_was_recovered_twice_replays(made: Made) -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import re
-from time import process_time
+from time import perf_counter
 
 import pytest
 from hypothesis import given
@@ -92,10 +92,10 @@ def test_harmless_repetitions_are_taken(typed: str) -> None:
 @pytest.mark.parametrize("typed", ["/a*a*a*a*a*b", "/.*.*.*.*.*=", "/(a*)(a*)(a*)\\1\\2\\3b", "/a?a?a?a*a*a*b"])
 def test_an_expression_that_explodes_is_given_up_soon(typed: str) -> None:
     filter = Filter(typed)
-    began = process_time()
+    began = perf_counter()
     with pytest.raises(BrokenFilter, match="takes too long"):
         filter.matches("a" * 5000)
-    assert process_time() - began < 1.0
+    assert perf_counter() - began < 1.0
 
 
 def test_an_expression_sees_a_row_up_to_a_limit_and_words_see_all() -> None:
@@ -145,12 +145,12 @@ def test_places_are_in_order_apart_and_inside(typed: str, text: str) -> None:
 
 @given(st.text(st.sampled_from("ab()[]*+?{}2,|\\^$."), max_size=14))
 def test_any_expression_ends_soon_or_is_refused(pattern: str) -> None:
-    began = process_time()
+    began = perf_counter()
     try:
         Filter("re:" + pattern).matches("ab" * 40 + "a" * 60 + "!")
     except BrokenFilter as broken:
         assert str(broken)
-    assert process_time() - began < 2.0
+    assert perf_counter() - began < 2.0
 
 
 # --- in slices -------------------------------------------------------------------------------------------------------

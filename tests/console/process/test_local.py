@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from time import monotonic
 
-import pytest
-
 from rise_tui.app import ConsoleApp
 from rise_tui.start.launch import Launcher, prepare
 from rise_tui.start.settings import Settings
@@ -23,7 +21,6 @@ def started(settings: Settings) -> ConsoleApp:
     return ConsoleApp(scenario, settings, wizard="anna", launcher=fast)
 
 
-@pytest.mark.slow
 async def test_a_session_from_the_first_key_to_the_last() -> None:
     app = started(Settings(DEMO, seed=1))
     async with app.run_test(size=(200, 50)) as pilot:

@@ -20,7 +20,7 @@ from textual.strip import Strip
 from rise_tui.quiet import EmptyScreen, Outlet, QuietApp, QuietScreen, Slices
 from rise_tui.quiet.compositor import RowCompositor
 from rise_tui.quiet.slices import SLICE
-from tests.console.terminal.test_quiet import Plain
+from tests.console.test_quiet import Plain
 
 
 def outlet() -> Outlet:

@@ -19,8 +19,6 @@ from textual.message import Message
 from rise_tui.quiet import Outlet, click_driver
 from rise_tui.quiet.ears import Ears, read_together
 
-pytestmark = pytest.mark.pty
-
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no such driver")
 
 
