@@ -118,11 +118,10 @@ NAME = re.compile(r"_*[A-Z][a-z0-9]+(?:[A-Z][a-z0-9]*)+|_?[a-z0-9]+(?:_[a-z0-9]+
 """A name that is no word of a sentence: CamelCase or snake_case."""
 FILE = re.compile(r"[\w./-]*\w\.(?:md|py)\b")
 SECTION = re.compile(
-    r"(?P<page>semantics|console)(?:\.md)?,? (?:sections? |laws? )?(?P<numbers>\d[\d.]*(?:(?:, | and )\d[\d.]*)*)"
-    r"|\blaws? (?P<laws>\d+(?:(?:, | and )\d+)*)"
+    r"(?P<page>semantics|console)(?:\.md)?,? (?:sections? )?(?P<numbers>\d[\d.]*(?:(?:, | and | to )\d[\d.]*)*)"
 )
 PAGES = {"semantics": "docs/explanation/semantics.md", "console": "docs/explanation/console.md"}
-"""Where numbered sections are. `law N` is a section of console.md."""
+"""Where numbered sections are, and numbered paragraphs."""
 FOREIGN = {"App", "Screen", "Widget", "Path", "SampleInfo", "asyncio", "RunInstruction"}
 """What others have: Textual, the standard library, cyclonedds; and what a study might have, as an example."""
 DATA = {"json", "toml", "xml", "jsonl", "csv", "rng", "svg", "sock", "lock", "service"}
@@ -171,8 +170,8 @@ def dead_sections() -> Iterator[Reference]:
         for line, text in docstrings(file):
             flat = text.replace("\n", " ")
             for match in SECTION.finditer(flat):
-                page = match["page"] or "console"
-                for number in re.findall(r"\d+(?:\.\d+)*", match["numbers"] or match["laws"]):
+                page = match["page"]
+                for number in re.findall(r"\d+(?:\.\d+)*", match["numbers"]):
                     if number not in numbered[page]:
                         at = line + text[: match.start()].count("\n")
                         yield Reference(file, at, f"{page} {number}")
@@ -180,7 +179,7 @@ def dead_sections() -> Iterator[Reference]:
 
 def _sections(page: Path) -> set[str]:
     text = page.read_text(encoding="utf-8") if page.exists() else ""
-    return set(re.findall(r"^#+ (?:Law )?(\d+(?:\.\d+)*)\b", text, re.MULTILINE))
+    return set(re.findall(r"^(?:#+ |\*\*)(\d+(?:\.\d+)*)\b", text, re.MULTILINE))
 
 
 def _leads_somewhere(dotted: str) -> bool:

@@ -139,7 +139,7 @@ def test_no_name_in_a_docstring_leads_nowhere() -> None:
     assert [str(each) for each in dead_names()] == []
 
 
-@pytest.mark.xfail(strict=True, reason="issue 13: semantics.md gets numbers, console.md comes")
+@pytest.mark.xfail(strict=True, reason="issue 13: semantics.md gets numbers and console.md comes")
 def test_no_section_that_a_docstring_cites_is_missing() -> None:
     assert [str(each) for each in dead_sections()] == []
 
@@ -148,7 +148,7 @@ def test_what_leads_nowhere_would_be_found(monkeypatch: pytest.MonkeyPatch, tmp_
     file = tmp_path / "module.py"
     file.write_text(
         '''"""`rise_engine.nowhere.Thing`, `NoSuchThing`, `Kernel.no_such_method`, `rise_engine.kernel.kernel.Kernel`;
-docs/nowhere.md, docs/README.md (semantics, sections 98 and 99.1; law 97)."""''',
+docs/nowhere.md, docs/README.md (semantics, sections 98 and 99.1; console.md 97)."""''',
         encoding="utf-8",
     )
     monkeypatch.setattr("tests.sources.modules", lambda: {**modules(), "module": file})

@@ -157,7 +157,7 @@ async def test_the_log_follows_pauses_and_counts_what_is_new() -> None:
             it.client.task("raiseEventTopic", f"/topic{number}", "SUCCEEDED")
         log = it.pane("log").rows
         await it.until(lambda: log.count == 60 and "following" in it.pane("log").title.text)
-        assert log.scroll_offset.y == 60 - log.size.height
+        await it.until(lambda: log.scroll_offset.y == 60 - log.size.height, "the newest rows are not in view")
         it.screen.panes.go_to("log")
         await it.press("pageup")
         at = log.scroll_offset.y
