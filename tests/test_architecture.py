@@ -148,7 +148,7 @@ def test_what_leads_nowhere_would_be_found(monkeypatch: pytest.MonkeyPatch, tmp_
     file = tmp_path / "module.py"
     file.write_text(
         '''"""`rise_engine.nowhere.Thing`, `NoSuchThing`, `Kernel.no_such_method`, `rise_engine.kernel.kernel.Kernel`;
-docs/nowhere.md, docs/README.md (semantics, sections 98 and 99.1; console.md 97)."""''',
+docs/nowhere.md, docs/README.md (semantics, sections 98 and 99.1; semantics.md 97)."""''',
         encoding="utf-8",
     )
     monkeypatch.setattr("tests.sources.modules", lambda: {**modules(), "module": file})
@@ -156,5 +156,5 @@ docs/nowhere.md, docs/README.md (semantics, sections 98 and 99.1; console.md 97)
     assert [(each.line, each.text) for each in found] == [
         *((1, "rise_engine.nowhere.Thing"), (1, "NoSuchThing"), (1, "Kernel.no_such_method")),
         (2, "docs/nowhere.md"),
-        *((2, "semantics 98"), (2, "semantics 99.1"), (2, "console 97")),
+        *((2, "semantics 98"), (2, "semantics 99.1"), (2, "semantics 97")),
     ]
