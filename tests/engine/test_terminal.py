@@ -117,6 +117,7 @@ def test_a_title_begins_no_line_of_its_own(evil: Path) -> None:
     assert not any(line.startswith("error: not mine") for line in (ran.stdout + ran.stderr).splitlines())
 
 
+@pytest.mark.slow
 def test_json_keeps_every_character_and_is_safe_to_look_at(evil: Path) -> None:
     for words in (("check", evil, "--json"), ("robots", evil, "--json"), ("eval", f"'{EVIL}'", "--json")):
         done = engine(*words)

@@ -152,6 +152,7 @@ def test_mutated_files_never_raise(name: str, data: st.DataObject) -> None:
     check({**SEEDS, name: content})
 
 
+@pytest.mark.slow
 @given(name=st.sampled_from(sorted(SEEDS)), content=st.one_of(st.binary(max_size=80), st.text(max_size=80)))
 @settings(max_examples=150)
 def test_random_files_never_raise(name: str, content: str | bytes) -> None:

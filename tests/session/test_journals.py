@@ -404,6 +404,7 @@ def test_a_repair_that_fails_changes_nothing(made: Made) -> None:
 # --- not what it should be ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("data", "says"),
     [
@@ -474,6 +475,7 @@ def test_no_session_file(made: Made) -> None:
             action(made.folder)
 
 
+@pytest.mark.slow
 @quick
 @given(at=st.integers(0, 5000), by=st.integers(1, 255))
 def test_a_flipped_byte_in_the_session_file(shared: Made, at: int, by: int) -> None:

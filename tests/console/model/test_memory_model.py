@@ -240,6 +240,7 @@ values = st.recursive(
 memories = st.dictionaries(st.text("abcd", min_size=1, max_size=2), values, max_size=5)
 
 
+@pytest.mark.slow
 @given(memories, memories, st.booleans(), st.sampled_from([None, 1, "\t"]))
 def test_whatever_changes_is_what_is_read_again(
     before: dict[str, Any], now: dict[str, Any], listed: bool, indent: int | str | None

@@ -317,6 +317,7 @@ def test_the_session_is_over() -> None:
 # --- on the screen --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 async def test_it_stands_below_the_top_line_with_a_height_that_never_changes(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -246,6 +246,7 @@ def test_everything_is_there_once_and_rails_lead_where_they_should(some: Rule, w
     assert layout == lay_out(some, width)
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(rules(), st.integers(34, 130), st.data())
 def test_only_marks_change(some: Rule, width: int, data: st.DataObject) -> None:
@@ -306,6 +307,7 @@ def test_what_no_course_reaches_stands_last_and_says_so() -> None:
     assert "never" not in next(line for line in drawn if "○ b" in line)
 
 
+@pytest.mark.slow
 @given(rules())
 def test_an_order_has_every_state_once_and_the_first_state_first(some: Rule) -> None:
     states, reached = order_of(some)

@@ -107,6 +107,7 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         assert log.current == str(row_of(100_000))
 
 
+@pytest.mark.slow
 async def test_rows_in_view_stay_while_older_ones_are_found() -> None:
     async with console() as it:
         pane, log = log_of(it)
@@ -148,6 +149,7 @@ async def test_attaching_again_searches_the_new_log() -> None:
         await it.until(lambda: log.count == 12)
 
 
+@pytest.mark.slow
 async def test_a_mistake_shows_in_its_row_and_can_be_found() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):
         async with console(size=size) as it:
@@ -398,6 +400,7 @@ async def test_the_rows_shown_are_saved_to_the_folder_of_the_session(tmp_path: P
 # --- flat memory -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 async def test_scrolling_keeps_no_rows() -> None:
     async with console() as it:
         many(it, 20_000)

@@ -80,6 +80,7 @@ def test_more_notes_than_anybody_writes_are_bounded() -> None:
     assert len(view.remarks) == REMARKS < STEP and all(len(remark.text) == 1000 for remark in view.remarks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
 async def test_notes_robot_failures_and_faults_are_rows_without_any_key(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -115,6 +115,7 @@ async def test_an_undo_on_its_way_is_not_sent_twice() -> None:
 # --- conflicts -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 async def test_a_change_while_typing_must_be_confirmed() -> None:
     for size in ((80, 24), (120, 40)):
         async with console(size=size) as it:

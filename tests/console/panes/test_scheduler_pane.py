@@ -49,6 +49,7 @@ async def test_a_running_speech_has_no_typical_time_and_nothing_is_made_up() -> 
         assert "for 2.0 s" in it.row("scheduler", "Hello") and "not known" in it.row("scheduler", "Greet")
 
 
+@pytest.mark.slow
 async def test_a_name_a_state_and_a_time_have_room_at_every_width() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):
         async with console(size=size) as it:

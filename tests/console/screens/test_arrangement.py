@@ -56,6 +56,7 @@ async def test_what_nobody_sees_yet_is_made_after_the_first_frame() -> None:
         await it.until(lambda: all(pane.rows.is_mounted for pane in it.screen.panes.panes.values()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["act", "memory", "scheduler", "log"])
 async def test_who_is_quicker_than_that_sees_the_pane_all_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Arrangement, "_fill", lambda self: None)
@@ -111,6 +112,7 @@ async def test_any_list_or_pane_can_be_zoomed_says_so_and_esc_goes_back(name: st
         assert "ZOOMED" not in it.pane(name).title.text and it.pane(name).rows.has_focus
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
 async def test_nothing_moves_when_what_panes_show_changes(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -374,6 +374,7 @@ async def test_a_lost_robot_is_told() -> None:
 # --- layout, help, palette, settings --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "shown"),
     [
@@ -443,6 +444,7 @@ async def test_help_shows_scenario_keys_and_actions_and_searches() -> None:
         assert it.app.screen is it.screen
 
 
+@pytest.mark.slow
 async def test_the_palette_finds_acts_and_says_why_not() -> None:
     async with console() as it:
         await it.press("colon")
@@ -459,6 +461,7 @@ async def test_the_palette_finds_acts_and_says_why_not() -> None:
         await it.until(lambda: "not now" in it.notice and "STOPPED" in it.notice)
 
 
+@pytest.mark.slow
 async def test_settings_apply_after_asking_and_end_the_running_session_first() -> None:
     first, second = FakeClient(demo()), FakeClient(demo(), mode="real")
     launcher = FakeLauncher(first, second)
@@ -496,6 +499,7 @@ async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothi
         assert it.app.screen is it.screen and client.closed == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [72, 80, 100, 200])
 async def test_help_is_always_among_the_hints(width: int) -> None:
     async with console(size=(width, 30)) as it:

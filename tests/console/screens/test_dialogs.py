@@ -154,6 +154,7 @@ async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_pat
         assert screen.query_one("#robot", Choice).value == "floka"
 
 
+@pytest.mark.slow
 async def test_every_group_is_one_stop_and_enter_on_it_changes_nothing() -> None:
     async with console() as it:
         screen = await settings_of(it)
@@ -178,6 +179,7 @@ async def test_every_group_is_one_stop_and_enter_on_it_changes_nothing() -> None
         assert it.client.closed == [] and it.launcher.prepared_with == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
 async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tuple[int, int]) -> None:
     client = FakeClient(demo())
@@ -272,6 +274,7 @@ async def test_stop_works_in_it_and_leaves_it_open_or_closes_it(opening: str) ->
         await it.sent("stopAll", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
 @pytest.mark.parametrize("key", ["ctrl+c", "f8", "ctrl+r"])
 async def test_every_word_and_answer_of_a_question_is_on_the_screen(key: str, size: tuple[int, int]) -> None:
@@ -290,6 +293,7 @@ async def test_every_word_and_answer_of_a_question_is_on_the_screen(key: str, si
             assert where.region.area and where.clip.contains_region(where.region), f"{shown} is cut off"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("action", ["settings", "theme", "tour"])
 async def test_what_the_palette_opens_can_be_left_and_stops_too(action: str) -> None:
     async with console() as it:

@@ -35,6 +35,7 @@ def test_a_label_names_letter_and_title() -> None:
     assert plain(line) == "[u]RULE[c]act"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
 async def test_the_letters_stand_on_every_list_pane_and_tab(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -63,6 +63,7 @@ async def test_no_key_of_any_study_ends_a_session() -> None:
         assert it.client.closed == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
 async def test_ending_names_who_and_all_that_runs(size: tuple[int, int]) -> None:
     client = begun(FakeClient(demo()), "P07", "hesitation")
@@ -138,6 +139,7 @@ async def test_ending_ends_the_session_and_says_where_its_record_is(monkeypatch:
         assert it.app.last_words == said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ["wizard", "observer"])
 async def test_who_has_no_control_can_only_leave(role: str) -> None:
     client = FakeClient(demo(), you=f"{role}:ben", role=role)  # type: ignore[arg-type]

@@ -70,6 +70,7 @@ async def test_the_newest_act_is_wrong_at_once() -> None:
             assert piece in it.screen.mistake.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "mark"), [("l", "late"), ("e", "early"), ("d", "double"), ("u", "none")])
 async def test_a_letter_is_the_better_word(key: str, mark: str) -> None:
     async with console() as it:

@@ -186,6 +186,7 @@ async def test_moving_over_a_theme_shows_it_and_esc_brings_back_the_one_before()
         await it.until(lambda: it.app.screen is it.screen and it.app.theme == before)
 
 
+@pytest.mark.slow
 async def test_a_theme_is_chosen_by_enter_and_stays() -> None:
     async with console() as it:
         it.screen.action_do("theme")

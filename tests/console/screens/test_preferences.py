@@ -107,6 +107,7 @@ async def changed(it: Console) -> None:
     await it.pilot.pause()
 
 
+@pytest.mark.slow
 async def test_layout_filters_and_theme_come_back() -> None:
     async with console(keeper=Keeper(Preferences())) as it:
         await changed(it)
@@ -120,6 +121,7 @@ async def test_layout_filters_and_theme_come_back() -> None:
         assert short_name(it.app.theme) == "light"
 
 
+@pytest.mark.slow
 async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() -> None:
     """The next participant's console has nothing of the one before but the theme."""
     async with console(keeper=Keeper(Preferences())) as it:
@@ -132,6 +134,7 @@ async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() 
         assert it.pane("acts").rows.has_focus
 
 
+@pytest.mark.slow
 async def test_with_fresh_nothing_comes_back() -> None:
     async with console(keeper=Keeper(Preferences())) as it:
         await changed(it)

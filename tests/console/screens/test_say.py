@@ -273,6 +273,7 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
         assert it.screen.say_line.field.value == "gm" and it.client.asked() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["ctrl+t", "ctrl+o", "exclamation_mark"])
 async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line(
     key: str, monkeypatch: pytest.MonkeyPatch

@@ -31,6 +31,7 @@ async def opened(it: Console, key: str = "f8") -> str:
     return "\n".join([*dialog._said, *(str(button.label) for button in dialog.query("Button").results())])  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
 async def test_every_screen_says_who_has_control(size: tuple[int, int]) -> None:
     async with console(size=size) as it:

@@ -63,6 +63,7 @@ async def settle(pilot: Pilot[Any], *keys: str) -> None:
 SIZES = {"small": (80, 24), "usual": (120, 40), "wide": (200, 50)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "theme"),
     [("small", "dark"), ("usual", "dark"), ("wide", "dark"), ("usual", "light"), ("usual", "mono")],
