@@ -50,7 +50,6 @@ def test_of_two_with_one_name_python_finds_the_first(tmp_path: Path, monkeypatch
     assert drivers()["mine"].value == "one:Robot" and "simulated" in drivers()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "absent"),
     [

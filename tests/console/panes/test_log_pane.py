@@ -107,7 +107,6 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         assert log.current == str(row_of(100_000))
 
 
-@pytest.mark.slow
 async def test_rows_in_view_stay_while_older_ones_are_found() -> None:
     async with console() as it:
         pane, log = log_of(it)
