@@ -12,6 +12,10 @@ from contextlib import suppress
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import virtual_time
+
+virtual_time.install()
+
 # For every property test: whether it passes never depends on how quick the machine is. A new clone has none of
 # hypothesis' cached tables yet, and its first examples take seconds.
 settings.register_profile("rise", deadline=None, suppress_health_check=[HealthCheck.too_slow])

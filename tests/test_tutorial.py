@@ -5,7 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from tests.scenarios.played import Played, process
+
+pytestmark = pytest.mark.slow
 
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials" / "first-study.md"
 FILES = re.compile(r"^\*\*`my-study/(?P<path>[\w./-]+)`\*\*\n\n```\w+\n(?P<content>.*?)^```$", re.MULTILINE | re.DOTALL)

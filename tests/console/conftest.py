@@ -1,8 +1,8 @@
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+import asyncio
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from time import monotonic
 from typing import Any
 
 import pytest
@@ -15,6 +15,15 @@ from rise_tui.screens.console import ConsoleScreen
 from rise_tui.start.settings import Settings
 from rise_tui.widgets.rows import RowList
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+from tests.virtual_time import VirtualLoop, real_monotonic
+
+PATIENCE = 60.0
+VIRTUAL_TIME = {"model", "panes", "screens"}
+"""Folders whose tests have to do with nothing that has a clock of its own: no terminal, no thread, no process."""
+
+
+def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
+    return {"virtual": VirtualLoop} if item.path.parent.name in VIRTUAL_TIME else {"machine": asyncio.new_event_loop}
 
 
 @pytest.fixture(autouse=True)
@@ -82,9 +91,9 @@ class Console:
             except NoConsole:
                 return False
 
-        end = monotonic() + 10
+        end = real_monotonic() + PATIENCE
         while not held():
-            assert monotonic() < end, what or "did not happen in time"
+            assert real_monotonic() < end, what or "did not happen in time"
             await self.pilot.pause(0.02)
 
     async def sent(self, function: str, behavior: str) -> None:

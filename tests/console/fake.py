@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Sequence
 from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,9 @@ from rise_tui.start.settings import Settings
 DEMO = str(Path(__file__).parent / "data" / "demo")
 
 
+@cache
 def demo() -> Scenario:
+    """Read once: nothing changes a scenario."""
     scenario = load(DEMO).scenario
     assert scenario is not None
     return scenario

@@ -84,9 +84,12 @@ class Terminal:
         return bool(data)
 
     def still(self, seconds: float = STILL) -> int:
-        """Wait until nothing has come for so long; returns how many bytes came."""
+        """Wait until nothing has come for so long from a console that had nothing to do; returns how many bytes came.
+
+        On a busy machine a console may paint late: then it does not wait, it works, or would if it got its turn.
+        """
         before, end = self.count, monotonic() + PATIENCE
-        while select.select([self.master], [], [], seconds)[0] and self.read(0):
+        while (select.select([self.master], [], [], seconds)[0] and self.read(0)) or works(self.process.pid):
             assert monotonic() < end, "it goes on painting"
         return self.count - before
 
@@ -205,6 +208,15 @@ def kill_engines(home: str) -> None:
     for engine in engines_of(home):
         with suppress(ProcessLookupError):
             os.kill(engine, signal.SIGKILL)
+
+
+def works(process: int) -> bool:
+    """Whether one of its threads runs or wants to run. Where the system does not tell, as on macOS: no."""
+    for stat in Path(f"/proc/{process}/task").glob("*/stat"):
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            if stat.read_text().rpartition(")")[2].split()[0] in "RD":
+                return True
+    return False
 
 
 def alive(process: int) -> bool:

@@ -26,6 +26,8 @@ from rise_engine.kernel.records import (
 
 from .processes import ENGINE, engine, folder
 
+pytestmark = pytest.mark.slow
+
 BAD = '<Dialog name="Bad">\n  <Speach><actionID>1</actionID></Speach>\n</Dialog>'
 
 

@@ -32,6 +32,8 @@ from rise_engine.session_options import SessionOptions
 from .processes import ENGINE, Live, engine, folder, records
 from .samples import GREETING, assert_one_ending_each, scenario, start
 
+pytestmark = pytest.mark.slow
+
 FAST = ("--speed", "max", "--json")
 
 

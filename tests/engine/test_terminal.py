@@ -46,6 +46,7 @@ EVERY_COMMAND = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
 @pytest.mark.parametrize("command", EVERY_COMMAND, ids=" ".join)
 def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> None:
@@ -90,6 +91,7 @@ def seen(output: str) -> bool:
     return UNSEEN.search(output.replace("\n", "")) is None
 
 
+@pytest.mark.slow
 def test_nothing_of_a_file_reaches_the_terminal_raw(evil: Path) -> None:
     for words in (
         ("check", evil),
@@ -116,6 +118,7 @@ def test_a_title_begins_no_line_of_its_own(evil: Path) -> None:
     assert not any(line.startswith("error: not mine") for line in (ran.stdout + ran.stderr).splitlines())
 
 
+@pytest.mark.slow
 def test_json_keeps_every_character_and_is_safe_to_look_at(evil: Path) -> None:
     for words in (("check", evil, "--json"), ("robots", evil, "--json"), ("eval", f"'{EVIL}'", "--json")):
         done = engine(*words)
@@ -156,6 +159,7 @@ def test_a_finding_is_one_clean_line() -> None:
 # --- the pieces -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(st.text())
 @example(EVIL)
 @example("\udcff\x00\x7f")
@@ -186,6 +190,7 @@ def test_what_is_seen_stays(text: str) -> None:
     assert clean(text) is text
 
 
+@pytest.mark.slow
 @given(st.recursive(st.text() | st.integers(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
 @example({EVIL: [EVIL, "\U000e0041\n"]})
 def test_json_is_the_same_value(value: object) -> None:

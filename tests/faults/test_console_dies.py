@@ -25,6 +25,8 @@ from rise_engine.session.reading import read_journal
 from rise_engine.view import View
 from tests.console.terminals import Terminal, environment_of, terminal
 
+pytestmark = pytest.mark.pty
+
 ROOT = Path(__file__).parents[2]
 STUDY = str(ROOT / "scenarios" / "lablinking")
 

@@ -6,10 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 KILLS = 250
 
 
+@pytest.mark.soak
 def test_nothing_that_was_acknowledged_is_lost_whenever_the_engine_is_killed() -> None:
     """Every acknowledged input is in the journal, every journal recovers, replay is identical. `./dev soak` goes on for
     thousands; the seed that is printed repeats a run as far as the system's scheduling lets it."""

@@ -27,6 +27,8 @@ from rise_engine.session_options import SessionOptions
 
 from ..engine.processes import ENGINE, engine, folder
 
+pytestmark = pytest.mark.slow
+
 TUI = Path(ENGINE).with_name("rise-tui")
 
 

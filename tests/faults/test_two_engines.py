@@ -32,6 +32,8 @@ from rise_engine.session_options import SessionOptions
 from ..engine.processes import ENGINE, engine, folder
 from .test_serve import Serving, wait_for_record
 
+pytestmark = pytest.mark.slow
+
 TUI = Path(ENGINE).with_name("rise-tui")
 
 

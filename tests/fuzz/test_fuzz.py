@@ -12,6 +12,7 @@ from tests.fuzz.mutations import BY_KIND, EVERYWHERE
 COUNT = 400
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_mutated_scenarios_are_read_or_refused_with_a_sentence(tmp_path: Path, part: int) -> None:
     fuzz = Fuzz(tmp_path, seed=2026)
@@ -20,6 +21,7 @@ def test_mutated_scenarios_are_read_or_refused_with_a_sentence(tmp_path: Path, p
         assert not case.wrong, f"{case.scenario}/{case.file}, number {number}: {case.wrong}\n{case.content!r}"
 
 
+@pytest.mark.slow
 def test_the_mutations_mutate(tmp_path: Path) -> None:
     """A fuzz that changes nothing, or makes only rubbish, finds nothing."""
     fuzz = Fuzz(tmp_path, seed=7)

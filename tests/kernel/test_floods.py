@@ -204,6 +204,7 @@ def in_circles(table: list[list[list[int] | None]]) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(TABLES, st.integers(0, TOPICS - 1))
 def test_only_who_is_in_a_circle_is_stopped(table: list[list[list[int] | None]], first: int) -> None:

@@ -46,6 +46,7 @@ async def run(*arguments: str, log: Path | None = None) -> asyncio.subprocess.Pr
         )
 
 
+@pytest.mark.slow
 async def test_bad_clients_hold_up_nobody(place: Path) -> None:
     """One of three times on a machine that has other things to do; what must never happen fails in each."""
     for _ in range(3):

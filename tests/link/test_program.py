@@ -28,6 +28,7 @@ def examples(page: Path) -> list[str]:
     return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "number"), [(page, n) for page in PAGES for n in range(len(examples(page)))])
 async def test_the_examples_of_the_documentation_run(place: Path, page: Path, number: int) -> None:
     async with served(place, GREETING) as session:

@@ -38,6 +38,7 @@ async def flooded(session: Served, console: Follower) -> None:
             await asyncio.sleep(0)
 
 
+@pytest.mark.slow
 async def test_it_gets_the_state_anew_and_goes_on(place: Path) -> None:
     async with served(place, GREETING) as session:
         console = await Follower(session.client(resync=True)).attach()

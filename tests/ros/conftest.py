@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Callable, Iterator, Mapping
+from inspect import signature
 
 import pytest
 
 from tests.ros.model_server import ModelServer
+from tests.virtual_time import VirtualLoop
+
+REAL_TIME = {"test_face"}
+"""Whose tests wait for the thread of a disk."""
+
+
+def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
+    """DDS and a model's server have threads and clocks of their own; a robot in memory has none."""
+    threads = item.get_closest_marker("dds") or "model_server" in signature(item.function).parameters  # type: ignore[attr-defined]
+    real = threads or item.path.stem in REAL_TIME
+    return {"machine": asyncio.new_event_loop} if real else {"virtual": VirtualLoop}
 
 
 @pytest.fixture

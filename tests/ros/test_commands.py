@@ -12,6 +12,8 @@ import pytest
 from rise_engine.cli.arguments import split_ros_args
 from tests.ros.contract.peers import environment
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 GREETING = str(ROOT / "scenarios" / "greeting")
 

@@ -31,6 +31,8 @@ pytest.importorskip("rosbags")
 
 from rise_adapters.ros2.dds import DdsTransport
 
+pytestmark = pytest.mark.dds
+
 WAVE = "lab_msgs/action/Wave"
 ONE = "int32 level\nfloat32[] gains\nstring[] tags\n---\nbool done\n---\n"
 OTHER = "float32[] gains\nint32 level\nstring[] tags\n---\nbool done\n---\n"

@@ -27,6 +27,8 @@ from rise_adapters.ros2.dds import DdsTransport
 
 from tests.ros.face_process import environment
 
+pytestmark = pytest.mark.dds
+
 PLACE = "/dev/shm" if Path("/dev/shm").is_dir() else "/tmp"
 """In memory: what a disk does is not what is tested."""
 

@@ -27,6 +27,8 @@ pytest.importorskip("rosbags")
 
 from rise_adapters.ros2.dds import DdsTransport
 
+pytestmark = pytest.mark.dds
+
 PATIENCE = 20.0
 LONG = Plan(seconds=60)
 TASK = "2/1"

@@ -17,6 +17,8 @@ from tests.ros.contract.peers import environment, missing
 from tests.ros.facing import until
 from tests.ros.model_server import ModelServer
 
+pytestmark = pytest.mark.dds
+
 LAB = Path(__file__).parents[2] / "scenarios" / "lab_opening"
 TRANSPORTS = [kind for kind in ("dds", "rclpy") if not missing(kind)]
 PATIENCE = 40.0
@@ -73,6 +75,7 @@ def node(start: Start, name: str, *options: str) -> Program:
     return start(name, f"rise_adapters.ros2.nodes.{name}", *options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ros", TRANSPORTS)
 async def test_the_loop_of_figure_8_in_processes(
     ros: str, start: Start, tmp_path: Path, model_server: ModelServer, monkeypatch: pytest.MonkeyPatch
@@ -118,6 +121,7 @@ async def test_the_loop_of_figure_8_in_processes(
         assert "Traceback" not in program.said()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ros", TRANSPORTS)
 async def test_what_stands_in_the_way_is_said_in_sentences(ros: str, start: Start) -> None:
     for name, options, says in (
@@ -133,6 +137,7 @@ async def test_what_stands_in_the_way_is_said_in_sentences(ros: str, start: Star
         assert "Traceback" not in program.said()
 
 
+@pytest.mark.slow
 def test_help_needs_no_ros(start: Start) -> None:
     for name in ("simulated_robot", "keyword_spotter", "gaze_trigger", "answer_node"):
         program = node(start, name, "--help")
@@ -140,6 +145,7 @@ def test_help_needs_no_ros(start: Start) -> None:
         assert f"usage: {name}" in program.said()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ros", TRANSPORTS)
 async def test_a_second_session_in_the_domain_needs_names_of_its_own(ros: str, start: Start, tmp_path: Path) -> None:
     """E5, between processes. The one that was killed is in nobody's way, though the network still shows it."""

@@ -121,6 +121,7 @@ def contains(whole: Any, part: Any) -> bool:
 ACTIONS = [(robot, action) for robot in ON_ROS for action in read_carriers(PROFILES[robot])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "action"), ACTIONS)
 def test_whatever_an_author_gives_becomes_a_message_of_the_type(robot: str, action: str) -> None:
     carrier = carriers(robot)[action]

@@ -175,6 +175,7 @@ STEPS = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(STEPS, st.sampled_from([0.05, 1.0]))
 def test_whatever_happens_to_the_wrapper_stopping_is_right_in_the_end(steps: list[Step], stopping: float) -> None:
     lab = Lab(stopping)

@@ -223,6 +223,7 @@ def test_an_error_code_where_the_result_has_one() -> None:
     assert (fine.status, rig.carriers["Speech"].error(fine.result)) == (SUCCEEDED, "")
 
 
+@pytest.mark.slow
 def test_one_that_hangs_does_not_even_answer_a_cancel() -> None:
     rig = Rig(faults=("Speech=hang",))
     goal = rig.send("Speech", message="Hello")

@@ -81,6 +81,7 @@ def test_bytes_are_those_of_ros(types: Types, sample: dict[str, Any]) -> None:
     assert json.loads(json.dumps(codec.unpack(official), default=list)) == sample["message"]
 
 
+@pytest.mark.slow
 def test_bytes_are_those_of_another_writer(types: Types) -> None:
     """All standard messages, with zeros, and against a second, independent implementation."""
     from rosbags.typesys import Stores, get_typestore

@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import msgspec
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -122,6 +123,7 @@ PIECES = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(name=st.sampled_from(sorted(SEEDS)), data=st.data())
 @settings(max_examples=300)
 def test_mutated_files_never_raise(name: str, data: st.DataObject) -> None:
@@ -133,6 +135,7 @@ def test_mutated_files_never_raise(name: str, data: st.DataObject) -> None:
     check({**SEEDS, name: content})
 
 
+@pytest.mark.slow
 @given(name=st.sampled_from(sorted(SEEDS)), content=st.one_of(st.binary(max_size=80), st.text(max_size=80)))
 @settings(max_examples=150)
 def test_random_files_never_raise(name: str, content: str | bytes) -> None:

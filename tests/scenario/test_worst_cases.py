@@ -173,6 +173,7 @@ def _not_for_ever() -> Iterator[None]:
     signal.signal(signal.SIGVTALRM, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_the_worst_is_read_soon(tmp_path: Path, name: str) -> None:
     file, make = CASES[name]

@@ -57,6 +57,7 @@ CASES: dict[str, Callable[[], dict[str, str | bytes]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_the_worst_is_read_soon(tmp_path: Path, name: str) -> None:
     load(folder(tmp_path, CASES[name]()))

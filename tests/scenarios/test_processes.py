@@ -12,6 +12,8 @@ from rise_engine.scenario import load
 from tests.scenarios.conftest import Play
 from tests.scenarios.played import SCENARIOS, Played, command, process
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("greeting", "lab_opening", "lablinking")
 every_scenario = pytest.mark.parametrize("name", NAMES)
 

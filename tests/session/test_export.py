@@ -256,6 +256,7 @@ def test_nothing_is_left_behind_when_there_is_nothing_to_export(made: Made, tmp_
     assert not (tmp_path / "out.csv").exists()
 
 
+@pytest.mark.slow
 def test_as_processes(made: Made) -> None:
     """Once for real: standard output as bytes, a closed pipe, a full disk."""
     environment = {**os.environ, "RISE_SESSIONS": str(made.folder.parent)}

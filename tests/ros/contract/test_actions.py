@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import uuid
 
+import pytest
+
 from .conftest import Pair
 from .peers import Peer, until
+
+pytestmark = pytest.mark.dds
 
 FIBONACCI = "example_interfaces/action/Fibonacci"
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)

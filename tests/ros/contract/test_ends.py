@@ -10,6 +10,8 @@ import pytest
 from .conftest import PAIRS, Pair, why_not
 from .peers import Peer, fast_dds, has_rmw, missing, until
 
+pytestmark = pytest.mark.dds
+
 FIBONACCI = "example_interfaces/action/Fibonacci"
 OTHER = "int32 order\nint32 step\n---\nint32[] sequence\n---\nint32[] sequence\n"
 """The definition of another version of it."""
@@ -48,6 +50,7 @@ def test_feedback_that_is_not_heard(pair: Pair) -> None:
     pair.far.close(key=pair.name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", NEAR)
 def test_an_action_of_another_version(kind: str, tmp_path: Path) -> None:
     """Two builds of one package: this side's is the standard one."""

@@ -7,6 +7,8 @@ import pytest
 from .conftest import Pair
 from .peers import Peer, Refused, until
 
+pytestmark = pytest.mark.dds
+
 HASHES = {
     "std_msgs/msg/String": "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     "example_interfaces/action/Fibonacci": "RIHS01_9508051da1ea4658de144b09bd0690ff3de52104683d847aed764d2915906f51",

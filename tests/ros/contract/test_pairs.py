@@ -6,6 +6,8 @@ import pytest
 
 from .conftest import PAIRS, why_not
 
+pytestmark = pytest.mark.dds
+
 
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 def test_a_pair_that_can_be_made_is_tested(pair: tuple[str, str]) -> None:

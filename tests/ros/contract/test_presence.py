@@ -11,6 +11,8 @@ import pytest
 from .conftest import Pair
 from .peers import LEASE, PATIENCE, Peer, until
 
+pytestmark = pytest.mark.dds
+
 SET, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
 FIBONACCI = "example_interfaces/action/Fibonacci"
 
@@ -29,6 +31,7 @@ def _kill(peer: Peer) -> None:
     assert peer.wait() == -signal.SIGKILL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [_leave, _terminate, _kill])
 def test_a_server_is_seen_until_its_process_ends(pair: Pair, end: Callable[[Peer], None]) -> None:
     name = f"{pair.name}/ask"
@@ -122,6 +125,7 @@ def test_a_server_of_another_type_does_not_count(pair: Pair) -> None:
     assert pair.near.servers(key=name) == 0
 
 
+@pytest.mark.slow
 def test_the_nodes_that_call_a_service_are_known_by_name(pair: Pair) -> None:
     """By that a session knows that a node which says who it is may be right."""
     name = f"/{pair.name}/ask"

@@ -9,6 +9,8 @@ import pytest
 from .conftest import Pair
 from .peers import Refused, until
 
+pytestmark = pytest.mark.dds
+
 SET, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
 YES, NO = {"success": True, "message": "ja ✓"}, {"success": False, "message": ""}
 

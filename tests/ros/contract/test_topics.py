@@ -11,6 +11,8 @@ import pytest
 from .conftest import Pair
 from .peers import Peer, Refused, until
 
+pytestmark = pytest.mark.dds
+
 STRING = "std_msgs/msg/String"
 
 

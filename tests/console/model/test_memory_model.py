@@ -1,0 +1,349 @@
+"""What the memory's pane thinks with: parts of values, undo, start values."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rise_engine.expression import lookup
+from rise_engine.kernel.records import MemoryRecord
+from rise_engine.scenario import load
+from rise_engine.view import MemoryView
+from rise_tui.memory_file import edited, same
+from rise_tui.model.nested import NoSuchPart, part, parts, removed, replaced, written
+from rise_tui.model.undo import MOST, UndoStack
+from rise_tui.start_values import NotWritable, changes, file_of, text_of, write
+from tests.console.fake import demo
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.text("ab", max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text("abc", min_size=1, max_size=2), inner, max_size=3)
+    ),
+    max_leaves=12,
+)
+
+
+def paths(value: Any, lead: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    return [found for step, inner in parts(value) for found in [(*lead, step), *paths(inner, (*lead, step))]]
+
+
+@given(json_values, st.data())
+def test_a_part_is_replaced_and_nothing_else(value: Any, data: st.DataObject) -> None:
+    found = paths(value)
+    before = json.dumps(value)
+    if found:
+        path = data.draw(st.sampled_from(found))
+        changed = replaced(value, path, "NEW")
+        assert part(changed, path) == "NEW" and json.dumps(value) == before
+        assert replaced(changed, path, part(value, path)) == value
+        assert lookup({"k": value}, written(("k", *path))) == (True, part(value, path))
+        gone = removed(value, path)
+        assert json.dumps(value) == before and len(paths(gone)) < len(found)
+
+
+@pytest.mark.parametrize("path", [("b",), ("a", 5), ("a", "x"), (0,), ("a", 0, "deep")])
+def test_what_is_not_there_says_so(path: tuple[str | int, ...]) -> None:
+    value = {"a": [1, 2]}
+    with pytest.raises(NoSuchPart):
+        part(value, path)
+    with pytest.raises(NoSuchPart):
+        replaced(value, path, 1)
+    with pytest.raises(NoSuchPart):
+        removed(value, path)
+
+
+# --- undo ------------------------------------------------------------------------------------------------------------
+
+
+class Memory:
+    """A memory, as the engine keeps it, and the undo of one of its consoles."""
+
+    def __init__(self, **values: Any) -> None:
+        self.view = {key: MemoryView(value, None, "file", 0.0) for key, value in values.items()}
+        self.stack = UndoStack()
+
+    @property
+    def values(self) -> dict[str, Any]:
+        return {key: entry.value for key, entry in self.view.items()}
+
+    def set(self, key: str, value: Any, source: str = "me") -> None:
+        old = self.view.get(key)
+        record = MemoryRecord(0, 0.0, "", key, value, old.value if old else None, source, created=old is None)
+        self.view[key] = MemoryView(value, record.old, source, 0.0)
+        if source == "me":
+            self.stack.took(record)
+
+    def delete(self, key: str, source: str = "me") -> None:
+        old = self.view.pop(key).value
+        if source == "me":
+            self.stack.took(MemoryRecord(0, 0.0, "", key, None, old, source, deleted=True))
+
+    def undo(self) -> str:
+        """Press undo once; what it asks for is done as an engine would."""
+        step = self.stack.next(self.view)
+        if step.function == "deleteValue":
+            self.delete(step.behavior)
+        elif step.function == "assignValue":
+            for key, value in json.loads(step.behavior).items():
+                self.set(key, value)
+        return f"{step.kind}: {step.said}"
+
+
+def test_set_add_and_delete_are_taken_back_newest_first() -> None:
+    memory = Memory(side="left", task=1)
+    memory.set("side", "right")
+    memory.set("cups", 4)
+    memory.delete("task")
+    assert memory.undo() == "do: undoing: task is 1 again, was deleted" and memory.values["task"] == 1
+    assert memory.undo() == "do: undoing: cups is deleted again" and "cups" not in memory.values
+    assert memory.undo() == "do: undoing: side is left again, was right"
+    assert memory.values == {"side": "left", "task": 1}
+    assert memory.undo() == "nothing: nothing to undo"
+
+
+def test_what_somebody_else_changed_since_is_asked_about() -> None:
+    memory = Memory(side="left")
+    memory.set("side", "right")
+    memory.set("side", "middle", "rule:Main")
+    assert memory.undo() == (
+        "ask: side has changed since, to middle, by rule:Main: undo again makes it left again, or leave it"
+    )
+    assert memory.values["side"] == "middle"
+    memory.set("side", "up", "rule:Main")
+    assert memory.undo().startswith("ask") and memory.values["side"] == "up"  # it has changed once more
+    assert memory.undo().startswith("do") and memory.values["side"] == "left"
+
+
+def test_one_is_not_true() -> None:
+    memory = Memory(flag=False)
+    memory.set("flag", 1)
+    memory.set("flag", True, "rule:Main")
+    assert memory.undo().startswith("ask")
+
+
+def test_what_was_added_and_is_gone_already_needs_no_undo() -> None:
+    memory = Memory()
+    memory.set("cups", 4)
+    memory.delete("cups", "rule:Main")
+    assert memory.undo().startswith("ask")
+    assert memory.undo() == "nothing: cups is gone already" and len(memory.stack) == 0
+
+
+def test_an_own_change_between_the_undo_and_its_record_stays() -> None:
+    memory = Memory(a=1, b=1)
+    memory.set("a", 2)
+    memory.stack.next(memory.view)  # asked for; its record comes after the next one
+    memory.set("b", 2)
+    memory.set("a", 1)
+    assert len(memory.stack) == 1 and "b is 1 again" in memory.undo()
+
+
+def test_the_stack_is_bounded() -> None:
+    memory = Memory(a=0)
+    for number in range(MOST + 50):
+        memory.set("a", number)
+    assert len(memory.stack) == MOST
+    memory.stack.forget()
+    assert memory.undo().startswith("nothing")
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.none() | st.integers(0, 3)), max_size=20))
+def test_undoing_everything_gives_the_beginning(changes: list[tuple[str, int | None]]) -> None:
+    memory = Memory(a=7, b=8)
+    for key, value in changes:
+        if value is not None:
+            memory.set(key, value)
+        elif key in memory.view:
+            memory.delete(key)
+    for _ in range(len(changes)):
+        memory.undo()
+    assert memory.values == {"a": 7, "b": 8} and len(memory.stack) == 0
+
+
+# --- start values ----------------------------------------------------------------------------------------------------
+
+
+def scenario_in(tmp_path: Path) -> Path:
+    import shutil
+
+    folder = tmp_path / "study"
+    shutil.copytree(demo().folder, folder)
+    return folder
+
+
+AUTHORED = """\
+{"WorkingMemory":
+[
+
+  {"task":   1.50},
+  { "side" : "left" , "seat":2},
+
+  {"texts": {"hello": "Hi \\u00e9", "list": [1,  2, {"x":  null}]}},
+  {"last": true}
+]
+}
+"""
+PLAIN = '{"task": 1.50,\r\n\r\n "side": "left", "seat": 2,\t"texts": {"hello": "Hi"}\r\n}'
+
+
+def memory_of(text: str) -> dict[str, Any]:
+    found = json.loads(text)
+    if "WorkingMemory" not in found:
+        return dict(found)
+    return {key: value for entry in found["WorkingMemory"] for key, value in entry.items()}
+
+
+@pytest.mark.parametrize(
+    ("text", "changed", "lines"),
+    [
+        (AUTHORED, {"side": "right"}, {'  { "side" : "left"': '  { "side" : "right"'}),
+        (AUTHORED, {"seat": 3.0}, {'"seat":2}': '"seat":3.0}'}),
+        (AUTHORED, {"texts": {"hello": "Hi é", "list": [1, 2, {"x": 5}]}}, {'{"x":  null}': '{"x":  5}'}),
+        (AUTHORED, {"texts": {"hello": "Hi é"}}, {', "list": [1,  2, {"x":  null}]}': "}"}),
+        (AUTHORED, {"new": [1]}, {'  {"last": true}': '  {"last": true},\n  {"new": [1]}'}),
+        (AUTHORED, {"last": ...}, {',\n  {"last": true}': ""}),
+        (AUTHORED, {"task": ...}, {'  {"task":   1.50},\n': ""}),
+        (AUTHORED, {"seat": ...}, {' , "seat":2}': "}"}),
+        (AUTHORED, {"side": ..., "seat": ...}, {'  { "side" : "left" , "seat":2},\n\n': ""}),
+        (AUTHORED, {"last": ..., "new": 1}, {'{"last": true}': '{"new": 1}'}),
+        (PLAIN, {"side": "right", "new": 1}, {'"left"': '"right"', '"Hi"}': '"Hi"},\t"new": 1'}),
+        (PLAIN, {"texts": {"hello": "Ho", "bye": ""}}, {'"Hi"}': '"Ho", "bye": ""}'}),
+        ('{"WorkingMemory": []}', {"a": 1}, {"[]": '[{"a": 1}]'}),
+        ("{}", {"a": 1, "b": 2}, {"{}": '{"a": 1, "b": 2}'}),
+        ('{\n  "a": 1\n}\n', {"b": 2}, {"1": '1,\n  "b": 2'}),
+        ('{"a": 1, "b": 2}', {"a": ..., "b": ...}, {'"a": 1, "b": 2': ""}),
+    ],
+)
+def test_only_what_changed_is_written_anew(text: str, changed: dict[str, Any], lines: dict[str, str]) -> None:
+    before = memory_of(text)
+    now = {key: value for key, value in (before | changed).items() if value is not ...}
+    expected = text
+    for old, new in lines.items():
+        assert expected.count(old) == 1, old
+        expected = expected.replace(old, new)
+    assert edited(text, before, now) == expected
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.floats(-2, 2, width=16) | st.text('aé"\\\n', max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text("xy", min_size=1, max_size=2), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+memories = st.dictionaries(st.text("abcd", min_size=1, max_size=2), values, max_size=5)
+
+
+@pytest.mark.slow
+@given(memories, memories, st.booleans(), st.sampled_from([None, 1, "\t"]))
+def test_whatever_changes_is_what_is_read_again(
+    before: dict[str, Any], now: dict[str, Any], listed: bool, indent: int | str | None
+) -> None:
+    document = {"WorkingMemory": [{key: value} for key, value in before.items()]} if listed else before
+    text = json.dumps(document, indent=indent)
+    assert edited(text, before, before) == text
+    assert same(memory_of(edited(text, before, now)), now, in_order=False)
+
+
+def test_what_somebody_else_has_changed_in_the_file_meanwhile_stays() -> None:
+    assert edited('{"a": 1, "b": 7, "c": 3}', {"a": 1, "b": 2}, {"a": 5, "b": 2}) == '{"a": 5, "b": 7, "c": 3}'
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"a": 1, "a": 2}', '{"WorkingMemory": [1]}', '{"a": 1', '{"a": NaN}'])
+def test_a_file_that_is_no_memory_is_left_alone(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "memory.json"
+    path.write_text(text)
+    with pytest.raises(NotWritable, match=r"memory\.json: "):
+        write(path, {"a": 1}, {"a": 2})
+    assert path.read_text() == text and [each.name for each in tmp_path.iterdir()] == ["memory.json"]
+
+
+def test_start_values_are_written_and_read_back(tmp_path: Path) -> None:
+    folder = scenario_in(tmp_path)
+    scenario = load(str(folder)).scenario
+    assert scenario is not None
+    path = file_of(scenario)
+    path.chmod(0o640)
+    memory = {"task": 5, "name": 'Ada "A"', "list": [1, {"x": None}], "é": True}
+    write(path, scenario.memory, memory)
+    assert path == folder / "memory.json" and path.stat().st_mode & 0o777 == 0o640
+    again = load(str(folder)).scenario
+    assert again is not None and again.memory == memory
+    assert [each.name for each in folder.iterdir() if each.name.startswith(".")] == []
+    path.unlink()
+    write(path, scenario.memory, memory)
+    assert path.read_text("utf-8") == text_of(memory)
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    folder = scenario_in(tmp_path)
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    (folder / "memory.json").rename(shared / "memory.json")
+    (folder / "memory.json").symlink_to("../shared/memory.json")
+    scenario = load(str(folder)).scenario
+    assert scenario is not None
+    before = (shared / "memory.json").read_text("utf-8")
+    write(file_of(scenario), scenario.memory, {**scenario.memory, "task": 3})
+    assert (folder / "memory.json").is_symlink()
+    assert (shared / "memory.json").read_text("utf-8") == before.replace('"task": 2', '"task": 3')
+    assert [each.name for each in shared.iterdir()] == ["memory.json"]
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anything_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = scenario_in(tmp_path)
+    scenario = load(str(folder)).scenario
+    assert scenario is not None
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # root may write everywhere
+    with pytest.raises(NotWritable, match="cannot be written by you; work on a copy of the study's folder"):
+        file_of(scenario)
+
+
+@given(st.dictionaries(st.text("abc", min_size=1, max_size=3), json_values, max_size=5))
+def test_any_memory_is_valid_json(memory: dict[str, Any]) -> None:
+    merged: dict[str, Any] = {}
+    for entry in json.loads(text_of(memory))["WorkingMemory"]:
+        merged |= entry
+    assert merged == memory and list(merged) == list(memory)
+
+
+def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = scenario_in(tmp_path)
+    path = folder / "memory.json"
+    before = path.read_text("utf-8")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(NotWritable, match="No space left"):
+        write(path, {}, {"a": 1})
+    assert path.read_text("utf-8") == before and sorted(each.name for each in folder.iterdir()) == sorted(
+        each.name for each in Path(demo().folder).iterdir()
+    )
+
+
+def test_no_folder_is_said(tmp_path: Path) -> None:
+    folder = scenario_in(tmp_path)
+    scenario = load(str(folder)).scenario
+    assert scenario is not None
+    folder.rename(tmp_path / "elsewhere")
+    with pytest.raises(NotWritable, match="not on this computer"):
+        file_of(scenario)
+
+
+def test_changes_are_named() -> None:
+    assert changes({"a": 1, "b": 2, "c": True}, {"a": 1, "b": 3, "d": "x", "c": 1}) == [
+        "b: 2 → 3",
+        "c: true → 1",
+        "d: (new) → x",
+    ]
+    assert changes({"a": 1}, {}) == ["a: 1 → (no such key)"]

@@ -1,0 +1,152 @@
+"""The log shows what people and the robot did; notes are rows; the rules' own is there on request."""
+
+from __future__ import annotations
+
+import pytest
+
+from rise_engine.kernel.records import EventRecord, NoteRecord, RobotRecord, RuleRecord
+from rise_engine.view import REMARKS, TaskView, View
+from rise_tui.model.log_rows import STEP, LogRows, row_of, task_of
+from rise_tui.panes.log import LogPane
+from rise_tui.panes.log_export import rows_of
+from rise_tui.start.keeper import Keeper
+from rise_tui.start.preferences import Preferences
+from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, demo
+
+
+def pane_of(it: Console) -> LogPane:
+    pane = it.pane("log")
+    assert isinstance(pane, LogPane)
+    return pane
+
+
+def texts(it: Console) -> list[str]:
+    log = pane_of(it).log_view
+    return [" ".join("".join(text for text, _ in log.row_at(at).line).split()) for at in range(log.count)]
+
+
+@pytest.mark.parametrize(
+    ("function", "source", "status", "own"),
+    [
+        ("raiseEventTopic", "rule:Main", "SUCCEEDED", True),
+        ("assignValue", "rule:Main", "SUCCEEDED", True),
+        ("startInteractionRule", "rule:Main", "ACTIVE", True),
+        ("assignValue", "rule:Main", "REJECTED", False),
+        ("startCommunicationRobotAct", "rule:Main", "ACTIVE", False),
+        ("raiseEventTopic", "wizard:anna", "SUCCEEDED", False),
+        ("raiseEventTopic", "ros:gaze", "SUCCEEDED", False),
+        ("assignValue", "ros:speech", "SUCCEEDED", False),
+        ("stopAll", "wizard:anna", "SUCCEEDED", False),
+        ("markCue", "wizard:anna", "SUCCEEDED", False),
+        ("markMistake", "wizard:anna", "SUCCEEDED", False),
+    ],
+)
+def test_what_is_the_rules_own(function: str, source: str, status: str, own: bool) -> None:
+    view = View(tasks={1: TaskView(1, function, "x", "None", source, status, "", 1.0)})
+    rows = LogRows()
+    rows.take_in(view)
+    assert rows.all == [row_of(1)] and rows.own == int(own)
+
+
+def test_rows_keep_their_order_whenever_they_are_taken_in() -> None:
+    client = FakeClient(demo())
+    client.emit(NoteRecord(0, 0.0, "", "before all", "wizard:anna"))
+    client.task("raiseEventTopic", "/a", "SUCCEEDED")
+    client.emit(NoteRecord(0, 0.0, "", "first", "wizard:anna"), NoteRecord(0, 0.0, "", "second", "wizard:ben"))
+    client.task("raiseEventTopic", "/b", "SUCCEEDED")
+    client.emit(RobotRecord(0, 0.0, "", "lost", "unplugged"))
+    rows = LogRows()
+    rows.take_in(client._view)
+    assert [task_of(row) for row in rows.all] == [None, 1, None, None, 2, None] and rows.all == sorted(rows.all)
+    found = [rows.find(row, client._view) for row in rows.all]
+    assert [each.behavior for each in found if each] == ["before all", "/a", "first", "second", "/b", "lost"]
+    grown = LogRows()
+    for id in client._view.tasks:
+        for remark in client._view.remarks:
+            if remark.after == id - 1:
+                grown.remark(remark)
+        grown.all.append(row_of(id))
+        grown.main.append(row_of(id))
+    for remark in client._view.remarks:
+        if remark.after == 2:
+            grown.remark(remark)
+    assert grown.all == rows.all == grown.main
+
+
+def test_more_notes_than_anybody_writes_are_bounded() -> None:
+    view = View()
+    for number in range(REMARKS + 10):
+        view.apply(NoteRecord(number, 1.0, "", "x" * 5000, "wizard:anna"))
+    assert len(view.remarks) == REMARKS < STEP and all(len(remark.text) == 1000 for remark in view.remarks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_notes_robot_failures_and_faults_are_rows_without_any_key(size: tuple[int, int]) -> None:
+    async with console(size=size) as it:
+        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", "wizard:ben"))
+        it.client.emit(RobotRecord(0, 0.0, "", "lost", "unplugged"))
+        it.client.emit(RuleRecord(0, 0.0, "", "Main", "faulted", None, reason="ran away"))  # type: ignore[arg-type]
+        task = it.client.act("Greet")
+        it.client.end_task(task, "Greet", "ABORTED", "no voice")
+        await it.until(lambda: len(texts(it)) == 4)
+        note, robot, fault, failed = texts(it)
+        assert "note" in note and "ben" in note and note.endswith("the child laughed")
+        assert "✗ lost" in robot and "unplugged" in robot
+        assert "Main ✗ faulted" in fault
+        assert "Greet ✗ failed" in failed and "no voice" in failed
+        assert pane_of(it).display and pane_of(it).log_view.size.height >= 3  # also beside the bar about the failed act
+
+
+async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_request() -> None:
+    async with console(size=(80, 24)) as it:
+        for number in range(3):
+            it.client.task("raiseEventTopic", f"/begin_{number}", "SUCCEEDED", source="rule:Main")
+        it.client.act("Greet", "SUCCEEDED", source="rule:Main")
+        await it.until(lambda: len(texts(it)) == 1)
+        assert "+3 by rules →" in pane_of(it).title.text
+        it.screen.panes.go_to("log")
+        await it.press("right")
+        await it.until(lambda: len(texts(it)) == 4)
+        assert "+3 by rules ←" in pane_of(it).title.text
+        it.client.task("assignValue", "n = 1", "SUCCEEDED", source="rule:Main")
+        await it.until(lambda: len(texts(it)) == 5)
+        await it.press("left")
+        await it.until(lambda: len(texts(it)) == 1)
+
+
+async def test_a_key_that_came_too_early_is_seen_although_a_rule_raised_its_event() -> None:
+    async with console(size=(120, 40)) as it:
+        it.client.task("startInteractionRule", "Again")
+        it.client.rule("Again", "started", "raise", trigger="start")
+        it.client.task("raiseEventTopic", "/repeat", "SUCCEEDED", source="rule:Again")
+        it.client.act("Praise")
+        await it.until(lambda: len(texts(it)) == 2)
+        it.client.emit(EventRecord(0, 0.0, "", "/repeat", "rule:Again", None))
+        await it.until(lambda: len(texts(it)) == 3)
+        assert "/repeat - not taken" in texts(it)[1]
+
+
+async def test_a_filter_finds_notes_and_only_in_what_is_shown() -> None:
+    async with console(size=(120, 40)) as it:
+        it.client.task("raiseEventTopic", "/laughing", "SUCCEEDED", source="rule:Main")
+        it.client.emit(NoteRecord(0, 0.0, "", "the child laughed", "wizard:ben"))
+        it.client.act("Greet")
+        await it.until(lambda: len(texts(it)) == 2)
+        pane = pane_of(it)
+        pane.set_filter("laugh")
+        await it.until(lambda: len(texts(it)) == 1 and "child" in texts(it)[0])
+        pane.unfold(True)
+        await it.until(lambda: len(texts(it)) == 2)
+        assert list(rows_of(pane.store, pane.log_view.ids))[1].behavior == "the child laughed"
+
+
+async def test_whether_the_rules_own_is_shown_lasts() -> None:
+    keeper = Keeper(Preferences(rules_own=True))
+    async with console(size=(120, 40)) as it:
+        keeper.restore(it.screen, "dark")
+        assert pane_of(it).unfolded and keeper.look(it.screen, "dark") == []
+        pane_of(it).unfold(False)
+        ((_, kept),) = keeper.look(it.screen, "dark")
+        assert isinstance(kept, Preferences) and not kept.rules_own

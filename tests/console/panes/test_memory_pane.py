@@ -1,0 +1,337 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from textual.widgets import Input
+
+from rise_engine.kernel.records import MemoryRecord
+from rise_tui.panes.memory import MOST_PARTS, MemoryPane
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.reading import Reading
+from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, demo
+
+
+def pane_of(it: Console) -> MemoryPane:
+    pane = it.pane("memory")
+    assert isinstance(pane, MemoryPane)
+    return pane
+
+
+def remember(it: Console, key: str, value: Any, source: str = "rule:Main") -> None:
+    """As an engine records a change."""
+    old = it.client._view.memory.get(key)
+    before = old.value if old is not None else None
+    it.client.emit(MemoryRecord(0, 0.0, "", key, value, before, source, created=old is None))
+
+
+async def at(it: Console, key: str) -> MemoryPane:
+    pane = pane_of(it)
+    it.screen.panes.go_to("memory")
+    await it.until(lambda: it.row("memory", key))
+    pane.list.select(key)
+    return pane
+
+
+async def typed(it: Console, text: str) -> None:
+    await it.until(lambda: isinstance(it.app.focused, Input))
+    assert isinstance(it.app.focused, Input)
+    it.app.focused.value = text
+    await it.pilot.pause()
+
+
+# --- undo ------------------------------------------------------------------------------------------------------------
+
+
+async def test_undo_sends_the_old_value_and_says_so() -> None:
+    async with console() as it:
+        await at(it, "side")
+        remember(it, "side", "right", "wizard:anna")
+        await it.until(lambda: it.screen.session.store.changes)
+        await it.press("ctrl+u")
+        await it.sent("assignValue", '{"side": "left"}')
+        remember(it, "side", "left", "wizard:anna")
+        await it.until(lambda: not it.screen.session.store.changes)
+        await it.press("ctrl+u")
+        assert len(it.client.sent) == 1 and "nothing to undo" in it.notice
+
+
+async def test_undo_of_a_deletion_and_of_an_addition() -> None:
+    async with console() as it:
+        await at(it, "side")
+        remember(it, "cups", 4, "wizard:anna")
+        it.client.emit(MemoryRecord(0, 0.0, "", "side", None, "left", "wizard:anna", deleted=True))
+        await it.until(lambda: len(it.screen.session.store.changes) == 2)
+        await it.press("ctrl+u")
+        await it.sent("assignValue", '{"side": "left"}')
+        remember(it, "side", "left", "wizard:anna")
+        await it.until(lambda: len(it.screen.session.store.changes) == 1)
+        await it.press("ctrl+u")
+        await it.sent("deleteValue", "cups")
+
+
+async def test_undo_overwrites_nobody_silently() -> None:
+    async with console() as it:
+        await at(it, "side")
+        remember(it, "side", "right", "wizard:anna")
+        remember(it, "side", "middle")
+        await it.until(lambda: "middle" in it.text("memory"))
+        await it.press("ctrl+u")
+        await it.until(lambda: "side has changed since, to middle, by rule:Main" in it.notice)
+        assert it.client.sent == []
+        await it.press("ctrl+u")
+        await it.sent("assignValue", '{"side": "left"}')
+
+
+async def test_the_changes_of_other_consoles_are_not_undone() -> None:
+    async with console() as it:
+        await at(it, "side")
+        remember(it, "side", "right", "wizard:anna#2")
+        await it.until(lambda: "right" in it.text("memory"))
+        await it.press("ctrl+u")
+        await it.until(lambda: "nothing to undo" in it.notice)
+        assert it.client.sent == []
+
+
+async def test_an_undo_on_its_way_is_not_sent_twice() -> None:
+    client = FakeClient(demo())
+    client.answers = False
+    async with console(client=client) as it:
+        await at(it, "side")
+        remember(it, "side", "right", "wizard:anna")
+        await it.until(lambda: it.screen.session.store.changes)
+        await it.press("ctrl+u")
+        await it.sent("assignValue", '{"side": "left"}')
+        await it.press("ctrl+u")
+        await it.until(lambda: "still on its way" in it.notice)
+        assert len(client.sent) == 1
+
+
+# --- conflicts -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_a_change_while_typing_must_be_confirmed() -> None:
+    for size in ((80, 24), (120, 40)):
+        async with console(size=size) as it:
+            pane = await at(it, "task")
+            await it.press("enter")
+            await typed(it, "5")
+            remember(it, "task", 3)
+            await it.until(lambda pane=pane: "was 2, is now 3" in pane.editor.conflict_shown)  # type: ignore[misc]
+            await it.press("enter")
+            assert it.client.sent == [] and "enter again" in pane.editor.conflict_shown
+            remember(it, "task", 4)
+            await it.until(lambda pane=pane: "is now 4" in pane.editor.conflict_shown)  # type: ignore[misc]
+            await it.press("enter")
+            assert it.client.sent == []  # it has changed once more
+            await it.press("enter")
+            await it.sent("assignValue", '{"task": 5}')
+
+
+async def test_a_value_that_is_as_before_again_is_no_conflict() -> None:
+    async with console() as it:
+        pane = await at(it, "task")
+        await it.press("enter")
+        await typed(it, "5")
+        remember(it, "task", 3)
+        await it.until(lambda: pane.editor.conflict_shown)
+        remember(it, "task", 2)
+        await it.until(lambda: not pane.editor.conflict_shown)
+        await it.press("enter")
+        await it.sent("assignValue", '{"task": 5}')
+
+
+async def test_a_key_deleted_while_typing_is_a_conflict() -> None:
+    async with console() as it:
+        pane = await at(it, "task")
+        await it.press("enter")
+        it.client.emit(MemoryRecord(0, 0.0, "", "task", None, 2, "rule:Main", deleted=True))
+        await it.until(lambda: "was 2, is deleted now" in pane.editor.conflict_shown)
+        await it.press("escape")
+        assert it.client.sent == []
+
+
+async def test_adding_a_key_that_is_there_must_be_confirmed() -> None:
+    async with console(size=(120, 40)) as it:
+        pane = await at(it, "task")
+        await it.press("insert")
+        await typed(it, "side")
+        await it.until(lambda: "there is one already: left" in pane.editor.conflict_shown)
+        await it.press("enter")
+        await typed(it, "up")
+        await it.press("enter")
+        assert it.client.sent == []
+        await it.press("enter")
+        await it.sent("assignValue", '{"side": "up"}')
+
+
+# --- nested values ---------------------------------------------------------------------------------------------------
+
+
+PERSON = {"name": "Ada", "seen": [1, {"deep": True}]}
+
+
+async def test_values_unfold_and_fold() -> None:
+    async with console(size=(120, 40)) as it:
+        remember(it, "who", PERSON)
+        pane = await at(it, "who")
+        assert "▸" in it.row("memory", "who")
+        await it.press("right")
+        await it.until(lambda: ".name" in it.text("memory") and ".seen" in it.text("memory"))
+        assert "▾" in it.row("memory", "who") and "Ada" in it.row("memory", ".name")
+        await it.press("down", "down", "right", "down")
+        await it.until(lambda: ".0" in it.text("memory"))
+        await it.press("left")
+        assert ".0" not in it.text("memory") and ".seen" in it.row("memory", ".seen")
+        assert pane.list.current == "who\0seen"
+        await it.press("left")
+        await it.until(lambda: ".name" not in it.text("memory"))
+        assert pane.list.current == "who"
+
+
+async def test_a_part_is_edited_in_its_place() -> None:
+    async with console(size=(120, 40)) as it:
+        remember(it, "who", PERSON)
+        pane = await at(it, "who")
+        await it.press("right", "down", "enter")
+        await it.until(lambda: isinstance(it.app.focused, Input))
+        assert isinstance(it.app.focused, Input) and it.app.focused.value == "Ada"
+        await typed(it, "Grace")
+        remember(it, "who", {**PERSON, "seen": [9]})  # another part: no conflict, and not overwritten
+        await it.until(lambda: "[9]" in it.text("memory"))
+        assert pane.editor.conflict_shown == ""
+        await it.press("enter")
+        await it.sent("assignValue", json.dumps({"who": {"name": "Grace", "seen": [9]}}))
+
+
+async def test_the_same_part_changed_meanwhile_is_a_conflict() -> None:
+    async with console(size=(120, 40)) as it:
+        remember(it, "who", PERSON)
+        pane = await at(it, "who")
+        await it.press("right", "down", "enter")
+        await typed(it, "Grace")
+        remember(it, "who", {**PERSON, "name": "Alan"})
+        await it.until(lambda: "was Ada, is now Alan by rule:Main" in pane.editor.conflict_shown)
+        await it.press("enter")
+        assert it.client.sent == []
+        remember(it, "who", 7)
+        await it.until(lambda: "is deleted now" in pane.editor.conflict_shown)
+        await it.press("enter", "enter")
+        await it.until(lambda: "nothing was sent" in it.notice)
+        assert it.client.sent == []
+
+
+async def test_a_part_is_deleted() -> None:
+    async with console(size=(120, 40)) as it:
+        remember(it, "who", PERSON)
+        await at(it, "who")
+        await it.press("right", "down", "delete")
+        await it.sent("assignValue", json.dumps({"who": {"seen": PERSON["seen"]}}))
+
+
+async def test_a_flat_key_with_a_dot_is_itself() -> None:
+    async with console(size=(120, 40)) as it:
+        remember(it, "who", PERSON)
+        remember(it, "who.name", "flat")
+        await at(it, "who.name")
+        await it.press("enter")
+        await typed(it, "x")
+        await it.press("enter")
+        await it.sent("assignValue", '{"who.name": "x"}')
+
+
+async def test_a_huge_array_shows_its_first_parts() -> None:
+    async with console(size=(120, 40)) as it:
+        remember(it, "list", list(range(5000)))
+        await at(it, "list")
+        await it.press("right")
+        await it.until(lambda: f"and {5000 - MOST_PARTS} more" in it.text("memory"))
+        assert it.text("memory").count("\n") < MOST_PARTS + 20
+
+
+async def test_a_long_value_can_be_read_in_full() -> None:
+    words = " ".join(f"word{number}" for number in range(120))
+    async with console(size=(80, 24)) as it:
+        remember(it, "long", words)
+        await at(it, "long")
+        assert "…" in it.row("memory", "long")
+        await it.press("right")
+        screen = it.app.screen
+        assert isinstance(screen, Reading)
+        await it.until(lambda: all(word in screen.list.text.split() for word in words.split()))
+        assert "rule:Main" in screen.list.text
+        await it.press("escape")
+        assert it.app.screen is it.screen
+
+
+async def test_a_filter_sees_what_the_row_has_no_room_for() -> None:
+    async with console(size=(80, 24)) as it:
+        remember(it, "long", "x" * 100 + "needle")
+        await at(it, "long")
+        await it.press("slash", *"needle")
+        await it.until(lambda: it.text("memory").strip().startswith("long"))
+
+
+# --- start values ----------------------------------------------------------------------------------------------------
+
+
+def own_client(tmp_path: Path) -> tuple[FakeClient, Path]:
+    folder = tmp_path / "study"
+    shutil.copytree(demo().folder, folder)
+    return FakeClient(replace(demo(), folder=str(folder))), folder / "memory.json"
+
+
+async def test_the_memory_is_saved_as_start_values_after_asking(tmp_path: Path) -> None:
+    client, path = own_client(tmp_path)
+    before = path.read_text("utf-8")
+    async with console(client=client, size=(120, 40)) as it:
+        await at(it, "task")
+        remember(it, "task", 9)
+        await it.until(lambda: "9" in it.row("memory", "task"))
+        it.screen.action_do("memory.save")
+        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.press("escape")
+        assert path.read_text("utf-8") == before
+        it.screen.action_do("memory.save")
+        await it.until(lambda: isinstance(it.app.screen, Dialog))
+        await it.press("s")
+        await it.until(lambda: "saved 1 start value in memory.json; the rest of it is as it was" in it.notice)
+        assert path.read_text("utf-8") == before.replace('"task": 2', '"task": 9') and client.sent == []
+
+
+async def test_nothing_is_asked_when_nothing_differs_or_the_folder_is_gone(tmp_path: Path) -> None:
+    client, path = own_client(tmp_path)
+    async with console(client=client) as it:
+        it.screen.action_do("memory.save")
+        await it.until(lambda: "nothing to save" in it.notice)
+        shutil.rmtree(path.parent)
+        it.screen.action_do("memory.save")
+        await it.until(lambda: "not on this computer" in it.notice)
+        assert it.app.screen is it.screen
+
+
+async def test_who_only_watches_cannot_save(tmp_path: Path) -> None:
+    for options in ({"replay": True}, {"role": "observer", "holder": None, "you": "observer:bob"}):
+        client = FakeClient(demo(), **options)
+        async with console(client=client) as it:
+            it.screen.action_do("memory.save")
+            await it.until(lambda it=it: "not now" in it.notice)  # type: ignore[misc]
+            assert it.app.screen is it.screen
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_keys_that_begin_alike_can_be_told_apart(size: tuple[int, int]) -> None:
+    """At 80x24 `participan…` stood there twice."""
+    async with console(size=size) as it:
+        for key in ("participant_name", "participant_number", "participant_name_of_the_second_person"):
+            it.client.emit(MemoryRecord(0, 0.0, "", key, 1, None, "wizard:anna", created=True))
+        it.screen.panes.go_to("memory")
+        await it.until(lambda: it.text("memory").count("parti") == 3)
+        shown = [line[1:].split()[0] for line in it.text("memory").splitlines() if "parti" in line]
+        assert len(set(shown)) == 3, shown

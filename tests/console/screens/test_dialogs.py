@@ -1,0 +1,324 @@
+"""Dialogs: what they show is what happens, and none outlives what it asks about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import monotonic
+
+import pytest
+from msgspec.structs import replace
+from textual import events
+from textual.widgets import Button
+
+from rise_engine.kernel.records import SessionRecord
+from rise_tui.model.key_action import HELD_KEY_SECONDS
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.ending import EndQuestion
+from rise_tui.screens.settings import Choice, SettingsScreen
+from rise_tui.start.launch import Refused, prepare, shown
+from rise_tui.start.settings import Settings, expanded
+from rise_tui.widgets.editor import Field
+from tests.console.conftest import Console, console
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+
+
+async def asking_to_release(it: Console) -> Dialog:
+    it.client.stop("latched", ("pepper/speech",))
+    await it.until(lambda: "STOPPED" in it.screen.status.text)
+    await it.press("ctrl+r")
+    await it.until(lambda: isinstance(it.app.screen, Dialog))
+    dialog = it.app.screen
+    assert isinstance(dialog, Dialog)
+    return dialog
+
+
+async def test_a_new_stop_closes_the_question_whether_to_release_the_old_one() -> None:
+    async with console() as it:
+        await asking_to_release(it)
+        await it.press("f9")
+        await it.sent("stopAll", "")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert "was closed" in it.notice
+        await it.press("r")
+        assert ("releaseStop", "") not in it.client.asked()
+
+
+async def test_a_key_on_its_way_to_a_closed_question_releases_nothing() -> None:
+    async with console() as it:
+        dialog = await asking_to_release(it)
+        it.screen.stop_all()
+        dialog.action_answer("r")
+        await it.sent("stopAll", "")
+        assert ("releaseStop", "") not in it.client.asked()
+
+
+async def test_the_question_is_closed_also_below_another_one() -> None:
+    async with console() as it:
+        await asking_to_release(it)
+        await it.press("ctrl+c")
+        await it.until(lambda: it.app.screen.has_class("-quit"))
+        await it.press("f9")
+        await it.sent("stopAll", "")
+        assert it.app.screen.has_class("-quit")
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert ("releaseStop", "") not in it.client.asked()
+
+
+async def test_the_key_that_asks_also_answers() -> None:
+    async with console() as it:
+        await asking_to_release(it)
+        await it.press("ctrl+r")
+        await it.sent("releaseStop", "")
+        await it.until(lambda: it.app.screen is it.screen)
+
+
+async def test_a_key_that_is_held_down_releases_nothing() -> None:
+    async with console() as it:
+        dialog = await asking_to_release(it)
+        at = monotonic()
+        for number in range(20):  # as a keyboard repeats it, whatever the clock of this machine says
+            event = events.Key("ctrl+r", None)
+            event.time = at + 0.4 + number * 0.03
+            dialog.on_key(event)
+        await it.pilot.pause(2 * HELD_KEY_SECONDS)
+        assert it.app.screen is dialog and ("releaseStop", "") not in it.client.asked()
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+
+
+# --- settings -------------------------------------------------------------------------------------------------------
+
+
+async def settings_of(it: Console) -> SettingsScreen:
+    it.screen.action_do("settings")
+    await it.until(lambda: isinstance(it.app.screen, SettingsScreen))
+    screen = it.app.screen
+    assert isinstance(screen, SettingsScreen)
+    await it.until(lambda: screen.query("#apply"))
+    return screen
+
+
+def a_scenario(folder: Path, text: str) -> str:
+    folder.mkdir()
+    (folder / "scenario.toml").write_text(text, encoding="utf-8")
+    return str(folder)
+
+
+async def test_an_empty_folder_field_is_refused_before_anything_is_read() -> None:
+    async with console() as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = "  "
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: "name a folder" in str(screen.findings.content))
+        assert it.launcher.prepared_with == []
+
+
+async def test_a_folder_without_a_scenario_is_refused(tmp_path: Path) -> None:
+    client = FakeClient(demo())
+    launcher = FakeLauncher(client)
+    object.__setattr__(launcher, "prepare", prepare)
+    async with console(client=client, launcher=launcher) as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = str(tmp_path)
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: f"there is no scenario in {tmp_path}: no scen" in str(screen.findings.content))
+        assert client.closed == []
+
+
+async def test_another_folder_shows_its_own_robot_mode_and_places_and_those_run(tmp_path: Path) -> None:
+    other = a_scenario(tmp_path / "other", 'robot = "floka"\nmode = "real"\nacts = "mine"\n')
+    async with console() as it:
+        screen = await settings_of(it)
+        robot, mode = screen.query_one("#robot", Choice), screen.query_one("#mode", Choice)
+        assert (robot.value, mode.value) == ("pepper", "debug")
+        screen.query_one("#folder", Field).value = other
+        await it.until(lambda: (robot.value, mode.value) == ("floka", "real"))
+        assert screen.query_one("#acts", Field).value == "mine"
+        await it.until(lambda: [each.name for each in robot.query(".-chosen").results(Button)] == ["floka"])
+        chosen = screen.chosen()
+        assert (chosen.folder, chosen.robot, chosen.mode, chosen.places) == (other, "floka", "real", {})
+        screen.query_one("#folder", Field).value = DEMO
+        await it.until(lambda: (robot.value, mode.value) == ("pepper", "debug"))
+
+
+async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_path: Path) -> None:
+    other = a_scenario(tmp_path / "other", 'robot = "floka"\nmode = "real"\n')
+    async with console() as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = other
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+        asked = it.launcher.prepared_with[0]
+        assert (asked.folder, asked.robot, asked.mode) == (other, "floka", "real")
+        assert screen.query_one("#robot", Choice).value == "floka"
+
+
+@pytest.mark.slow
+async def test_every_group_is_one_stop_and_enter_on_it_changes_nothing() -> None:
+    async with console() as it:
+        screen = await settings_of(it)
+        stops = []
+        for _ in range(11):
+            await it.press("tab")
+            assert it.app.focused is not None
+            stops.append(it.app.focused.id or "")
+        assert sorted(set(stops)) == sorted(
+            ["folder", "acts", "rules", "memory", "robot", "mode", "participant", "condition", "leave", "apply"]
+        )
+        robot = screen.query_one("#robot", Choice)
+        robot.focus()
+        await it.press("enter", "space")
+        assert robot.value == "pepper" and "Nothing is changed yet" in str(screen.changes.content)
+        await it.press("right")
+        assert robot.value == "rise" and it.app.focused is robot
+        await it.press("right", "right", "right", "left")
+        assert robot.value == "rise", "the last one is the last one"
+        said = str(screen.changes.content)
+        assert "robot: pepper → rise" in said and "Not applied yet" in said and "starts a new one for nobody" in said
+        assert it.client.closed == [] and it.launcher.prepared_with == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tuple[int, int]) -> None:
+    client = FakeClient(demo())
+    client.emit(SessionRecord(0, 0.0, "", status="started", participant="P07", condition="calm"))
+    async with console(client=client, size=size) as it:
+        screen = await settings_of(it)
+        ends = "ends the session of P07 · calm and starts a new one for nobody named"
+        await it.until(lambda: ends in str(screen.changes.content))
+        chosen = screen.chosen()
+        assert (chosen.participant, chosen.condition, chosen.seed) == ("", "", None)
+        screen.query_one("#participant", Field).value = "P08"
+        await it.until(lambda: "for P08" in str(screen.changes.content))
+        box = screen.query_one("#box").region
+        assert screen.query_one("#apply").region.bottom < box.bottom <= size[1]
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+        question = it.app.screen
+        assert isinstance(question, EndQuestion)
+        said = "\n".join(question._said)
+        assert "P07 · calm" in said and "Then a new one starts for P08" in said
+
+
+async def test_a_condition_that_the_study_does_not_have_is_refused_before_anything_ends() -> None:
+    client = FakeClient(replace(demo(), study={"conditions": ["calm", "loud"]}))
+    async with console(client=client) as it:
+        screen = await settings_of(it)
+        assert screen.query_one("#condition", Field).placeholder == "calm or loud"
+        screen.query_one("#condition", Field).value = "lou"
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: "no condition 'lou'" in str(screen.findings.content))
+        assert client.closed == []
+
+
+async def test_a_home_folder_that_nobody_has_can_be_typed() -> None:
+    async with console() as it:
+        screen = await settings_of(it)
+        screen.query_one("#folder", Field).value = "~nobody-has-this"
+        await it.until(lambda: screen._read == "~nobody-has-this")
+        assert screen.query_one("#robot", Choice).value == "pepper"
+    assert str(expanded("~nobody-has-this/x")) == "~nobody-has-this/x"
+
+
+@pytest.mark.parametrize("name", ["scenario.toml", "acts", "rules", "memory.json", "other.toml"])
+def test_any_part_makes_a_scenario(name: str, tmp_path: Path) -> None:
+    if name in ("acts", "rules"):
+        (tmp_path / name).mkdir()
+    else:
+        (tmp_path / name).write_text("{}" if name == "memory.json" else "", encoding="utf-8")
+    folder = tmp_path / name if name == "other.toml" else tmp_path
+    assert not isinstance(prepare(Settings(str(folder))), Refused)
+
+
+def test_what_cannot_be_read_is_not_shown(tmp_path: Path) -> None:
+    assert shown("") is None and shown(str(tmp_path / "nowhere")) is None
+    assert shown(a_scenario(tmp_path / "bad", "robot = ")) is None
+    found = shown(a_scenario(tmp_path / "odd", 'robot = "nobody"\nmode = 5\n'))
+    assert found is not None and found.robot == "nobody" and "nobody" in found.robots and found.mode == "debug"
+
+
+# --- all of them ----------------------------------------------------------------------------------------------------
+
+OPENINGS = {
+    "help": "question_mark",
+    "palette": "colon",
+    "control": "f8",
+    "leave": "ctrl+c",
+    "jump": "ctrl+d",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+async def test_esc_leaves_it_does_nothing_and_a_second_one_finds_the_console(opening: str) -> None:
+    async with console() as it:
+        before = it.app.focused
+        await it.press(opening)
+        await it.until(lambda: it.app.screen is not it.screen)
+        for _ in range(2):  # both are on their way before the first has done anything
+            it.app.post_message(events.Key("escape", "\x1b"))
+        await it.until(lambda: it.app.screen is it.screen)
+        await it.pilot.pause(0.1)
+        assert it.app.screen is it.screen and it.app.focused is before
+        assert it.client.sent == [] and it.client.verbs == [] and it.client.closed == []
+
+
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+async def test_stop_works_in_it_and_leaves_it_open_or_closes_it(opening: str) -> None:
+    async with console() as it:
+        await it.press(opening)
+        await it.until(lambda: it.app.screen is not it.screen)
+        await it.press("f9")
+        await it.sent("stopAll", "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+@pytest.mark.parametrize("key", ["ctrl+c", "f8", "ctrl+r"])
+async def test_every_word_and_answer_of_a_question_is_on_the_screen(key: str, size: tuple[int, int]) -> None:
+    client = FakeClient(demo())
+    client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
+    client.control_record("asked", "wizard:ben", "wizard:anna")
+    async with console(client=client, size=size) as it:
+        await it.press(key)
+        await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
+        await it.pilot.pause()
+        screen = it.app.screen
+        box = screen.query_one("#box").region
+        assert (box.height, box.right, box.bottom) <= (size[1], size[0], size[1])
+        for shown in screen.query("#said, Button"):
+            where = screen.find_widget(shown)
+            assert where.region.area and where.clip.contains_region(where.region), f"{shown} is cut off"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("action", ["settings", "theme", "tour"])
+async def test_what_the_palette_opens_can_be_left_and_stops_too(action: str) -> None:
+    async with console() as it:
+        it.screen.action_do(action)
+        await it.until(lambda: it.app.screen is not it.screen)
+        await it.press("f9")
+        await it.sent("stopAll", "")
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.asked() == [("stopAll", "")]
+
+
+async def test_every_answer_can_be_reached_and_given_by_keys() -> None:
+    async with console() as it:
+        await it.press("ctrl+c")
+        await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
+        buttons = list(it.app.screen.query(Button))
+        seen = set()
+        for _ in buttons:
+            await it.press("right")
+            seen.add(it.app.focused)
+        assert seen == set(buttons)
+        assert isinstance(it.app.screen, Dialog)
+        while it.app.focused is not it.app.screen.query_one("#no"):
+            await it.press("left")
+        await it.press("enter")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == []

@@ -1,0 +1,251 @@
+"""Leaving: detach or end, who may end, and the one line that stays in the terminal."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from threading import Event
+
+import pytest
+from textual.widgets import Button, Static
+
+from rise_engine.kernel.records import SessionRecord
+from rise_engine.link.client import EngineGone, Hello
+from rise_engine.scenario.keys import KeyRefusedError, normal_key
+from rise_tui.screens.console import ConsoleScreen
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.ending import EndQuestion
+from rise_tui.start.launch import Recovered
+from rise_tui.start.leaving import END_KEY
+from tests.console.conftest import Console, console
+from tests.console.fake import FakeClient, FakeLauncher, demo
+
+
+async def leaving(it: Console) -> list[str]:
+    """What the question offers."""
+    await it.press("ctrl+c")
+    await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
+    return [str(button.label) for button in it.app.screen.query(Button)]
+
+
+async def asked_to_end(it: Console) -> str:
+    """What the question before the end says."""
+    await leaving(it)
+    await it.press("ctrl+x")
+    await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+    question = it.app.screen
+    assert isinstance(question, EndQuestion)
+    return "\n".join([str(question.query_one("#box").border_title), *question._said])
+
+
+def begun(client: FakeClient, participant: str, condition: str = "") -> FakeClient:
+    client.emit(SessionRecord(0, 0.0, "", status="started", participant=participant, condition=condition))
+    return client
+
+
+async def test_no_key_of_any_study_ends_a_session() -> None:
+    with pytest.raises(KeyRefusedError):
+        normal_key(END_KEY)
+    async with console() as it:
+        await leaving(it)
+        for key in (*"abcefghijklmnopqrstuvwxyz0123456789", "full_stop", "space", "f5"):
+            await it.pilot.press(key)
+        await it.pilot.pause(0.1)
+        assert it.client.closed == [] and isinstance(it.app.screen, Dialog)
+        await it.press("ctrl+x")
+        await it.until(lambda: isinstance(it.app.screen, EndQuestion))
+        for word in ("e", "enter", "n", "x", "enter"):
+            await it.press(word)
+        assert it.client.closed == [] and isinstance(it.app.screen, EndQuestion)
+        assert "that is not the word" in str(it.app.screen.query_one("#answer", Static).content)
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_ending_names_who_and_all_that_runs(size: tuple[int, int]) -> None:
+    client = begun(FakeClient(demo()), "P07", "hesitation")
+    client.rule("Main", "entered", "waiting")
+    client.act("Greet")
+    client.act("Praise", "PENDING", position=0)
+    async with console(client=client, size=size) as it:
+        said = await asked_to_end(it)
+        for piece in ("End the session of P07 · hesitation?", "P07 · hesitation · Demo study", "cannot be continued"):
+            assert piece in said
+        for piece in ("rule Main: in waiting", "act Greet", "act Praise, waiting"):
+            assert piece in said
+        assert max(map(len, said.splitlines())) <= 66
+        box = it.app.screen.query_one("#box").region
+        assert box.height <= size[1] and it.app.screen.query_one("#word").region.y < box.bottom - 1
+
+
+async def test_stop_works_while_the_word_is_typed_and_the_question_stays() -> None:
+    async with console() as it:
+        await asked_to_end(it)
+        await it.press("e", "n", "f9")
+        await it.sent("stopAll", "")
+        assert isinstance(it.app.screen, EndQuestion) and it.client.closed == []
+        await it.press("d", "enter")
+        await it.until(lambda: it.client.closed == [True])
+
+
+async def test_who_has_locked_the_keys_can_still_end_the_session() -> None:
+    async with console() as it:
+        await it.press("ctrl+n")
+        await asked_to_end(it)
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: it.client.closed == [True])
+
+
+async def test_of_much_that_runs_it_is_said_how_much_more() -> None:
+    client = FakeClient(demo())
+    for _ in range(9):
+        client.act("Filler")
+    async with console(client=client, size=(80, 24)) as it:
+        said = await asked_to_end(it)
+        assert said.count("act Filler") == 5 and "and 4 more" in said and "no participant named" in said
+
+
+async def test_leaving_offers_to_detach_to_end_and_to_stay() -> None:
+    async with console() as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)", "End the session (ctrl+x)"]
+        assert it.app.focused is not None and it.app.focused.id == "answer-d"
+        await it.press("escape")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == []
+
+
+@pytest.mark.parametrize("key", ["d", "enter"])
+async def test_detaching_leaves_the_session_alone(key: str) -> None:
+    async with console() as it:
+        await leaving(it)
+        await it.press(key)
+        await it.until(lambda: it.client.closed == [False])
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.last_words == "detached: Demo study goes on; come back with: rise-tui"
+        assert it.app.return_code == 0
+
+
+async def test_ending_ends_the_session_and_says_where_its_record_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/lab")
+    async with console() as it:
+        await asked_to_end(it)
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: it.client.closed == [True])
+        await it.until(lambda: not it.app.is_running)
+        said = "ended: the record is in ~/rise-sessions/2026-11-21_141503_demo-study_debug"
+        assert it.app.last_words == said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("role", ["wizard", "observer"])
+async def test_who_has_no_control_can_only_leave(role: str) -> None:
+    client = FakeClient(demo(), you=f"{role}:ben", role=role)  # type: ignore[arg-type]
+    async with console(client=client) as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)"]
+        await it.press("ctrl+x")
+        await it.pilot.pause(0.1)
+        assert client.closed == [] and isinstance(it.app.screen, Dialog)
+        await it.press("d")
+        await it.until(lambda: client.closed == [False])
+
+
+async def test_control_that_is_lost_while_the_question_is_open_ends_nothing() -> None:
+    async with console() as it:
+        await asked_to_end(it)
+        it.client.control_record("taken", "wizard:ben", "wizard:ben")
+        await it.until(lambda: not it.screen.session.store.has_control)
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: it.app.screen is it.screen)
+        assert it.client.closed == [] and "the session goes on: ben has control" in it.notice
+
+
+async def test_a_second_ctrl_c_asks_nothing_more() -> None:
+    async with console() as it:
+        await leaving(it)
+        await it.press("ctrl+c")
+        assert len(it.app.screen_stack) == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+async def test_a_signal_detaches(number: signal.Signals) -> None:
+    async with console() as it:
+        it.app._signalled(number)
+        await it.until(lambda: it.client.closed == [False])
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.last_words == f"{number.name}: detached: Demo study goes on; come back with: rise-tui"
+        assert it.app.return_code == 128 + number
+
+
+async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> None:
+    client, again = FakeClient(demo()), FakeClient(demo())
+    asked: list[str] = []
+    ways = iter([EngineGone("the disk is full"), Recovered(again, "3 actions were lost")])
+
+    going = Event()
+    going.set()
+
+    def recover(hello: Hello, tell: Callable[[str], object]) -> Recovered:
+        asked.append(hello.folder)
+        tell("recovering: 412,000 of 1,040,000 records")
+        going.wait(10)
+        way = next(ways)
+        if isinstance(way, EngineGone):
+            raise way
+        return way
+
+    async with console(client=client, launcher=FakeLauncher(client, recover=recover)) as it:
+        gone = it.screen
+        client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        assert "recovers the session, or leaves" in it.screen.alarm.text
+        assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
+        await it.press("r")
+        await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
+        assert it.screen is gone
+        await leaving(it)
+        going.clear()
+        await it.press("r")
+        await it.until(lambda: "412,000 of 1,040,000 records" in it.notice)
+        await it.press("question_mark")  # a screen above it, while the engine starts
+        await it.until(lambda: it.app.screen is not gone)
+        going.set()
+        await it.until(lambda: it.screen is not gone and not it.screen.alarm.text)
+        await it.until(lambda: "3 actions were lost" in it.notice)
+        assert asked == [client.hello().folder] * 2 and client.closed == [False]
+        assert sum(isinstance(screen, ConsoleScreen) for screen in it.app.screen_stack) == 1
+        it.client = again
+        await it.press("ctrl+g")
+        await it.until(lambda: again.asked() == [("stopAll", "")])
+
+
+async def test_who_does_not_recover_leaves() -> None:
+    client = FakeClient(demo(), you="observer:ben", role="observer")
+    launcher = FakeLauncher(client, recover=lambda hello, tell: Recovered(client))
+    async with console(client=client, launcher=launcher) as it:
+        client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        assert "watches again once it is recovered, or leaves" in it.screen.alarm.text
+        assert await leaving(it) == ["Stay (esc)", "Watch (r)", "Leave (l)"]
+        await it.press("l")
+        await it.until(lambda: not it.app.is_running)
+
+
+async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:
+    async with console() as it:
+        it.client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert "the engine has gone; to recover the session: rise-tui --config " in it.app.last_words
+
+
+async def test_leaving_a_session_that_somebody_has_ended() -> None:
+    async with console() as it:
+        it.client.end_in_order("ended by wizard:ben")
+        await it.until(lambda: "SESSION ENDED" in it.screen.alarm.text)
+        await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.last_words.startswith("ended: the record is in ")

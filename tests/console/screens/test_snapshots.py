@@ -1,0 +1,128 @@
+"""What it looks like: what no sentence says, namely where things stand and in which colours.
+
+Few, because each has to be looked at when anything changes; what is said on a screen, other tests assert in words. Time
+stands still, the session is played, the cursor does not blink.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from textual.pilot import Pilot
+
+from rise_engine.kernel.records import RobotRecord
+from rise_tui.app import ConsoleApp
+from rise_tui.start.settings import Settings
+from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
+from tests.virtual_time import VirtualLoop
+
+
+@pytest.fixture(autouse=True)
+def _virtual_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The app is started with a loop of its own here."""
+    monkeypatch.setattr(asyncio.events, "new_event_loop", VirtualLoop)
+
+
+def played(**options: Any) -> FakeClient:
+    """A session in the middle of something."""
+    client = FakeClient(demo(), **options)
+    client.time = 70.0
+    client.act("Praise", "SUCCEEDED")
+    client.task(
+        "startCommunicationRobotAct", "Goodbye", "REJECTED", reason="the robot has no voice", source="ros:trial"
+    )
+    client.task("startInteractionRule", "Main")
+    client.rule("Main", "started", "greeting", trigger="start")
+    client.time = 80.0
+    client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
+    task = client.act("Greet", source="rule:Main")
+    client.action(task, "Greet", "2", "Animation", "succeeded", value="head_nod", duration=400)
+    client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada!")
+    client.time = 81.5
+    client.act("Filler", "PENDING")
+    client.time = 83.0
+    return client
+
+
+def app(theme: str = "dark", client: FakeClient | None = None) -> ConsoleApp:
+    client = client or played()
+    settings = Settings(DEMO.rpartition("/tests/")[2])
+    return ConsoleApp(client.scenario, settings, wizard="anna", theme=theme, launcher=FakeLauncher(client))
+
+
+async def settle(pilot: Pilot[Any], *keys: str) -> None:
+    await pilot.pause(0.3)
+    for key in keys:
+        await pilot.press(key)
+        await pilot.pause(0.1)
+    await pilot.pause(0.3)
+
+
+SIZES = {"small": (80, 24), "usual": (120, 40), "wide": (200, 50)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("size", "theme"),
+    [("small", "dark"), ("usual", "dark"), ("wide", "dark"), ("usual", "light"), ("usual", "mono")],
+)
+def test_the_console(snap_compare: Any, size: str, theme: str) -> None:
+    assert snap_compare(app(theme), terminal_size=SIZES[size], run_before=settle)
+
+
+def test_stopped(snap_compare: Any) -> None:
+    """With the question whether to release it."""
+    client = played()
+    client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+r")
+
+    assert snap_compare(app(client=client), terminal_size=SIZES["usual"], run_before=before)
+
+
+def test_the_robot_is_lost(snap_compare: Any) -> None:
+    client = played()
+    client.emit(RobotRecord(0, 0.0, "", "lost", "no answer from pepper/speech"), at=80.0)
+    assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=settle)
+
+
+def test_control_taken(snap_compare: Any) -> None:
+    client = played()
+
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot)
+        client.control_record("taken", "wizard:ben", "wizard:ben")
+        await settle(pilot)
+
+    assert snap_compare(app(client=client), terminal_size=SIZES["small"], run_before=before)
+
+
+def test_editing_the_memory(snap_compare: Any) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "f3", "f3", "f3", "home", "enter", "backspace", "4", "full_stop", "5")
+
+    assert snap_compare(app(), terminal_size=SIZES["usual"], run_before=before)
+
+
+def test_help(snap_compare: Any) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "question_mark")
+
+    assert snap_compare(app(), terminal_size=SIZES["usual"], run_before=before)
+
+
+def test_the_palette(snap_compare: Any) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "colon", *"filler")
+
+    assert snap_compare(app(), terminal_size=SIZES["small"], run_before=before)
+
+
+def test_saying_something(snap_compare: Any) -> None:
+    async def before(pilot: Pilot[Any]) -> None:
+        await settle(pilot, "ctrl+t", *"Well", "space", *"done")
+
+    assert snap_compare(app(), terminal_size=SIZES["small"], run_before=before)

@@ -1,0 +1,259 @@
+"""The production code as text: its files, what they define, what they import, and what their docstrings refer to."""
+
+from __future__ import annotations
+
+import ast
+import gc
+import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {"rise_engine": ROOT, "rise_tui": ROOT, "rise_adapters": ROOT / "adapters"}
+"""Each package, and the folder that it lies in."""
+
+
+@cache
+def parsed(file: Path) -> ast.Module:
+    """Collects no garbage meanwhile, which some releases of Python 3.11 do not survive (python/cpython#106905)."""
+    gc.disable()
+    try:
+        return ast.parse(file.read_text(encoding="utf-8"))
+    finally:
+        gc.enable()
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Every module by its dotted name; a package by the name of its folder."""
+    found = {}
+    for package, base in PACKAGES.items():
+        for file in sorted((base / package).rglob("*.py")):
+            parts = file.relative_to(base).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return found
+
+
+def classes() -> Iterator[tuple[str, str]]:
+    """Name and module of every class, also of private ones and of those in classes and functions."""
+    for module, file in modules().items():
+        for node in ast.walk(parsed(file)):
+            if isinstance(node, ast.ClassDef):
+                yield node.name, module
+
+
+# --- imports ----------------------------------------------------------------------------------------------------------
+
+
+@cache
+def imports(module: str, *, types: bool) -> set[str]:
+    """The modules of ours that it imports sooner or later, in functions too; with `types` also those for types only."""
+    found: set[str] = set()
+    tree = parsed(modules()[module])
+    for node in ast.walk(tree) if types else _executed(tree):
+        if isinstance(node, ast.Import):
+            found.update(name for alias in node.names if (name := _ours(alias.name)) is not None)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                if (name := _ours(f"{node.module}.{alias.name}")) is not None:
+                    found.add(name)
+    return found - {module}
+
+
+def _executed(node: ast.AST) -> Iterator[ast.AST]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            yield from (each for other in child.orelse for each in (other, *_executed(other)))
+        else:
+            yield child
+            yield from _executed(child)
+
+
+def _ours(name: str) -> str | None:
+    """The module that this names, or whose name it ends with a name in it."""
+    return next((each for each in (name, name.rpartition(".")[0]) if each in modules()), None)
+
+
+def circles(*, types: bool) -> list[list[str]]:
+    """Modules that import one another, by whatever way round; each circle once."""
+    reached = {module: _reached(module, types=types) for module in modules()}
+    found = {
+        tuple(sorted(other for other in reached[module] if module in reached[other]))
+        for module in modules()
+        if module in reached[module]
+    }
+    return [list(each) for each in sorted(found)]
+
+
+def _reached(module: str, *, types: bool) -> set[str]:
+    found: set[str] = set()
+    waiting = [module]
+    while waiting:
+        for imported in imports(waiting.pop(), types=types) - found:
+            found.add(imported)
+            waiting.append(imported)
+    return found
+
+
+# --- references -------------------------------------------------------------------------------------------------------
+
+
+class Reference(NamedTuple):
+    """Something that a docstring names."""
+
+    file: Path
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.file.relative_to(ROOT)}:{self.line}: {self.text}"
+
+
+QUOTED = re.compile(r"`([^`\n]+)`")
+DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+(?:\(\))?")
+NAME = re.compile(r"_*[A-Z][a-z0-9]+(?:[A-Z][a-z0-9]*)+|_?[a-z0-9]+(?:_[a-z0-9]+)+")
+"""A name that is no word of a sentence: CamelCase or snake_case."""
+FILE = re.compile(r"[\w./-]*\w\.(?:md|py)\b")
+SECTION = re.compile(
+    r"(?P<page>semantics|console)(?:\.md)?,? (?:sections? )?(?P<numbers>\d[\d.]*(?:(?:, | and | to )\d[\d.]*)*)"
+)
+PAGES = {"semantics": "docs/explanation/semantics.md", "console": "docs/explanation/console.md"}
+"""Where numbered sections are, and numbered paragraphs."""
+FOREIGN = {"App", "Screen", "Widget", "Path", "SampleInfo", "asyncio", "RunInstruction"}
+"""What others have: Textual, the standard library, cyclonedds; and what a study might have, as an example."""
+DATA = {"json", "toml", "xml", "jsonl", "csv", "rng", "svg", "sock", "lock", "service"}
+"""Endings of files that a user has."""
+
+
+def docstrings(file: Path) -> Iterator[tuple[int, str]]:
+    """Every string that stands for itself, with its first line: of modules, classes, functions and attributes."""
+    for node in ast.walk(parsed(file)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield node.lineno, node.value.value
+
+
+def dead_names() -> Iterator[Reference]:
+    """Names in backticks that nothing has."""
+    known = _identifiers() | FOREIGN
+    for file in modules().values():
+        for line, text in docstrings(file):
+            for match in QUOTED.finditer(text):
+                quoted = match[1].strip().removesuffix("()")
+                dead = (
+                    not _leads_somewhere(quoted)
+                    if DOTTED.fullmatch(quoted)
+                    else NAME.fullmatch(quoted) is not None and quoted not in known
+                )
+                if dead:
+                    yield Reference(file, line + text[: match.start()].count("\n"), quoted)
+
+
+def dead_files() -> Iterator[Reference]:
+    """Files of this project (pages, modules, tests) that are not there."""
+    names = {path.name for folder in ("docs", "tests", "benchmarks") for path in (ROOT / folder).rglob("*.*")}
+    names |= {path.name for path in (*ROOT.glob("*.md"), *modules().values())}
+    for file in modules().values():
+        for line, text in docstrings(file):
+            for match in FILE.finditer(text):
+                named = match[0]
+                if not ((ROOT / named).exists() if "/" in named else named in names):
+                    yield Reference(file, line + text[: match.start()].count("\n"), named)
+
+
+def dead_sections() -> Iterator[Reference]:
+    """Numbers of sections that their page does not have."""
+    numbered = {name: _sections(ROOT / page) for name, page in PAGES.items()}
+    for file in modules().values():
+        for line, text in docstrings(file):
+            flat = text.replace("\n", " ")
+            for match in SECTION.finditer(flat):
+                page = match["page"]
+                for number in re.findall(r"\d+(?:\.\d+)*", match["numbers"]):
+                    if number not in numbered[page]:
+                        at = line + text[: match.start()].count("\n")
+                        yield Reference(file, at, f"{page} {number}")
+
+
+def _sections(page: Path) -> set[str]:
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    return set(re.findall(r"^(?:#+ |\*\*)(\d+(?:\.\d+)*)\b", text, re.MULTILINE))
+
+
+def _leads_somewhere(dotted: str) -> bool:
+    first, *rest = dotted.split(".")
+    if (
+        rest[-1] in (*DATA, "md", "py")
+        or first in FOREIGN
+        or (first in sys.stdlib_module_names and first not in _stems())
+    ):
+        return True
+    if first in PACKAGES:
+        return _resolves(dotted)
+    if first == "rise":  # a group of entry points
+        return f'entry-points."{dotted}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    owners = [name for name in (first, *rest[:-1]) if NAME.fullmatch(name) or name.lstrip("_")[:1].isupper()]
+    return _identifiers().issuperset((*owners, rest[-1]))  # also of an object by its usual name: `view.control`
+
+
+def _resolves(dotted: str) -> bool:
+    """A module of ours, or a name in one, or a member of a class in one."""
+    if dotted in modules():
+        return True
+    before, _, last = dotted.rpartition(".")
+    if before in modules():
+        return last in _defined(parsed(modules()[before]))
+    owner, _, name = before.rpartition(".")
+    return owner in modules() and any(
+        isinstance(node, ast.ClassDef) and node.name == name and last in _defined(node)
+        for node in ast.walk(parsed(modules()[owner]))
+    )
+
+
+def _defined(scope: ast.AST) -> set[str]:
+    """Names that a module or a class has of its own, or imports."""
+    found: set[str] = set()
+    for node in ast.walk(scope):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found.add(node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            found.add(node.attr)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            found.update(alias.asname or alias.name for alias in node.names)
+    return found
+
+
+@cache
+def _stems() -> set[str]:
+    return {name.rpartition(".")[2] for name in modules()}
+
+
+@cache
+def _identifiers() -> set[str]:
+    """Every name in the code, what its strings say, and the words of the pages, where formats are."""
+    found = _stems()
+    texts = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
+    for file in modules().values():
+        tree = parsed(file)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                found.add(node.name)
+            elif isinstance(node, ast.Name):
+                found.add(node.id)
+            elif isinstance(node, ast.Attribute):
+                found.add(node.attr)
+            elif isinstance(node, ast.arg | ast.keyword) and node.arg:
+                found.add(node.arg)
+            elif isinstance(node, ast.alias):
+                found.update(node.name.split("."))
+        words = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        texts += [
+            node.value
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in words
+        ]
+    return found | {word for text in texts for word in re.findall(r"\w+", text)}
