@@ -145,7 +145,7 @@ async def test_the_scheduler_reorders_and_cancels() -> None:
         await it.press("delete")
         await it.sent("cancelTask", str(second))
         await it.press("home", "shift+down")
-        assert "runs already" in it.notice
+        await it.until(lambda: "runs already" in it.notice)
         await it.press("delete")
         await it.sent("cancelTask", str(running))
         assert first != second
