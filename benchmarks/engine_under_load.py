@@ -59,8 +59,8 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
             loop.call_soon_threadsafe(engine.look_at_journal)
 
     journal = Journal(folder / JOURNAL, size=0, lock=None, changed=changed, later=loop.call_soon, now=clock.now)
-    journal.append(header_line("benchmark"))
     engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1, journal=journal)
+    journal.append(header_line("benchmark"))
     floor: list[float] = []
 
     class Floor(asyncio.Protocol):

@@ -177,7 +177,7 @@ def value(report: str, name: str) -> str:
 
 def test_info_says_what_a_report_needs(tmp_path: Path) -> None:
     report = info(tmp_path, TMUX="/tmp/x,1,0", SSH_CONNECTION="10.1.2.3 4 10.1.2.4 22", NO_COLOR="")
-    assert value(report, "textual") == "8.2.8" and value(report, "rise-tui") and value(report, "python")
+    assert value(report, "textual").startswith("8.") and value(report, "rise-tui") and value(report, "python")
     assert (value(report, "tmux"), value(report, "ssh"), value(report, "screen")) == ("yes", "yes", "no")
     assert value(report, "colours") == "truecolor, because COLORTERM=truecolor"
     assert value(report, "theme") == "dark" and value(report, "UTF-8") == "yes"
