@@ -23,7 +23,7 @@ from pathlib import Path
 from measure import Report, interleave
 
 from rise_engine.kernel.inputs import Submit
-from rise_engine.link import messages
+from rise_engine.protocol import messages
 
 COMMANDS = 200
 PAUSE = 0.001
@@ -57,7 +57,7 @@ def echo(folder: Path, *, sync: bool) -> tuple[Callable[[], float], subprocess.P
     process.stdout.readline()
     connection = socket.socket(socket.AF_UNIX)
     connection.connect(str(path))
-    line = messages.line(_command(1))
+    line = messages.encode_line(_command(1))
     own = os.open(folder / f"own-{sync}", os.O_WRONLY | os.O_CREAT)
 
     def round_trip() -> float:
@@ -89,7 +89,9 @@ def ours(folder: Path) -> tuple[Callable[[], float], subprocess.Popen[str]]:
     process.stderr.readline()
     connection = socket.socket(socket.AF_UNIX)
     connection.connect(str(folder / "run" / "bench.sock"))
-    connection.sendall(messages.line(messages.Attach(version=messages.VERSION, name="bench", role="node")))
+    connection.sendall(
+        messages.encode_line(messages.AttachMessage(version=messages.VERSION, name="bench", role="node"))
+    )
     data = b""
     while b'"type":"ready"' not in data:
         data += connection.recv(1 << 20)
@@ -98,7 +100,7 @@ def ours(folder: Path) -> tuple[Callable[[], float], subprocess.Popen[str]]:
     def run() -> float:
         nonlocal number
         number += 1
-        line = messages.line(_command(number))
+        line = messages.encode_line(_command(number))
         mark = b'"reply","id":%d,' % number
         start = time.perf_counter()
         connection.sendall(line)
@@ -121,8 +123,8 @@ def median(work: Callable[[], float], pause: float) -> Callable[[], float]:
     return run
 
 
-def _command(number: int) -> messages.Send:
-    return messages.Send(id=number, message=Submit(function="raiseEventTopic", behavior="/next"))
+def _command(number: int) -> messages.SendMessage:
+    return messages.SendMessage(id=number, message=Submit(function="raiseEventTopic", behavior="/next"))
 
 
 def main() -> bool:

@@ -27,13 +27,13 @@ ROUNDS = 7
 ENGINE = """
 import asyncio, sys
 from pathlib import Path
-from rise_engine.clock import RealClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
-from rise_engine.link.places import claim
-from rise_engine.link.room import Room
+from rise_engine.protocol.registry import claim
+from rise_engine.server.hub import Room
 from rise_engine.server.server import Server
-from rise_engine.robots import make_robot
+from rise_engine.engine.drivers import make_robot
 from rise_engine.scenario import load
 from rise_engine.session.folder import create
 
@@ -67,11 +67,11 @@ asyncio.run(main(sys.argv[1], int(sys.argv[2])))
 
 
 def main() -> bool:
-    from rise_engine.link.messages import State, state_of, view_of
-    from rise_engine.link.socket_client import SocketClient
-    from rise_engine.view import TaskView, View
+    from rise_engine.client.socket import SocketClient
+    from rise_engine.kernel.view import SessionView, TaskView
+    from rise_engine.protocol.messages import ViewWithoutTasks, with_tasks, without_tasks
 
-    async def attach(path: str) -> tuple[float, View]:
+    async def attach(path: str) -> tuple[float, SessionView]:
         client = SocketClient(Path(path), "bench", "observer")
         begun = time.perf_counter()
         hello = await client.attach()
@@ -79,10 +79,10 @@ def main() -> bool:
         await client.close()
         return took, hello.view
 
-    def bare(view: View) -> float:
+    def bare(view: SessionView) -> float:
         begun = time.perf_counter()
-        state, tasks = msgspec.json.encode(state_of(view)), msgspec.json.encode(list(view.tasks.values()))
-        view_of(msgspec.json.decode(state, type=State), msgspec.json.decode(tasks, type=list[TaskView]))
+        state, tasks = msgspec.json.encode(without_tasks(view)), msgspec.json.encode(list(view.tasks.values()))
+        with_tasks(msgspec.json.decode(state, type=ViewWithoutTasks), msgspec.json.decode(tasks, type=list[TaskView]))
         return time.perf_counter() - begun
 
     report = Report("Attach to a running session", "wall time")

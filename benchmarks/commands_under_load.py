@@ -24,18 +24,18 @@ from typing import Any
 
 from measure import Report
 
-from rise_engine.clock import RealClock
-from rise_engine.engine import Engine, versions
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.drivers import make_robot
+from rise_engine.engine.engine import Engine, versions
 from rise_engine.kernel.inputs import Submit
-from rise_engine.link import messages
-from rise_engine.link.places import claim
-from rise_engine.link.room import Room
-from rise_engine.robots import make_robot
+from rise_engine.protocol import messages
+from rise_engine.protocol.registry import acquire_lock
 from rise_engine.scenario import load
-from rise_engine.server.server import Server
-from rise_engine.session.folder import JOURNAL, create
+from rise_engine.server.hub import SessionHub
+from rise_engine.server.server import SessionServer
+from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
-from rise_engine.session.lines import header_line
+from rise_engine.session.journal_format import encode_header
 
 ROOT = Path(__file__).parents[1]
 RATE = 1000
@@ -50,7 +50,7 @@ async def serve(folder: Path) -> None:
     loaded = load(str(ROOT / "scenarios" / "lablinking"))
     scenario = loaded.scenario
     assert scenario is not None
-    record = create(folder, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
+    record = create_session(folder, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
     clock = RealClock(loop)
     robot = make_robot(scenario.robot, scenario.mode, clock, 1)
     stops: list[float] = []
@@ -64,22 +64,22 @@ async def serve(folder: Path) -> None:
 
     def changed() -> None:
         with suppress(RuntimeError):  # the loop has ended
-            loop.call_soon_threadsafe(engine.look_at_journal)
+            loop.call_soon_threadsafe(engine.flush_durable)
 
     journal = Journal(record / JOURNAL, changed=changed, now=clock.now)
-    journal.append(header_line("benchmark"))
+    journal.append(encode_header("benchmark"))
     engine = Engine(scenario, robot, clock, 1, journal=journal)
-    with claim("bench") as name:
+    with acquire_lock("bench") as name:
         assert name is not None
-        room = Room(engine, str(record))
-        server = Server(room, name.socket)
+        hub = SessionHub(engine, str(record))
+        server = SessionServer(hub, name.socket)
         await server.start()
         engine.start()
         reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.read))
         print(name.socket, flush=True)
-        begun, first, number = time.monotonic(), room.view.seq, 0
+        begun, first, number = time.monotonic(), hub.view.seq, 0
         while not reading.done():
-            while room.view.seq - first < (time.monotonic() - begun) * RATE:
+            while hub.view.seq - first < (time.monotonic() - begun) * RATE:
                 number += 1
                 if number % 3:
                     engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
@@ -87,7 +87,7 @@ async def serve(folder: Path) -> None:
                     engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
                 await asyncio.sleep(0)
             await asyncio.sleep(0.002)
-        rate = (room.view.seq - first) / (time.monotonic() - begun)
+        rate = (hub.view.seq - first) / (time.monotonic() - begun)
         print(json.dumps({"stops": stops, "rate": rate}), flush=True)
         engine.end_now("done")
         await server.close()
@@ -100,7 +100,7 @@ class Wizard:
     def __init__(self, path: str) -> None:
         self._connection = socket.socket(socket.AF_UNIX)
         self._connection.connect(path)
-        self._connection.sendall(messages.line(messages.Attach(messages.VERSION, "bench", "wizard")))
+        self._connection.sendall(messages.encode_line(messages.AttachMessage(messages.VERSION, "bench", "wizard")))
         self._read_until(b'"type":"ready"')
         self._number = 0
 
@@ -113,7 +113,7 @@ class Wizard:
         """When it was sent, and when the reply had come."""
         self._number += 1
         submit = Submit(function=function, behavior=behavior)  # type: ignore[arg-type]
-        line = messages.line(messages.Send(self._number, submit))
+        line = messages.encode_line(messages.SendMessage(self._number, submit))
         sent = time.monotonic()
         self._connection.sendall(line)
         self._read_until(b'"type":"reply","id":%d,' % self._number)

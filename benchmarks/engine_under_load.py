@@ -16,27 +16,27 @@ from pathlib import Path
 
 from rise_engine.link.server import Server
 
-from rise_engine.clock import RealClock
-from rise_engine.engine import Answer, Engine, versions
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.drivers import make_robot
+from rise_engine.engine.engine import Engine, ReplyCallback, versions
 from rise_engine.kernel.inputs import Submit
-from rise_engine.link.client import ClientInput, Reply
-from rise_engine.link.places import claim
-from rise_engine.link.room import Member, Room
-from rise_engine.robots import make_robot
+from rise_engine.protocol.client import ClientInput, Reply
+from rise_engine.protocol.registry import acquire_lock
 from rise_engine.scenario import load
-from rise_engine.session.folder import JOURNAL, create
+from rise_engine.server.hub import AttachedClient, SessionHub
+from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
-from rise_engine.session.lines import header_line
+from rise_engine.session.journal_format import encode_header
 
 
-class WatchedRoom(Room):
+class WatchedRoom(SessionHub):
     """Notes each command of a wizard."""
 
     def __init__(self, engine: Engine, folder: str) -> None:
         super().__init__(engine, folder)
         self.commands: list[tuple[str, float, float]] = []
 
-    def send(self, member: Member, message: ClientInput, answer: Answer) -> None:
+    def submit(self, member: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
         came = time.monotonic()
 
         def durable(reply: Reply) -> None:
@@ -44,7 +44,7 @@ class WatchedRoom(Room):
                 self.commands.append((message.behavior, came, time.monotonic()))
             answer(reply)
 
-        super().send(member, message, durable)
+        super().submit(member, message, durable)
 
 
 async def serve(root: Path, disk: Path, rate: float) -> None:
@@ -52,33 +52,33 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
     loaded = load(str(root / "scenario"))
     scenario = loaded.scenario
     assert scenario is not None
-    folder = create(disk, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
+    folder = create_session(disk, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
     clock = RealClock(loop, 1)
 
     def changed() -> None:
         with suppress(RuntimeError):  # the loop has ended
-            loop.call_soon_threadsafe(engine.look_at_journal)
+            loop.call_soon_threadsafe(engine.flush_durable)
 
-    journal = Journal(folder / JOURNAL, size=0, lock=None, changed=changed, later=loop.call_soon, now=clock.now)
+    journal = Journal(folder / JOURNAL, size=0, lock=None, changed=changed, now=clock.now)
     engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1, journal=journal)
-    journal.append(header_line("benchmark"))
+    journal.append(encode_header("benchmark"))
     floor: list[float] = []
 
     class Floor(asyncio.Protocol):
         def data_received(self, data: bytes) -> None:
             floor.append(time.monotonic())
 
-    with claim("keys") as name:
-        room = WatchedRoom(engine, str(folder))
-        server = Server(room, name.socket)
+    with acquire_lock("keys") as name:
+        hub = WatchedRoom(engine, str(folder))
+        server = Server(hub, name.socket)
         await server.start()
         await loop.create_unix_server(Floor, str(root / "floor.sock"))
         engine.start()
         reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.readline))
         print("ready", flush=True)
-        begun, first, number = time.monotonic(), room.view.seq, 0
+        begun, first, number = time.monotonic(), hub.view.seq, 0
         while not reading.done():
-            while room.view.seq - first < (time.monotonic() - begun) * rate:
+            while hub.view.seq - first < (time.monotonic() - begun) * rate:
                 number += 1
                 if number % 3:
                     engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
@@ -86,8 +86,8 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
                     engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
                 await asyncio.sleep(0)
             await asyncio.sleep(0.002)
-        made = (room.view.seq - first) / (time.monotonic() - begun)
-        print(json.dumps({"commands": room.commands, "floor": floor, "rate": made}), flush=True)
+        made = (hub.view.seq - first) / (time.monotonic() - begun)
+        print(json.dumps({"commands": hub.commands, "floor": floor, "rate": made}), flush=True)
         engine.end_now("done")
         await server.close()
         await asyncio.to_thread(journal.close, 5.0)

@@ -6,7 +6,7 @@ import sys
 
 from measure import Report, interleave
 
-from rise_engine.expression import Env, Expression
+from rise_engine.expression import Environment, Expression
 
 TEXT = '(H_score > 3 and name starts with "An") or not finished'
 COUNT = 200_000
@@ -15,8 +15,8 @@ PARSES = 2_000
 
 def main() -> bool:
     memory = {"H_score": 4, "name": "Andre", "finished": True}
-    env = Env(memory, lambda: 0.5, set())
-    condition = Expression.parse(TEXT).condition
+    env = Environment(memory, lambda: 0.5, set())
+    condition = Expression.parse(TEXT).compiled_condition
 
     def floor(memory: dict[str, object]) -> bool:
         return (memory["H_score"] > 3 and memory["name"].startswith("An")) or not memory["finished"]  # type: ignore[operator, attr-defined, no-any-return]

@@ -20,7 +20,7 @@ from measure import Report, interleave
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.session.journal import Journal
-from rise_engine.session.lines import input_line, record_bytes, step_lines
+from rise_engine.session.journal_format import encode_input, encode_record, join_step
 
 EVENTS = 5_000
 GROUP = 1_000
@@ -39,7 +39,7 @@ def journaled(folder: Path, steps: list[list[AnyRecord]]) -> Callable[[], float]
         journal = Journal(path, changed=changed.set)
         start = time.perf_counter()
         for n, records in enumerate(steps):
-            journal.append(step_lines(input_line(n, SUBMIT), map(record_bytes, records)))
+            journal.append(join_step(encode_input(n, SUBMIT), map(encode_record, records)))
         while journal.durable != journal.appended:
             changed.wait()
             changed.clear()
@@ -52,7 +52,7 @@ def journaled(folder: Path, steps: list[list[AnyRecord]]) -> Callable[[], float]
 
 
 def bare(folder: Path, steps: list[list[AnyRecord]]) -> Callable[[], float]:
-    made = [step_lines(input_line(n, SUBMIT), map(record_bytes, records)) for n, records in enumerate(steps)]
+    made = [join_step(encode_input(n, SUBMIT), map(encode_record, records)) for n, records in enumerate(steps)]
     lines = sum(each.count(b"\n") for each in made)
     line = b"x" * (sum(map(len, made)) // lines - 1) + b"\n"
 

@@ -28,12 +28,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from measure import Report
 
-from rise_engine.link.client import Hello
+from rise_engine.kernel.view import SessionView, TaskView
+from rise_engine.protocol.client import AttachReply
 from rise_engine.scenario import load
-from rise_engine.view import TaskView, View
-from rise_tui import themes
 from rise_tui.model.store import Store
 from rise_tui.panes.log import LogPane
+from rise_tui.rendering import themes
 
 COUNT = 100_000
 PAGES = 60
@@ -97,7 +97,7 @@ async def ours(app: App[Any], made: dict[int, TaskView]) -> Widget:
     pane = LogPane(store_of(made))
     await app.mount(pane)
     pane.repaint()
-    return pane.rows
+    return pane.row_view
 
 
 async def log(app: App[Any], made: dict[int, TaskView]) -> Widget:
@@ -127,9 +127,9 @@ async def data_table(app: App[Any], made: dict[int, TaskView]) -> Widget:
 def store_of(made: dict[int, TaskView]) -> Store:
     scenario = load(str(ROOT / "scenarios" / "lablinking")).scenario
     assert scenario is not None
-    view = View()
+    view = SessionView()
     view.tasks = made
-    return Store(Hello(scenario, "debug", "pepper", 1, view), "anna", lambda: COUNT * 0.1)
+    return Store(AttachReply(scenario, "debug", "pepper", 1, view), "anna", lambda: COUNT * 0.1)
 
 
 async def measured(opener: Opener, made: dict[int, TaskView], rounds: int) -> tuple[float, float]:
@@ -190,7 +190,7 @@ async def filtering(made: dict[int, TaskView], typed: str) -> tuple[float, float
         while True:
             search = pane._search
             assert search is not None
-            first = first or (time.perf_counter() - began if pane.rows.count else 0.0)
+            first = first or (time.perf_counter() - began if pane.row_view.count else 0.0)
             if search.done:
                 break
             await asyncio.sleep(0.002)
@@ -198,7 +198,7 @@ async def filtering(made: dict[int, TaskView], typed: str) -> tuple[float, float
         await pilot.pause()
         going = False
         await watcher
-        return first, end, longest, pane.rows.count
+        return first, end, longest, pane.row_view.count
 
 
 async def all_of_it() -> bool:

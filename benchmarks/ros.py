@@ -27,11 +27,11 @@ from pathlib import Path
 from time import perf_counter
 
 from measure import Report
-from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.choose import open_transport
+from rise_adapters.ros2.actions.client import ActionClient
+from rise_adapters.ros2.transport.selection import open_transport
 
+from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.link.socket_client import SocketClient
 
 HERE = Path(__file__).parent
 ROUNDS, GOALS, KEYS = 7, 60, 600
@@ -105,7 +105,7 @@ class Ours:
         it.tasks = ActionClient(it.transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
         it.acts = ActionClient(it.transport, "bench/act", "rise_interfaces/action/Speech")
         async with asyncio.timeout(20):
-            while not (it.tasks.servers() and it.acts.servers()):  # noqa: ASYNC110  # discovery says nothing
+            while not (it.tasks.count_servers() and it.acts.count_servers()):  # noqa: ASYNC110  # discovery says nothing
                 await asyncio.sleep(0.01)
         return it
 

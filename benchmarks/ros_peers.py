@@ -11,12 +11,12 @@ import os
 import sys
 from argparse import ArgumentParser
 
-from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.actions.server import ActionServer
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.choose import open_transport
+from rise_adapters.ros2.transport.selection import open_transport
 
-from rise_engine.clock import RealClock
+from rise_engine.engine.clock import RealClock
 
 SPEECH = "rise_interfaces/action/Speech"
 RESULT_TIMEOUT = 0.2
@@ -35,9 +35,9 @@ async def robot(choice: str) -> None:
 
         async def go_on() -> None:
             began, sent = loop.time(), 0
-            while not goal.ended:
+            while not goal.has_ended:
                 while sent < (loop.time() - began) * 1000:
-                    goal.feedback({"progress": 0.5})
+                    goal.publish_feedback({"progress": 0.5})
                     sent += 1
                 await asyncio.sleep(0.001)
 
@@ -66,7 +66,7 @@ async def flood(choice: str, rate: float) -> None:
     transport = await open_transport(choice, node="bench_flood")
     client = ActionClient(transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
     goal = {"function_type": "raiseEventTopic", "domain_task_behavior": "/noise"}
-    while not client.servers():  # noqa: ASYNC110  # discovery says nothing
+    while not client.count_servers():  # noqa: ASYNC110  # discovery says nothing
         await asyncio.sleep(0.01)
     print("ready", flush=True)
     closed = loop.create_task(_input_closed())

@@ -11,14 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rise_engine.link.client import EngineGone
-from rise_engine.link.socket_client import SocketClient
-from rise_engine.link.spawn import Refused, start_engine
+from rise_engine.client.socket import SocketClient
+from rise_engine.protocol.client import EngineGone
+from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
-from rise_engine.session_options import SessionOptions
-from rise_tui.app import ConsoleApp
-from rise_tui.start.launch import Launcher, prepare
-from rise_tui.start.settings import Settings
+from rise_engine.server.spawn import EngineRefused, start_engine
+from rise_tui.config.launch import Launcher, load_scenario
+from rise_tui.console.app import ConsoleApp
 
 IMAGES = Path(__file__).parent / "images"
 SPEED = 10
@@ -26,16 +25,16 @@ STUDY = str(Path(__file__).parent.parent / "scenarios" / "lablinking")
 
 
 def app(theme: str, faults: tuple[str, ...]) -> ConsoleApp:
-    settings = Settings(STUDY, seed=1, participant="P07", condition="hesitation")
-    scenario = prepare(settings)
+    settings = SessionOptions(STUDY, seed=1, participant="P07", condition="hesitation")
+    scenario = load_scenario(settings)
     assert isinstance(scenario, Scenario)
 
-    def start(scenario: Scenario, settings: Settings) -> SocketClient:
+    def start(scenario: Scenario, settings: SessionOptions) -> SocketClient:
         who = {"participant": settings.participant, "condition": settings.condition}
         found = start_engine(
             SessionOptions(STUDY, seed=settings.seed, speed=SPEED, faults=faults, unfinished="new", **who)
         )
-        if isinstance(found, Refused):
+        if isinstance(found, EngineRefused):
             raise EngineGone("; ".join(found.lines))
         return SocketClient(found.name, "anna", "wizard", scenario=scenario)
 
@@ -75,11 +74,11 @@ async def capture(
         for key in keys:
             await pilot.press(key)
             await pilot.pause(0.1)
-        await until(lambda: wait in console.console_screen.alarm.text if console.console_screen else False)
+        await until(lambda: wait in console.console_screen.alarm_bar.text if console.console_screen else False)
         await pilot.pause(0.3)
         console.save_screenshot(f"{name}.svg", path=str(IMAGES))
         assert console.console_screen is not None
-        await console.console_screen.session.leave(end_session=True)
+        await console.console_screen.session.close(end_session=True)
 
 
 async def main() -> None:

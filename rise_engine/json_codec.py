@@ -14,8 +14,8 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.text import told_all
-from rise_engine.typography import sentence_at, unclosed_by
+from rise_engine.text import escape_all_surrogates
+from rise_engine.typography import find_typographic_closing, typography_problem
 
 MAX_LEVELS = 64
 """Lists and objects within each other, wherever a value of the memory comes from (docs/reference/scenario.md)."""
@@ -103,7 +103,7 @@ def encode(value: Any) -> bytes:
     try:
         return msgspec.json.encode(value)
     except UnicodeEncodeError:
-        return msgspec.json.encode(told_all(msgspec.to_builtins(value)))
+        return msgspec.json.encode(escape_all_surrogates(msgspec.to_builtins(value)))
 
 
 def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
@@ -118,8 +118,8 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
     try:
         return _whole(_JsonReader(text, duplicate, no_number))
     except JsonError as error:
-        at = unclosed_by(text, error.offset) if str(error) == _UNCLOSED else error.offset
-        known = sentence_at(text, at, quote='"') if at >= 0 else ""
+        at = find_typographic_closing(text, error.offset) if str(error) == _UNCLOSED else error.offset
+        known = typography_problem(text, at, quote='"') if at >= 0 else ""
         if known:
             raise JsonError(known, at) from None
         raise

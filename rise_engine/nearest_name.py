@@ -13,7 +13,7 @@ from itertools import islice
 from unicodedata import combining, normalize
 from unicodedata import name as unicode_name
 
-from rise_engine.text import UNSEEN, called
+from rise_engine.text import UNSEEN, character_name
 
 _COMPARISONS = 20_000
 """How many names are compared with misspelt ones while one scenario is read: that is slow, and nobody reads more."""
@@ -23,7 +23,7 @@ _left: ContextVar[list[int]] = ContextVar("comparisons that are left")
 
 
 @contextmanager
-def few_comparisons() -> Iterator[None]:
+def limited_comparisons() -> Iterator[None]:
     """Within it, `nearest` compares at most `_COMPARISONS` names: a file of nothing but mistakes is read as quickly."""
     token = _left.set([_COMPARISONS])
     try:
@@ -32,7 +32,7 @@ def few_comparisons() -> Iterator[None]:
         _left.reset(token)
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest_name(word: str, known: Iterable[str]) -> str | None:
     """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
     left = _left.get([_COMPARISONS])
     if left[0] <= 0 or len(word) > _LONGEST:
@@ -46,19 +46,19 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return folded[matches[0]] if matches else None
 
 
-def suggestion(word: str, known: Iterable[str], *, limit: int = 12) -> str:
+def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
     """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
     names = known if isinstance(known, Sized) else list(known)
-    near = nearest(word, names)
+    near = nearest_name(word, names)
     if near is not None:
-        return f"; did you mean `{near}`?{unlike(word, near)}"
+        return f"; did you mean `{near}`?{lookalike_note(word, near)}"
     if 0 < len(names) <= limit:
-        known_names = listed(dict.fromkeys(names))
+        known_names = in_backquotes(dict.fromkeys(names))
         return f"; known: {known_names}" if len(known_names) < 1000 else ""
     return ""
 
 
-def unlike(word: str, known: str) -> str:
+def lookalike_note(word: str, known: str) -> str:
     """What makes two names different that look the same: a sentence for the end of a message, or empty.
 
     Names are compared as they are written, and a letter with an accent can be written as one character or as two (file
@@ -111,10 +111,10 @@ def _other_script(here: str, there: str) -> bool:
 def _characters(letter: str) -> str:
     if not letter:
         return "nothing"
-    written = " and ".join(called(each) for each in letter)
+    written = " and ".join(character_name(each) for each in letter)
     return f"two characters, {written}" if len(letter) == 2 else written
 
 
-def listed(names: Iterable[str]) -> str:
+def in_backquotes(names: Iterable[str]) -> str:
     """Names in backquotes, separated by commas."""
     return ", ".join(f"`{name}`" for name in names)

@@ -45,7 +45,7 @@ def clean(text: str, *, keep: str = "") -> str:
     def mark(found: re.Match[str]) -> str:
         character = found[0]
         if "\ud800" <= character <= "\udfff":
-            return told(character)
+            return escape_surrogates(character)
         return character if character in keep else {"\n": "⏎", "\t": " "}.get(character, "·")
 
     return UNSEEN.sub(mark, text)
@@ -56,7 +56,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def seen_json(text: str) -> str:
+def escape_unseen_json(text: str) -> str:
     """JSON with the same values, in which every character of UNSEEN is an escape (line ends between values stay)."""
 
     def escape(found: re.Match[str]) -> str:
@@ -68,7 +68,7 @@ def seen_json(text: str) -> str:
     return UNSEEN.sub(escape, text)
 
 
-def strange(text: str, start: int = 0, end: int | None = None) -> int:
+def find_unseen(text: str, start: int = 0, end: int | None = None) -> int:
     """Where the first blank stands that XML and JSON do not know, or the first unseen character; -1: nowhere."""
     for found in _GAP.finditer(text, start, len(text) if end is None else end):
         if found[0] not in BLANKS:
@@ -76,7 +76,7 @@ def strange(text: str, start: int = 0, end: int | None = None) -> int:
     return -1
 
 
-def called(character: str) -> str:
+def character_name(character: str) -> str:
     """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
@@ -85,24 +85,24 @@ def called(character: str) -> str:
 _HALF = re.compile(r"\\u(d[c-f][0-9a-f]{2})")
 
 
-def told(path: str) -> str:
+def escape_surrogates(path: str) -> str:
     """A path as a text that every file and message can hold: a byte that is no UTF-8 becomes `\\udce4`."""
     return path.encode("utf-8", "backslashreplace").decode()
 
 
-def meant(text: str) -> str:
+def restore_surrogates(text: str) -> str:
     """The path of which `told` made a text. (A name that itself has these six characters is taken for it.)"""
     return _HALF.sub(lambda found: chr(int(found[1], 16)), text) if "\\ud" in text else text
 
 
-def told_all(value: Any) -> Any:
+def escape_all_surrogates(value: Any) -> Any:
     """`told` for every text in a JSON-like value."""
-    return _each(told, value)
+    return _each(escape_surrogates, value)
 
 
-def meant_all(value: Any) -> Any:
+def restore_all_surrogates(value: Any) -> Any:
     """`meant` for every text in a JSON-like value."""
-    return _each(meant, value)
+    return _each(restore_surrogates, value)
 
 
 def _each(change: Callable[[str], str], value: Any) -> Any:

@@ -8,34 +8,34 @@ from __future__ import annotations
 
 import re
 
-from rise_engine.text import BLANKS, called
+from rise_engine.text import BLANKS, character_name
 
 DOUBLE = "“”„‟«»″＂"
 SINGLE = "‘’‚‛‹›′＇"
 _QUOTE = re.compile(f"[{DOUBLE}{SINGLE}]")
 
 
-def plain_quote(character: str) -> str:
+def straight_quote(character: str) -> str:
     """The straight quotation mark that is meant by a typographic one; empty for every other character."""
     return '"' if character and character in DOUBLE else "'" if character and character in SINGLE else ""
 
 
-def sentence_at(text: str, at: int, *, quote: str = "") -> str:
+def typography_problem(text: str, at: int, *, quote: str = "") -> str:
     """What is wrong with the character at a place of a file, if it is one of these; otherwise empty.
 
     `quote`: the only quotation mark that the format has.
     """
     character = text[at : at + 1]
-    straight = plain_quote(character)
+    straight = straight_quote(character)
     if straight:
         straight = quote or straight
-        return f"`{character}` is a typographic quotation mark, {called(character)}; write a straight one: {straight}"
+        return f"`{character}` is a typographic quotation mark, {character_name(character)}; write a straight one: {straight}"
     if character and character.isspace() and character not in BLANKS:
-        return f"here stands {called(character)}, which only looks like a blank; write an ordinary blank"
+        return f"here stands {character_name(character)}, which only looks like a blank; write an ordinary blank"
     return ""
 
 
-def unclosed_by(text: str, opening: int) -> int:
+def find_typographic_closing(text: str, opening: int) -> int:
     """Where, in its line, a typographic mark was meant to close the text opened at `opening`; -1: nowhere."""
     end = text.find("\n", opening)
     for found in _QUOTE.finditer(text, opening + 1, end if end >= 0 else len(text)):

@@ -8,16 +8,16 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 from textual.binding import Binding
 
-from rise_engine.kernel.speech import cannot_speak
-from rise_engine.scenario.fillers import fillers
+from rise_engine.kernel.speech import why_not_speak
+from rise_engine.scenario.fillers import filler_acts
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_tui.model.blocked import Deed, blocked_text
 from rise_tui.model.store import Store
 
-Place: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
+KeyScope: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
 """Where an action's keys work: on every screen, on the console, or while that pane has the focus."""
 
-PLACES: tuple[tuple[Place, str], ...] = (
+KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("everywhere", "Always"),
     ("console", "Console"),
     ("acts", "Acts"),
@@ -44,22 +44,22 @@ KEY_LABELS = {
 }
 
 
-def available(store: Store) -> str:
+def always_available(store: Store) -> str:
     return ""
 
 
-class Action(Struct, frozen=True):
+class ConsoleAction(Struct, frozen=True):
     """Something that the wizard can do with the console."""
 
     id: str
     title: str
     keys: tuple[str, ...]
     """In Textual's spelling; the first is the one that is shown."""
-    place: Place
+    scope: KeyScope
     help: str
     hint: str = ""
     """One or two words for the hint line; empty: not shown there."""
-    unavailable: Callable[[Store], str] = available
+    why_unavailable: Callable[[Store], str] = always_available
     """Why it cannot be used now, or empty."""
 
     @property
@@ -72,26 +72,26 @@ class Action(Struct, frozen=True):
 _own_keys: dict[str, tuple[str, ...]] = {}
 
 
-def use_keys(own: Mapping[str, tuple[str, ...]]) -> None:
+def use_own_keys(own: Mapping[str, tuple[str, ...]]) -> None:
     """From now on the user's own keys are shown for these actions; the app binds them (`App.set_keymap`)."""
     _own_keys.clear()
     _own_keys.update(own)
 
 
-def keys_of(action: Action) -> tuple[str, ...]:
+def keys_of(action: ConsoleAction) -> tuple[str, ...]:
     """The keys that an action has for this user; whatever shows a key asks here."""
     return _own_keys.get(action.id, action.keys)
 
 
-def key_for(id: str) -> str:
+def key_text(id: str) -> str:
     """The key of an action as it is printed, for sentences: `F9`; `:` and its title when it has none."""
     return BY_ID[id].key_label or f": {BY_ID[id].title}"
 
 
-def key_in_words(id: str) -> str:
+def key_name(id: str) -> str:
     """The same for a sentence that tells what to press: `ctrl+x`, `F9`."""
     keys = keys_of(BY_ID[id])
-    return keys[0] if keys and keys[0].startswith("ctrl+") else key_for(id)
+    return keys[0] if keys and keys[0].startswith("ctrl+") else key_text(id)
 
 
 def key_label(key: str) -> str:
@@ -105,17 +105,17 @@ def key_label(key: str) -> str:
 
 def why_blocked(store: Store, deed: Deed) -> str:
     """What stands in the way of such a deed, as a sentence with the user's own keys; empty when nothing does."""
-    return blocked_text(store.blocked_reason(deed), key_in_words)
+    return blocked_text(store.blocked_reason(deed), key_name)
 
 
 def why_task_blocked(store: Store, function: str) -> str:
     """The same for a task with this function."""
-    return blocked_text(store.task_blocked(function), key_in_words)
+    return blocked_text(store.task_blocked(function), key_name)
 
 
 def _stoppable(store: Store) -> str:
     """Stopping needs no control, and is tried even when the connection is cut."""
-    return store.gone and why_blocked(store, "reach")
+    return store.gone_reason and why_blocked(store, "reach")
 
 
 def _acting(store: Store) -> str:
@@ -137,15 +137,15 @@ def _live(store: Store) -> str:
 
 def _own_console(store: Store) -> str:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
-    return (store.gone and why_blocked(store, "reach")) or ("this is a replay" if store.hello.replay else "")
+    return (store.gone_reason and why_blocked(store, "reach")) or ("this is a replay" if store.hello.replay else "")
 
 
 def _sayable(store: Store) -> str:
-    return _acting(store) or cannot_speak(store.scenario)
+    return _acting(store) or why_not_speak(store.scenario)
 
 
 def _fillable(store: Store) -> str:
-    return _live(store) or ("" if fillers(store.scenario) else "this scenario has no filler")
+    return _live(store) or ("" if filler_acts(store.scenario) else "this scenario has no filler")
 
 
 def _markable(store: Store) -> str:
@@ -161,7 +161,7 @@ def _repeatable(store: Store) -> str:
 
 
 def _releasable(store: Store) -> str:
-    return _acting(store) or ("" if store.state == "STOPPED" else "nothing is stopped")
+    return _acting(store) or ("" if store.key_state == "STOPPED" else "nothing is stopped")
 
 
 def _some(what: str, found: Callable[[Store], object]) -> Callable[[Store], str]:
@@ -185,124 +185,124 @@ _memory = _some("the memory is empty", lambda store: store.view.memory)
 _queue = _some("nothing runs or waits", lambda store: store.view.running or store.view.waiting)
 _waiting = _some("fewer than two tasks wait", lambda store: len(store.view.waiting) > 1)
 _acts = _some("no act runs or waits", lambda store: store.view.running or store.view.waiting)
-_rules = _some("no rule runs", lambda store: store.view.stack())
+_rules = _some("no rule runs", lambda store: store.view.running_rules())
 
-ACTIONS: tuple[Action, ...] = (
-    Action("stop", "Stop everything", ("f9", "ctrl+g"), "everywhere",
+ACTIONS: tuple[ConsoleAction, ...] = (
+    ConsoleAction("stop", "Stop everything", ("f9", "ctrl+g"), "everywhere",
            "Stops the robot, all acts and all rules at once, without asking, and stays stopped until it is released.",
            "STOP", _stoppable),
-    Action("quit", "Leave", ("ctrl+c",), "everywhere",
+    ConsoleAction("quit", "Leave", ("ctrl+c",), "everywhere",
            "Asks first: detach, and the session goes on without this console; or end it, and the robot is stopped. "
            "When the engine has gone: start it again and go on with the session."),
-    Action("cue", "Mark the participant's cue", ("space",), "console",
+    ConsoleAction("cue", "Mark the participant's cue", ("space",), "console",
            "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
            "cue", _acting),
-    Action("filler", "Say the next filler", ("comma",), "console",
+    ConsoleAction("filler", "Say the next filler", ("comma",), "console",
            "Starts the next of the scenario's fillers, in turn, to bridge the time until you have an answer.",
            "filler", _fillable),
-    Action("say", "Say something", ("ctrl+t",), "console",
+    ConsoleAction("say", "Say something", ("ctrl+t",), "console",
            "A line in which you type what the robot says; it is shown as it will be said before it is. Enter queues "
            "it.",
            "say", _sayable),
-    Action("mistake", "Mark a mistake", ("exclamation_mark",), "console",
+    ConsoleAction("mistake", "Mark a mistake", ("exclamation_mark",), "console",
            "Marks what you did last, whatever it was, as wrong, late, early or double. It changes nothing but the "
            "record.",
            "mistake", _markable),
-    Action("repeat", "Repeat the failed act", ("ctrl+e",), "console",
+    ConsoleAction("repeat", "Repeat the failed act", ("ctrl+e",), "console",
            "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
-    Action("go-on", "Go on without the failed act", ("ctrl+k",), "console",
+    ConsoleAction("go-on", "Go on without the failed act", ("ctrl+k",), "console",
            "Puts the red bar away: you have seen that the act failed, and go on. It changes nothing but the record.",
            "", _failed),
-    Action("safe", "LIVE or SAFE", ("ctrl+x",), "console",
+    ConsoleAction("safe", "LIVE or SAFE", ("ctrl+x",), "console",
            "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),
-    Action("lock", "Lock the keys", ("ctrl+n",), "everywhere",
+    ConsoleAction("lock", "Lock the keys", ("ctrl+n",), "everywhere",
            "LOCKED: every key is ignored but stopping, leaving and this one. Again: SAFE.",
            "lock", _own_console),
-    Action("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
+    ConsoleAction("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
            "Who of several consoles may act: take control, ask for it, give it to who asks, or release it.",
            "control", _controllable),
-    Action("note", "Add a note", ("ctrl+o",), "console",
+    ConsoleAction("note", "Add a note", ("ctrl+o",), "console",
            "A remark for the record, with the time and your name. Those who only watch can add notes too.",
            "note", _telling),
-    Action("palette", "Command palette", ("colon", "ctrl+p"), "console",
+    ConsoleAction("palette", "Command palette", ("colon", "ctrl+p"), "console",
            "Find any command, act or rule by name.", "command"),
-    Action("help", "Help and keys", ("question_mark",), "console",
+    ConsoleAction("help", "Help and keys", ("question_mark",), "console",
            "Every key, and what it does. Type to search.", "help"),
-    Action("lists", "Acts / rules", ("f2", "ctrl+l"), "console",
+    ConsoleAction("lists", "Acts / rules", ("f2", "ctrl+l"), "console",
            "Goes to the list of acts; pressed again, to the list of rules.", "lists"),
-    Action("next-pane", "Next pane", ("f3", "tab"), "console",
+    ConsoleAction("next-pane", "Next pane", ("f3", "tab"), "console",
            "Goes through rule, act, memory, log and scheduler.", "pane"),
-    Action("previous-pane", "Previous pane", ("shift+tab",), "console",
+    ConsoleAction("previous-pane", "Previous pane", ("shift+tab",), "console",
            "Goes through the panes the other way round."),
-    Action("jump", "Jump", ("ctrl+d",), "console",
+    ConsoleAction("jump", "Jump", ("ctrl+d",), "console",
            "Shows a letter on every list, pane and tab; that letter goes there.", "jump"),
-    Action("zoom", "Zoom", ("f4", "ctrl+j"), "console",
+    ConsoleAction("zoom", "Zoom", ("f4", "ctrl+j"), "console",
            "Gives the focused list or pane the whole screen; again: back.", "zoom"),
-    Action("filter", "Filter", ("slash",), "console",
+    ConsoleAction("filter", "Filter", ("slash",), "console",
            "Shows only rows with this text, in the focused list. Esc clears it.", "find"),
-    Action("settings", "Settings", (), "console",
+    ConsoleAction("settings", "Settings", (), "console",
            "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "", _acting),
-    Action("release", "Release the stop", ("ctrl+r",), "console",
+    ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
            "release", _releasable),
-    Action("theme", "Choose a theme", (), "console",
+    ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),
-    Action("tour", "Tour of the console", (), "console",
+    ConsoleAction("tour", "Tour of the console", (), "console",
            "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
-    Action("redraw", "Paint the screen anew", (), "console",
+    ConsoleAction("redraw", "Paint the screen anew", (), "console",
            "When something else has written over the console, or the terminal has lost a part of it."),
-    Action("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _live),
-    Action("acts.stop", "Stop the act", ("delete", "backspace"), "acts",
+    ConsoleAction("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _live),
+    ConsoleAction("acts.stop", "Stop the act", ("delete", "backspace"), "acts",
            "Stops the selected act, running or waiting.", "stop", _acts),
-    Action("rules.start", "Start the rule", ("enter",), "rules", "Starts the selected rule.", "start", _live),
-    Action("rules.stop", "Stop the rule", ("delete", "backspace"), "rules",
+    ConsoleAction("rules.start", "Start the rule", ("enter",), "rules", "Starts the selected rule.", "start", _live),
+    ConsoleAction("rules.stop", "Stop the rule", ("delete", "backspace"), "rules",
            "Stops the selected rule; acts that it started go on.", "stop", _rules),
-    Action("memory.edit", "Change the value", ("enter",), "memory",
+    ConsoleAction("memory.edit", "Change the value", ("enter",), "memory",
            "Edits the selected value in its place. The type is detected while you type: JSON has its own type, "
            "anything else is a string; \"5\" in quotes is a string too.", "edit", _memory),
-    Action("memory.add", "Add a key", ("insert",), "memory",
+    ConsoleAction("memory.add", "Add a key", ("insert",), "memory",
            "Adds a key; right after a deletion it offers what was deleted.", "add", _acting),
-    Action("memory.delete", "Delete the key", ("delete", "backspace"), "memory",
+    ConsoleAction("memory.delete", "Delete the key", ("delete", "backspace"), "memory",
            "Deletes the selected key, or the selected part of a value; undo brings it back.", "delete", _memory),
-    Action("memory.undo", "Undo the last change", ("ctrl+u",), "memory",
+    ConsoleAction("memory.undo", "Undo the last change", ("ctrl+u",), "memory",
            "Takes back the last change of the memory by this console, then the one before it. When somebody else has "
-           "changed the value since, it asks first.", "undo", _some("nothing to undo", lambda store: store.changes)),
-    Action("memory.unfold", "Unfold, or show in full", ("right",), "memory",
+           "changed the value since, it asks first.", "undo", _some("nothing to undo", lambda store: store.undo_stack)),
+    ConsoleAction("memory.unfold", "Unfold, or show in full", ("right",), "memory",
            "Shows the parts of an object or an array as rows of their own; any other value in full.", "unfold"),
-    Action("memory.fold", "Fold", ("left",), "memory", "Puts the parts of an object or an array away again."),
-    Action("memory.save", "Save as start values", (), "memory",
+    ConsoleAction("memory.fold", "Fold", ("left",), "memory", "Puts the parts of an object or an array away again."),
+    ConsoleAction("memory.save", "Save as start values", (), "memory",
            "Writes the memory as it is now into the scenario's memory file, after asking. Later sessions begin with "
            "it.", "", _start_values),
-    Action("rule.raise", "Raise the event", ("enter",), "rule",
+    ConsoleAction("rule.raise", "Raise the event", ("enter",), "rule",
            "Raises the event that the selected transition waits for.", "raise event", _live),
-    Action("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
+    ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
-    Action("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",
+    ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",
            "Moves the selected waiting task one place towards the front.", "earlier", _waiting),
-    Action("scheduler.later", "Move the task later", ("shift+down",), "scheduler",
+    ConsoleAction("scheduler.later", "Move the task later", ("shift+down",), "scheduler",
            "Moves the selected waiting task one place towards the end.", "later", _waiting),
-    Action("scheduler.front", "Move the task to the front", ("left",), "scheduler",
+    ConsoleAction("scheduler.front", "Move the task to the front", ("left",), "scheduler",
            "Moves the selected waiting task before all others; it starts next.", "to front", _waiting),
-    Action("scheduler.details", "Everything about the task", ("enter",), "scheduler",
+    ConsoleAction("scheduler.details", "Everything about the task", ("enter",), "scheduler",
            "Times, source, parameters and outcome of the selected task.", "details"),
-    Action("log.details", "Everything about the task", ("enter",), "log",
+    ConsoleAction("log.details", "Everything about the task", ("enter",), "log",
            "Times, source, parameters and outcome of the selected task; letters there copy, save and go to a time.",
            "details", _logged),
-    Action("log.follow", "Follow the newest task", ("end",), "log",
+    ConsoleAction("log.follow", "Follow the newest task", ("end",), "log",
            "Goes to the end and stays there. Scrolling up pauses; the title counts what is new.", "follow"),
-    Action("log.unfold", "Show the rules' own rows", ("right",), "log",
+    ConsoleAction("log.unfold", "Show the rules' own rows", ("right",), "log",
            "By default the log shows what people and the robot did. This shows the rules' own events, values and rules "
            "too; it stays so for later sessions.", "rules' own"),
-    Action("log.fold", "Hide the rules' own rows", ("left",), "log",
+    ConsoleAction("log.fold", "Hide the rules' own rows", ("left",), "log",
            "Only what people and the robot did: tasks of wizards and programs, acts, failures, notes."),
-    Action("log.time", "Go to a time", (), "log",
+    ConsoleAction("log.time", "Go to a time", (), "log",
            "Goes to the row nearest to a time of the session: 14:32, -30s (before now), now.", "", _logged),
-    Action("log.copy", "Copy the row", (), "log",
+    ConsoleAction("log.copy", "Copy the row", (), "log",
            "Puts the selected row on the clipboard of your terminal, also through SSH.", "", _logged),
-    Action("log.copy-all", "Copy all rows shown", (), "log",
+    ConsoleAction("log.copy-all", "Copy all rows shown", (), "log",
            "Puts the rows that the filter leaves, or all, on the clipboard of your terminal, as a table.", "", _logged),
-    Action("log.save", "Save the rows shown", (), "log",
+    ConsoleAction("log.save", "Save the rows shown", (), "log",
            "Writes the rows that the filter leaves, or all, to a file in the session's folder, or where its name says: "
            "a table (.tsv) or JSON lines (.jsonl).", "", _savable),
 )  # fmt: skip
@@ -310,22 +310,22 @@ ACTIONS: tuple[Action, ...] = (
 BY_ID = {action.id: action for action in ACTIONS}
 
 
-def at(place: Place) -> Iterator[Action]:
-    return (action for action in ACTIONS if action.place == place)
+def actions_in(place: KeyScope) -> Iterator[ConsoleAction]:
+    return (action for action in ACTIONS if action.scope == place)
 
 
-def bindings(place: Place) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
+def bindings_in(place: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
     """The key bindings of one place, as Textual takes them; each has its action's id, so that it can be remapped."""
     return [
         Binding(_bound(action), f"do('{action.id}')", action.title, id=action.id, priority=place == "everywhere")
-        for action in at(place)
+        for action in actions_in(place)
     ]
 
 
-def no_key(id: str) -> str:
+def unbound_key(id: str) -> str:
     """Stands for no key: Textual remaps only what is bound, and an action without a usual key can be given one."""
     return f"no-key-of-{id}"
 
 
-def _bound(action: Action) -> str:
-    return ",".join(action.keys) or no_key(action.id)
+def _bound(action: ConsoleAction) -> str:
+    return ",".join(action.keys) or unbound_key(action.id)

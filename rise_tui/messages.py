@@ -7,7 +7,7 @@ from textual.message import Message
 from rise_tui.model.key_action import KeyAction
 
 
-class TaskAsked(Message):
+class SubmitTask(Message):
     """A task for the engine, at once."""
 
     def __init__(self, function: str, behavior: str) -> None:
@@ -16,7 +16,7 @@ class TaskAsked(Message):
         self.behavior = behavior
 
 
-class StartAsked(Message):
+class RequestStart(Message):
     """A start by Enter on a row: subject to the same care as a key of the scenario."""
 
     def __init__(self, action: KeyAction) -> None:
@@ -24,7 +24,7 @@ class StartAsked(Message):
         self.action = action
 
 
-class ActionAsked(Message):
+class RunAction(Message):
     """A hint was clicked."""
 
     def __init__(self, action: str) -> None:
@@ -32,7 +32,7 @@ class ActionAsked(Message):
         self.action = action
 
 
-class PaneAsked(Message):
+class FocusPane(Message):
     """A tab was clicked."""
 
     def __init__(self, pane: str) -> None:
@@ -40,7 +40,7 @@ class PaneAsked(Message):
         self.pane = pane
 
 
-class Told(Message):
+class ShowNotice(Message):
     """Something to say to the wizard."""
 
     def __init__(self, text: str) -> None:
@@ -48,7 +48,7 @@ class Told(Message):
         self.text = text
 
 
-class SelectionMoved(Message):
+class ShowSelection(Message):
     """The wizard selected another act or rule."""
 
     def __init__(self, pane: str, name: str) -> None:

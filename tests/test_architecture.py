@@ -33,7 +33,7 @@ def files(package: str) -> list[Path]:
 
 
 def imported(tree: ast.AST, package: str) -> set[str]:
-    """Top-level names of what a module imports; `rise_engine.engine` in full."""
+    """Top-level names of what a module imports; `rise_engine.engine.engine` in full."""
     names: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -83,8 +83,10 @@ def test_checking_a_scenario_loads_no_console_adapter_or_ros(scenario: str) -> N
 
 
 def test_the_client_that_a_console_holds_brings_no_engine_along() -> None:
-    loaded = loaded_by("import rise_engine.link.client")
-    assert {"rise_engine.engine", "rise_engine.kernel.kernel", "asyncio"} & loaded <= {"rise_engine.kernel.kernel"}
+    loaded = loaded_by("import rise_engine.protocol.client")
+    assert {"rise_engine.engine.engine", "rise_engine.kernel.kernel", "asyncio"} & loaded <= {
+        "rise_engine.kernel.kernel"
+    }
 
 
 @pytest.mark.parametrize(
@@ -95,7 +97,7 @@ def test_the_kernel_and_the_expressions_are_pure(file: Path) -> None:
     names = imported(tree, "rise_engine")
     assert {name for name in names if name.partition(".")[0] in IMPURE_MODULES} == set()
     assert {
-        name for name in names if name.startswith(("rise_engine.engine", "rise_engine.link", "rise_engine.cli"))
+        name for name in names if name.startswith(("rise_engine.engine.engine", "rise_engine.link", "rise_engine.cli"))
     } == set()
     calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     assert calls & IMPURE_CALLS == set()

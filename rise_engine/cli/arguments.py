@@ -12,16 +12,16 @@ from typing import Any, NoReturn
 
 import click
 
-from rise_engine.bridge import BridgeError
+from rise_engine.cli.check import strict_json
+from rise_engine.cli.task_file import TaskFileError, TimedTask, read_task_file, unknown_name_sentence
+from rise_engine.engine.drivers import DriverError, ros_parameters_as_options
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import USAGE
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.inputs import Submit
-from rise_engine.reports import strict_json
-from rise_engine.robots import DriverError, parameters_as_options
+from rise_engine.ports.bridge import BridgeError
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.shipped import hint, place_of
-from rise_engine.script import ScriptError, ScriptTask, no_such, read_script
+from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 from rise_engine.text import clean
 
 
@@ -40,7 +40,7 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
     return ours, tuple(theirs)
 
 
-def with_parameters(
+def add_ros_parameters(
     ours: list[str], theirs: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:
     """Options of a command that are given as parameters of ROS (`-p robot:=pepper`, or in a file), where they stand on
@@ -50,7 +50,7 @@ def with_parameters(
 
     options = [each for each in command.params if isinstance(each, click.Option)]
     try:
-        more, theirs = parameters_as_options(
+        more, theirs = ros_parameters_as_options(
             theirs,
             switches=[each.opts[0] for each in options if each.is_flag],
             single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
@@ -64,7 +64,7 @@ def with_parameters(
     return [ours[0], *more, *ours[1:]], theirs
 
 
-def places_of(places: tuple[str, ...]) -> dict[str, str]:
+def parse_paths(places: tuple[str, ...]) -> dict[str, str]:
     """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
     named = dict(each.partition("=")[::2] for each in places)
     for kind, path in named.items():
@@ -75,27 +75,31 @@ def places_of(places: tuple[str, ...]) -> dict[str, str]:
     return named
 
 
-class UnusableError(RiseError):
+class UnusableArgument(RiseError):
     """Something on the command line cannot be used; the text says what, in one or more lines."""
 
 
-def first_tasks(
+def tasks_at_start(
     scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
 ) -> tuple[Submit, ...]:
 
     problems = [
-        f"error: --rule: {no_such('rule', name, list(scenario.rules))}" for name in rules if name not in scenario.rules
+        f"error: --rule: {unknown_name_sentence('rule', name, list(scenario.rules))}"
+        for name in rules
+        if name not in scenario.rules
     ]
     problems += [
-        f"error: --act: {no_such('act', name, list(scenario.acts))}" for name in acts if name not in scenario.acts
+        f"error: --act: {unknown_name_sentence('act', name, list(scenario.acts))}"
+        for name in acts
+        if name not in scenario.acts
     ]
     assigned: list[str] = []
     try:
-        assigned = assignments(settings)
-    except UnusableError as error:
+        assigned = parse_assignments(settings)
+    except UnusableArgument as error:
         problems.append(str(error))
     if problems:
-        raise UnusableError("\n".join(problems))
+        raise UnusableArgument("\n".join(problems))
     source = "wizard:command-line"
     return (
         *(Submit(function="assignValue", behavior=behavior, source=source) for behavior in assigned),
@@ -104,20 +108,20 @@ def first_tasks(
     )
 
 
-def assignments(settings: Sequence[str]) -> list[str]:
+def parse_assignments(settings: Sequence[str]) -> list[str]:
     """Every `--set` as an assignment. Raises UnusableError with all that cannot be used."""
     assigned, problems = [], []
     for setting in settings:
         try:
-            assigned.append(_setting(setting))
+            assigned.append(_parse_assignment(setting))
         except ValueError as error:
             problems.append(f"error: --set {setting}: {error}")
     if problems:
-        raise UnusableError("\n".join(problems))
+        raise UnusableArgument("\n".join(problems))
     return assigned
 
 
-def _setting(text: str) -> str:
+def _parse_assignment(text: str) -> str:
     """`KEY=JSON` as an assignment. Raises ValueError with a sentence."""
     key, equals, value = text.partition("=")
     key = key.strip()
@@ -141,7 +145,7 @@ def _setting(text: str) -> str:
     return behavior
 
 
-def script_of(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...], bool]:
+def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[tuple[TimedTask, ...], bool]:
     """The tasks that are known before the session starts, and whether more will come on standard input."""
     if path is None:
         return (), False
@@ -152,11 +156,11 @@ def script_of(path: str | None, *, virtual: bool) -> tuple[tuple[ScriptTask, ...
     try:
         text = _read_standard_input() if path == "-" else Path(path).read_bytes()
     except OSError as error:
-        raise UnusableError(f"error: --tasks {path}: {error.strerror or error}") from None
+        raise UnusableArgument(f"error: --tasks {path}: {error.strerror or error}") from None
     try:
-        return tuple(read_script(text, path)), False
-    except ScriptError as error:
-        raise UnusableError(str(error)) from None
+        return tuple(read_task_file(text, path)), False
+    except TaskFileError as error:
+        raise UnusableArgument(str(error)) from None
 
 
 def _read_standard_input() -> bytes:
@@ -173,7 +177,7 @@ def _read_standard_input() -> bytes:
         chunks.append(chunk)
 
 
-def number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
+def parse_number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -183,13 +187,13 @@ def number(option: str, text: str, wanted: str, most: float, *, least_excluded: 
     return value
 
 
-def require_folder(folder: str) -> str:
+def resolve_scenario(folder: str) -> str:
     """A scenario's place: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
-    folder = place_of(folder)
+    folder = resolve_study(folder)
     path = Path(folder)
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
         return folder
-    problem = f"there is no folder {folder}{hint()}"
+    problem = f"there is no folder {folder}{shipped_hint()}"
     if path.exists():
         problem = f"{folder} is no scenario: give a folder, or the path of its scenario.toml"
     return exit_with_usage(problem)

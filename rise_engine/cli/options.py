@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from rise_engine.bridge import TRANSPORTS
+from rise_engine.ports.bridge import ROS_TRANSPORTS
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -19,7 +19,7 @@ MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Anothe
 JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
 ROS = click.option(
     "--ros",
-    type=click.Choice(TRANSPORTS),
+    type=click.Choice(ROS_TRANSPORTS),
     default="auto",
     show_default=True,
     help="How ROS 2 is spoken. auto: as the robot needs it.",

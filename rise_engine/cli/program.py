@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rise_engine import __version__
-from rise_engine.cli.arguments import split_ros_args, with_parameters
+from rise_engine.cli.arguments import add_ros_parameters, split_ros_args
+from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.exit_status import INTERRUPTED
-from rise_engine.terminal import guarded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,9 +40,9 @@ class _CommandGroup(click.Group):
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        with guarded():
+        with clean_standard_streams():
             if ours[:1] == ["serve"]:
-                ours, theirs = with_parameters(ours, theirs, _command("serve"))
+                ours, theirs = add_ros_parameters(ours, theirs, _command("serve"))
             return super().main(ours, *rest, obj=theirs, **more)
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -7,10 +7,8 @@ import sys
 import click
 
 from rise_engine import exit_status
-from rise_engine.bridge import Transport, Wire
-from rise_engine.cli.arguments import exit_with_usage, number, require_folder
-from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, MODE, ROBOT, ROS
-from rise_engine.reports import (
+from rise_engine.cli.arguments import exit_with_usage, parse_number, resolve_scenario
+from rise_engine.cli.check import (
     UnusableMemoryError,
     check_report,
     doctor_report,
@@ -22,7 +20,9 @@ from rise_engine.reports import (
     schema_text,
     studies_report,
 )
-from rise_engine.terminal import write_xml
+from rise_engine.cli.options import FOLDER, FOLDER_OR_NONE, JSON, MODE, ROBOT, ROS
+from rise_engine.cli.terminal import write_xml
+from rise_engine.ports.bridge import RosConnection, RosTransport
 
 
 class _ExpressionCommand(click.Command):
@@ -63,7 +63,7 @@ def check(folder: str, as_json: bool, all_of_them: bool, robot: str | None, mode
 
     Exit status: 0 without errors (warnings may be there), 1 with errors, 2 when there is no such folder.
     """
-    folder = require_folder(folder)
+    folder = resolve_scenario(folder)
     sys.exit(check_report(folder, robot=robot, mode=mode, as_json=as_json, all_of_them=all_of_them))
 
 
@@ -116,7 +116,7 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
     With DIR, it knows the actions of that scenario and its robot too.
     """
     if folder is not None:
-        folder = require_folder(folder)
+        folder = resolve_scenario(folder)
     text = schema_text(folder, kind, robot)
     if text is None:
         sys.exit(exit_status.REFUSED)
@@ -129,7 +129,7 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
 def robots(folder: str | None, as_json: bool) -> None:
     """List the robots that a scenario can name, where each comes from and what it can do."""
     if folder is not None:
-        folder = require_folder(folder)
+        folder = resolve_scenario(folder)
     sys.exit(robots_report(folder, as_json=as_json))
 
 
@@ -139,15 +139,15 @@ def robots(folder: str | None, as_json: bool) -> None:
 @ROS
 @click.option("--seconds", metavar="N", default="3", help="How long to look for the robot at most. Default: 3.")
 @JSON
-def doctor(folder: str | None, robot: str | None, ros: Transport, seconds: str, as_json: bool) -> None:
+def doctor(folder: str | None, robot: str | None, ros: RosTransport, seconds: str, as_json: bool) -> None:
     """Say how ROS 2 stands on this machine, and whether the robot answers: of the scenario in DIR, or --robot.
 
     Nothing is sent to the robot. Exit status: 0; 1 when something is in the way; 2 when there is no such robot.
     """
     if folder is not None:
-        folder = require_folder(folder)
-    patience = number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
-    wire = Wire(ros, click.get_current_context().obj)
+        folder = resolve_scenario(folder)
+    patience = parse_number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
+    wire = RosConnection(ros, click.get_current_context().obj)
     sys.exit(doctor_report(folder, robot=robot, wire=wire, seconds=patience, as_json=as_json))
 
 

@@ -9,28 +9,28 @@ import click
 from msgspec.structs import replace
 
 from rise_engine import exit_status
-from rise_engine.bridge import BridgeError, Transport, Wire
 from rise_engine.cli.arguments import (
-    UnusableError,
+    UnusableArgument,
     exit_with_usage,
-    first_tasks,
-    number,
-    places_of,
-    require_folder,
-    script_of,
+    parse_number,
+    parse_paths,
+    read_tasks_option,
+    resolve_scenario,
+    tasks_at_start,
 )
+from rise_engine.cli.check import load_or_refuse
 from rise_engine.cli.options import FOLDER, JSON, SESSION, begin_options, session_options
+from rise_engine.cli.replay import export_report, play_report, replay_report
+from rise_engine.cli.run import RunOptions
+from rise_engine.cli.run import run as run_session
+from rise_engine.cli.sessions import print_sessions, stop_session
 from rise_engine.cli.startup_messages import print_startup
-from rise_engine.link.reports import sessions_report, stop_session
-from rise_engine.reports import load_or_refuse
-from rise_engine.robots import DriverError, RobotOptionsError
-from rise_engine.run import RunOptions
-from rise_engine.run import run as run_session
+from rise_engine.engine.drivers import DriverError, RobotOptionsError
+from rise_engine.ports.bridge import BridgeError, RosConnection, RosTransport
+from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
-from rise_engine.serve import serve as serve_session
-from rise_engine.session.reports import export_report, play_report, replay_report
-from rise_engine.session_options import SessionOptions
+from rise_engine.server.process import serve as serve_session
 
 LATEST = 30 * 86_400.0
 """Seconds: the latest --until."""
@@ -80,19 +80,19 @@ def run(
     virtual = speed == "max"
     pace = 1.0
     if not virtual:
-        pace = number("--speed", speed, "a number above 0, up to 1000000, or max", FASTEST, least_excluded=True)
+        pace = parse_number("--speed", speed, "a number above 0, up to 1000000, or max", FASTEST, least_excluded=True)
     elif session["ros"] in ("rclpy", "dds"):
         exit_with_usage(f"--ros {session['ros']} needs real time, and --speed max is virtual time")
     end = None
     if until != "idle":
-        end = number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", LATEST)
-    options = _options(require_folder(folder), speed=pace, **session)
+        end = parse_number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", LATEST)
+    options = _options(resolve_scenario(folder), speed=pace, **session)
     try:
         scenario = _load(options)
-        options = replace(options, first=first_tasks(scenario, settings, rules, acts))
+        options = replace(options, first=tasks_at_start(scenario, settings, rules, acts))
         if problem := condition_problem(scenario, options.condition):
-            raise UnusableError(f"error: --condition: {problem}")
-        script, stream = script_of(tasks, virtual=virtual)
+            raise UnusableArgument(f"error: --condition: {problem}")
+        script, stream = read_tasks_option(tasks, virtual=virtual)
         plan = RunOptions(scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict)
         sys.exit(run_session(plan))
     except BridgeError as error:
@@ -105,7 +105,7 @@ def run(
     except RobotOptionsError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(exit_status.USAGE)
-    except UnusableError as error:
+    except UnusableArgument as error:
         click.echo(str(error), err=True)
         sys.exit(exit_status.USAGE)
 
@@ -153,15 +153,15 @@ def serve(
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
     end: say --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
     """
-    pace = number("--speed", speed, "a number above 0, up to 1000000", FASTEST, least_excluded=True)
+    pace = parse_number("--speed", speed, "a number above 0, up to 1000000", FASTEST, least_excluded=True)
     if (recover or which is not None) and new:
         exit_with_usage("say either --recover or --new")
-    folder = require_folder(folder)
+    folder = resolve_scenario(folder)
     if here and not recover and which is None:
         exit_with_usage("--here goes with --recover or --session")
     options = replace(
         _options(folder, speed=pace, **session),
-        places=places_of(places),
+        places=parse_paths(places),
         name=name,
         unfinished=which or ("recover" if recover else "new" if new else "ask"),
         here=here,
@@ -169,8 +169,8 @@ def serve(
     if settings or rules or acts:
         scenario = _load(options)
         try:
-            options = replace(options, first=first_tasks(scenario, settings, rules, acts))
-        except UnusableError as error:
+            options = replace(options, first=tasks_at_start(scenario, settings, rules, acts))
+        except UnusableArgument as error:
             click.echo(str(error), err=True)
             sys.exit(exit_status.USAGE)
     sys.exit(serve_session(options, lambda word: print_startup(word, folder)))
@@ -186,7 +186,7 @@ def _options(
     faults: tuple[str, ...],
     participant: str,
     condition: str,
-    ros: Transport,
+    ros: RosTransport,
 ) -> SessionOptions:
     return SessionOptions(
         folder,
@@ -195,7 +195,7 @@ def _options(
         seed,
         speed,
         faults,
-        wire=Wire(ros, click.get_current_context().obj),
+        ros=RosConnection(ros, click.get_current_context().obj),
         participant=participant,
         condition=condition,
     )
@@ -213,7 +213,7 @@ def _load(options: SessionOptions) -> Scenario:
 @JSON
 def sessions(as_json: bool) -> None:
     """List the sessions that run on this machine."""
-    sys.exit(sessions_report(as_json=as_json))
+    sys.exit(print_sessions(as_json=as_json))
 
 
 @click.command()
@@ -244,10 +244,10 @@ def replay_session(session: str, scenario: str | None, as_json: bool, speed: str
     if speed is not None:
         if scenario is not None or as_json:
             exit_with_usage("--speed plays what was recorded: it goes with neither --scenario nor --json")
-        pace = number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
+        pace = parse_number("--speed", speed, "a number above 0, up to 1000", 1000, least_excluded=True)
         sys.exit(play_report(session, pace))
     if scenario is not None:
-        scenario = require_folder(scenario)
+        scenario = resolve_scenario(scenario)
     sys.exit(replay_report(session, scenario=scenario, as_json=as_json))
 
 

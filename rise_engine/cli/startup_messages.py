@@ -5,19 +5,19 @@ from __future__ import annotations
 import sys
 
 from rise_engine import exit_status
-from rise_engine.link.spawn import Word, Working
+from rise_engine.server.spawn import StartupProgress, StartupReport
 from rise_engine.text import clean
 
 
-def print_startup(message: Word | Working, scenario_folder: str) -> None:
+def print_startup(message: StartupReport | StartupProgress, scenario_folder: str) -> None:
     """Print it to standard error."""
-    lines = [message.sentence] if isinstance(message, Working) else _report_lines(message, scenario_folder)
+    lines = [message.sentence] if isinstance(message, StartupProgress) else _report_lines(message, scenario_folder)
     for line in lines:
         sys.stderr.write(clean(line) + "\n")
     sys.stderr.flush()
 
 
-def _report_lines(report: Word, scenario_folder: str) -> list[str]:
+def _report_lines(report: StartupReport, scenario_folder: str) -> list[str]:
     lines = [*report.lines]
     for folder, sentence in report.unfinished:
         lines += [f"  {sentence}", f"    {folder}"]

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import os
 
-from rise_engine.link.client import EngineGone, LinkLost, Role
-from rise_engine.link.program import Rejected, Session
+from rise_engine.client.session import Rejected, Session
+from rise_engine.protocol.client import EngineGone, LinkLost, Role
 
 __all__ = ["EngineGone", "LinkLost", "Rejected", "Session", "connect"]
 

@@ -3,18 +3,18 @@
 Pure: no side effects, no clock, no chance of its own, no input or output.
 """
 
-from rise_engine.expression.assignment import Assignment, store
-from rise_engine.expression.environment import Env, lookup
+from rise_engine.expression.assignment import Assignment, assigned_entry
+from rise_engine.expression.environment import Environment, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, LanguageError
 from rise_engine.expression.expression import Expression
 
 __all__ = [
     "Assignment",
-    "Env",
+    "Environment",
     "EvaluationError",
     "Expression",
     "ExpressionError",
     "LanguageError",
+    "assigned_entry",
     "lookup",
-    "store",
 ]

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-from rise_engine.expression.environment import Env
+from rise_engine.expression.environment import Environment
 from rise_engine.expression.functions import divide, power
 
-Number: TypeAlias = Callable[[Env], float]
+Number: TypeAlias = Callable[[Environment], float]
 
 
 def chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
     """A sum or a product, from left to right."""
     steps = [(_STEPS[operator], operand) for operator, operand in rest]
 
-    def run(env: Env) -> float:
+    def run(env: Environment) -> float:
         total = first(env)
         for step, operand in steps:
             total = step(total, operand(env))
@@ -24,7 +24,7 @@ def chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
     return run
 
 
-def raised(base: Number, exponent: Number) -> Number:
+def exponentiation(base: Number, exponent: Number) -> Number:
     """`base ^ exponent`."""
     return lambda env: power(base(env), exponent(env))
 

@@ -6,11 +6,11 @@ import re
 from collections.abc import Callable, Collection, Mapping
 from math import isfinite
 
-from rise_engine.expression.environment import Env, Json, list_index, lookup
+from rise_engine.expression.environment import Environment, Json, list_index, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, shortened
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
-from rise_engine.expression.values import levels, named
+from rise_engine.expression.values import described, nesting_levels
 from rise_engine.json_codec import MAX_LEVELS, JsonError, decode
 
 _BLANKS = re.compile(r"\s*")
@@ -80,9 +80,9 @@ class Assignment:
     @property
     def bare_word(self) -> str | None:
         """The right side when it is one single word: a key, or else a text that its author did not quote."""
-        return self.expression.is_bare_key if self.expression is not None else None
+        return self.expression.bare_key if self.expression is not None else None
 
-    def evaluate(self, env: Env, known_keys: Collection[str] = frozenset()) -> Json:
+    def evaluate(self, env: Environment, known_keys: Collection[str] = frozenset()) -> Json:
         """The value to store. Raises EvaluationError, also for NaN and infinity, which a memory cannot hold.
 
         A bare word that is neither in the memory nor among `known_keys` (the keys that anything in the scenario sets)
@@ -98,7 +98,7 @@ class Assignment:
             and not lookup(env.memory, word)[0]
         ):
             return word
-        value = self.expression.native(env)
+        value = self.expression.compiled_value(env)
         if isinstance(value, float) and not isfinite(value):
             shown = "no number (NaN)" if value != value else "infinite"
             raise EvaluationError(f"the result for `{self.key}` is {shown}, which the memory cannot hold", self.text)
@@ -117,7 +117,7 @@ class Assignment:
         return _restore, (self.text, self.key)
 
 
-def store(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
+def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
     """Which top-level key gets which new value when `key` is set. The memory itself is not changed.
 
     A dotted key sets the flat key of that name, unless there is none and its first part is an object (or a list): then
@@ -128,7 +128,7 @@ def store(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]
     head, *rest = key.split(".")
     if key in memory or not rest or not isinstance(memory.get(head), (dict, list)):
         return key, value
-    if len(rest) + levels(value) > MAX_LEVELS:
+    if len(rest) + nesting_levels(value) > MAX_LEVELS:
         raise EvaluationError(
             f"`{head}` would be nested too deeply: more than {MAX_LEVELS} lists and objects within each other",
             shortened(key),
@@ -141,7 +141,7 @@ def store(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]
         else:
             inner = here[_index_or_name(here, part, way, key)]
             if not isinstance(inner, (dict, list)):
-                raise EvaluationError(f"`{way}.{part}` is {named(inner)}; nothing can be set inside it", key)
+                raise EvaluationError(f"`{way}.{part}` is {described(inner)}; nothing can be set inside it", key)
             inner = inner.copy()
         here[_index_or_name(here, part, way, key)] = inner
         here = inner

@@ -6,11 +6,11 @@ import operator
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from rise_engine.expression.environment import MISSING, Env, Json
+from rise_engine.expression.environment import MISSING, Environment, Json
 from rise_engine.expression.logic import Condition
 from rise_engine.expression.values import contains, equal
 
-Operand: TypeAlias = Callable[[Env], Json]
+Operand: TypeAlias = Callable[[Environment], Json]
 Refuse: TypeAlias = Callable[[Json, Json], Exception]
 """Makes the error for two operands that do not fit."""
 
@@ -34,7 +34,7 @@ def order(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Conditi
     """`<`, `<=`, `>`, `>=` of numbers (booleans count as 1 and 0) or of texts (by code point)."""
     compare = _ORDERINGS[symbol]
 
-    def ordered(env: Env) -> bool:
+    def ordered(env: Environment) -> bool:
         a, b = left(env), right(env)
         if a is MISSING:
             a = "" if isinstance(b, str) else 0
@@ -54,7 +54,7 @@ def affix(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Conditi
     """`starts with` and `ends with` of anything."""
     test = _AFFIXES[symbol]
 
-    def holds(env: Env) -> bool:
+    def holds(env: Environment) -> bool:
         a, b = left(env), right(env)
         a = "" if a is MISSING else a
         b = "" if b is MISSING else b
@@ -68,7 +68,7 @@ def affix(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Conditi
 def includes(left: Operand, right: Operand, refuse: Refuse) -> Condition:
     """`contains`: part of a text, entry of a list, key of an object."""
 
-    def holds(env: Env) -> bool:
+    def holds(env: Environment) -> bool:
         a, b = left(env), right(env)
         try:
             return contains(a, b)

@@ -9,29 +9,29 @@ from __future__ import annotations
 from rise_engine.expression import arithmetic, comparisons, logic
 from rise_engine.expression.arithmetic import Number
 from rise_engine.expression.comparisons import Operand, Refuse
-from rise_engine.expression.environment import MISSING, Env, Json, lookup
+from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC
 from rise_engine.expression.logic import Condition
 from rise_engine.expression.nodes import (
-    Call,
     Chain,
     Compare,
-    Constant,
     Defined,
+    FunctionCall,
     Key,
     Literal,
     Logic,
+    NamedConstant,
     Negative,
     Node,
     Not,
     Power,
-    explicit,
+    with_all_brackets,
 )
-from rise_engine.expression.values import named, native_number, to_double, truth
+from rise_engine.expression.values import described, is_true, native_number, to_double
 
 
-class Compiler:
+class ExpressionCompiler:
     """Compiles the nodes of one expression, whose text goes into its errors."""
 
     __slots__ = ("text",)
@@ -46,12 +46,12 @@ class Compiler:
                 return logic.combine(operator, [self.condition(operand) for operand in operands])
             case Key(name):
 
-                def holds(env: Env) -> bool:  # not by way of `operand`: benchmarks/kernel_events shows 4 %
+                def holds(env: Environment) -> bool:  # not by way of `operand`: benchmarks/kernel_events shows 4 %
                     try:
                         value = env.memory[name]
                     except KeyError:
-                        value = env.absent(name, False)
-                    return truth(value)
+                        value = env.value_of_absent_key(name, False)
+                    return is_true(value)
 
                 return holds
             case Compare():
@@ -59,7 +59,7 @@ class Compiler:
             case Not(operand):
                 return logic.negation(self.condition(operand))
             case Literal(value):
-                fixed = truth(value)
+                fixed = is_true(value)
                 return lambda env: fixed
             case Defined(name):
                 return lambda env: lookup(env.memory, name)[0]
@@ -68,7 +68,7 @@ class Compiler:
                 return lambda env: number(env) > 0
             case _:
                 read = self.operand(node)
-                return lambda env: truth(read(env))
+                return lambda env: is_true(read(env))
 
     def comparison(self, node: Compare) -> Condition:
         operator, left, right = node
@@ -94,12 +94,12 @@ class Compiler:
             case Negative(operand):
                 return arithmetic.negative(self.number(operand))
             case Power(base, exponent):
-                return arithmetic.raised(self.number(base), self.number(exponent))
-            case Call(function, arguments) if function in NUMERIC:
+                return arithmetic.exponentiation(self.number(base), self.number(exponent))
+            case FunctionCall(function, arguments) if function in NUMERIC:
                 return arithmetic.call(NUMERIC[function], [self.number(argument) for argument in arguments])
-            case Call("rand", arguments):
+            case FunctionCall("rand", arguments):
                 return self.rand([self.number(argument) for argument in arguments])
-            case Call("length", (argument,)):
+            case FunctionCall("length", (argument,)):
                 return self.length(argument)
             case Logic() | Not() | Compare() | Defined():
                 condition = self.condition(node)
@@ -112,16 +112,16 @@ class Compiler:
         match node:
             case Key(name):
 
-                def read(env: Env) -> Json:
+                def read(env: Environment) -> Json:
                     try:
                         return env.memory[name]
                     except KeyError:
-                        return env.absent(name, MISSING)
+                        return env.value_of_absent_key(name, MISSING)
 
                 return read
             case Literal(value):
                 return lambda env: value
-            case Constant(name):
+            case NamedConstant(name):
                 constant = CONSTANTS[name]
                 return lambda env: env.memory.get(name, constant)
             case Negative(Literal(value)) if value.__class__ is int:
@@ -129,7 +129,7 @@ class Compiler:
                 return lambda env: opposite
             case Logic() | Not() | Compare() | Defined():
                 return self.condition(node)
-            case Call("lower", (argument,)):
+            case FunctionCall("lower", (argument,)):
                 return self.lower(argument)
             case _:
                 return self.number(node)
@@ -139,14 +139,14 @@ class Compiler:
         operand = self.operand(node)
         if isinstance(node, Key):
 
-            def stored(env: Env) -> Json:
+            def stored(env: Environment) -> Json:
                 value = operand(env)
                 return None if value is MISSING else value
 
             return stored
-        if isinstance(node, (Chain, Negative, Power, Call)):
+        if isinstance(node, (Chain, Negative, Power, FunctionCall)):
 
-            def computed(env: Env) -> Json:
+            def computed(env: Environment) -> Json:
                 value = operand(env)
                 return native_number(value) if value.__class__ is float else value
 
@@ -154,11 +154,11 @@ class Compiler:
         return operand
 
     def key_number(self, name: str) -> Number:
-        def run(env: Env) -> float:
+        def run(env: Environment) -> float:
             try:
                 value = env.memory[name]
             except KeyError:
-                value = env.absent(name, 0)
+                value = env.value_of_absent_key(name, 0)
             if value.__class__ is float:
                 return value
             if isinstance(value, (int, float)):
@@ -170,7 +170,7 @@ class Compiler:
     def checked_number(self, node: Node) -> Number:
         operand = self.operand(node)
 
-        def run(env: Env) -> float:
+        def run(env: Environment) -> float:
             value = operand(env)
             if isinstance(value, (int, float)):
                 return to_double(value)
@@ -181,7 +181,7 @@ class Compiler:
     def rand(self, bounds: list[Number]) -> Number:
         """`rand(max)` or `rand(min, max)`: draws exactly one number from the session's source."""
 
-        def run(env: Env) -> float:
+        def run(env: Environment) -> float:
             values = [bound(env) for bound in bounds]
             if env.rand is None:
                 raise EvaluationError("there is no source of chance here, so `rand` has no value", self.text)
@@ -193,26 +193,26 @@ class Compiler:
     def length(self, node: Node) -> Number:
         operand = self.operand(node)
 
-        def run(env: Env) -> float:
+        def run(env: Environment) -> float:
             value = operand(env)
             if value is MISSING:
                 return 0.0
             if isinstance(value, (str, list, dict)):
                 return float(len(value))
-            raise EvaluationError(f"`{explicit(node)}` is {named(value)}, which has no length", self.text)
+            raise EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which has no length", self.text)
 
         return run
 
     def lower(self, node: Node) -> Operand:
         operand = self.operand(node)
 
-        def run(env: Env) -> str:
+        def run(env: Environment) -> str:
             value = operand(env)
             if value is MISSING:
                 return ""
             if isinstance(value, str):
                 return value.lower()
-            raise EvaluationError(f"`{explicit(node)}` is {named(value)}, which is not a text", self.text)
+            raise EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which is not a text", self.text)
 
         return run
 
@@ -221,9 +221,11 @@ class Compiler:
 
         def error(left: Json, right: Json) -> EvaluationError:
             action = "order" if node.operator in ("<", "<=", ">", ">=") else f"use `{node.operator}` on"
-            return EvaluationError(f"cannot {action} {named(left)} and {named(right)} in `{explicit(node)}`", self.text)
+            return EvaluationError(
+                f"cannot {action} {described(left)} and {described(right)} in `{with_all_brackets(node)}`", self.text
+            )
 
         return error
 
     def not_a_number(self, node: Node, value: Json) -> EvaluationError:
-        return EvaluationError(f"`{explicit(node)}` is {named(value)}, which is not a number", self.text)
+        return EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which is not a number", self.text)

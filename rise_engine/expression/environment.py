@@ -24,7 +24,7 @@ class Missing:
 MISSING: Final = Missing()
 
 
-class Env:
+class Environment:
     """The argument of a compiled expression. Build one, keep it, and change the memory behind it.
 
     `memory` is a plain dict in the engine; `rand` gives the next number in [0, 1) (null: `rand()` is an evaluation
@@ -43,7 +43,7 @@ class Env:
         self.rand = rand
         self.missing = missing
 
-    def absent(self, key: str, default: Json) -> Json:
+    def value_of_absent_key(self, key: str, default: Json) -> Json:
         """The value of a key that is no flat key: from within an object, or else `default`, and it is reported."""
         if "." in key:
             found, value = lookup(self.memory, key)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, MutableSet
 from functools import cached_property
 
 from rise_engine.expression import nodes
-from rise_engine.expression.compiler import Compiler
-from rise_engine.expression.environment import Env, Json
+from rise_engine.expression.compiler import ExpressionCompiler
+from rise_engine.expression.environment import Environment, Json
 from rise_engine.expression.parser import parse
 
 
@@ -15,7 +15,7 @@ class Expression:
     """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is.
 
     `condition` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
-    `Env` and calls them directly. They raise EvaluationError when a value does not fit, and nothing else.
+    `Environment` and calls them directly. They raise EvaluationError when a value does not fit, and nothing else.
     """
 
     text: str
@@ -49,27 +49,27 @@ class Expression:
         return cls(text, parsed.root, frozenset(parsed.keys), frozenset(parsed.constants))
 
     @cached_property
-    def condition(self) -> Callable[[Env], bool]:
+    def compiled_condition(self) -> Callable[[Environment], bool]:
         """Compiled: whether it holds."""
-        return Compiler(self.text).condition(self.root)
+        return ExpressionCompiler(self.text).condition(self.root)
 
     @cached_property
-    def native(self) -> Callable[[Env], Json]:
+    def compiled_value(self) -> Callable[[Environment], Json]:
         """Compiled: its value in its own type. Lists and objects are the memory's own, never to be changed in place."""
-        return Compiler(self.text).value(self.root)
+        return ExpressionCompiler(self.text).value(self.root)
 
     @cached_property
-    def explicit(self) -> str:
+    def with_all_brackets(self) -> str:
         """The same expression with all brackets written out."""
-        return nodes.explicit(self.root)
+        return nodes.with_all_brackets(self.root)
 
     @cached_property
-    def values(self) -> frozenset[str]:
+    def keys_read(self) -> frozenset[str]:
         """Those of `keys` whose value is read; of the others it is only asked whether they are `defined`."""
         return self.keys if "defined" not in self.text else frozenset(nodes.read_keys(self.root))
 
     @property
-    def is_bare_key(self) -> str | None:
+    def bare_key(self) -> str | None:
         """The key, when the expression is nothing but one (also in brackets)."""
         return self.root.name if isinstance(self.root, nodes.Key) else None
 
@@ -84,7 +84,7 @@ class Expression:
         `rand` gives numbers in [0, 1) (without it, `rand(...)` is an EvaluationError); keys that do not exist are added
         to `missing`.
         """
-        return self.condition(Env(memory, rand, missing))
+        return self.compiled_condition(Environment(memory, rand, missing))
 
     def value(
         self,
@@ -97,7 +97,7 @@ class Expression:
         >>> Expression.parse("n / 2 + 1").value({"n": 3})
         2.5
         """
-        return self.native(Env(memory, rand, missing))
+        return self.compiled_value(Environment(memory, rand, missing))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Expression) and self.text == other.text

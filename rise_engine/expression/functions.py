@@ -13,7 +13,7 @@ from math import copysign, inf, nan
 CONSTANTS = {"pi": math.pi, "e": math.e, "r2d": 180 / math.pi, "d2r": math.pi / 180}
 """`r2d` turns radians into degrees when multiplied, `d2r` the reverse. A memory key of the same name hides them."""
 
-MANY = 1000
+ANY_NUMBER_OF_ARGUMENTS = 1000
 """Upper bound for functions that take any number of arguments."""
 
 
@@ -111,8 +111,8 @@ NUMERIC: dict[str, Callable[..., float]] = {
 ARITY: dict[str, tuple[int, int]] = {
     **dict.fromkeys(NUMERIC, (1, 1)),
     "atan2": (2, 2),
-    "min": (2, MANY),
-    "max": (2, MANY),
+    "min": (2, ANY_NUMBER_OF_ARGUMENTS),
+    "max": (2, ANY_NUMBER_OF_ARGUMENTS),
     "pow": (2, 2),
     "lerp": (3, 3),
     "clamp": (3, 3),

@@ -17,7 +17,7 @@ class Key(NamedTuple):
     name: str
 
 
-class Constant(NamedTuple):
+class NamedConstant(NamedTuple):
     """`pi`, `e`, `r2d` or `d2r`: a memory key of the same name hides it."""
 
     name: str
@@ -64,14 +64,16 @@ class Power(NamedTuple):
     exponent: Node
 
 
-class Call(NamedTuple):
+class FunctionCall(NamedTuple):
     function: str
     arguments: tuple[Node, ...]
 
 
-Node: TypeAlias = Literal | Key | Constant | Defined | Not | Negative | Logic | Compare | Chain | Power | Call
+Node: TypeAlias = (
+    Literal | Key | NamedConstant | Defined | Not | Negative | Logic | Compare | Chain | Power | FunctionCall
+)
 
-_ATOMS = (Literal, Key, Constant, Defined, Call)
+_ATOMS = (Literal, Key, NamedConstant, Defined, FunctionCall)
 
 
 def children(node: Node) -> Iterator[Node]:
@@ -79,7 +81,7 @@ def children(node: Node) -> Iterator[Node]:
     match node:
         case Not(operand) | Negative(operand):
             yield operand
-        case Logic(_, operands) | Call(_, operands):
+        case Logic(_, operands) | FunctionCall(_, operands):
             yield from operands
         case Compare(_, left, right) | Power(left, right):
             yield left
@@ -111,7 +113,7 @@ def read_keys(node: Node) -> Iterator[str]:
         waiting.extend(children(at))
 
 
-def rebuild(node: Node, change: Callable[[Node], Node]) -> Node:
+def map_children(node: Node, change: Callable[[Node], Node]) -> Node:
     """The same node with `change` applied to each of its children."""
     match node:
         case Not(operand):
@@ -120,8 +122,8 @@ def rebuild(node: Node, change: Callable[[Node], Node]) -> Node:
             return Negative(change(operand))
         case Logic(operator, operands):
             return Logic(operator, tuple(map(change, operands)))
-        case Call(function, arguments):
-            return Call(function, tuple(map(change, arguments)))
+        case FunctionCall(function, arguments):
+            return FunctionCall(function, tuple(map(change, arguments)))
         case Compare(operator, left, right):
             return Compare(operator, change(left), change(right))
         case Power(base, exponent):
@@ -132,10 +134,10 @@ def rebuild(node: Node, change: Callable[[Node], Node]) -> Node:
             return node
 
 
-def explicit(node: Node) -> str:
+def with_all_brackets(node: Node) -> str:
     """The expression with brackets around every part, keywords spelt as words and equality as `==`."""
     match node:
-        case Key(name) | Constant(name):
+        case Key(name) | NamedConstant(name):
             return name
         case Literal(value):
             return literal_text(value)
@@ -153,8 +155,8 @@ def explicit(node: Node) -> str:
             return _bracketed(first) + "".join(f" {operator} {_bracketed(operand)}" for operator, operand in rest)
         case Power(base, exponent):
             return f"{_bracketed(base)} ^ {_bracketed(exponent)}"
-        case Call(function, arguments):
-            return f"{function}({', '.join(map(explicit, arguments))})"
+        case FunctionCall(function, arguments):
+            return f"{function}({', '.join(map(with_all_brackets, arguments))})"
 
 
 def literal_text(value: bool | int | float | str | None) -> str:
@@ -178,7 +180,7 @@ def number_text(value: int | float) -> str:
 
 
 def _bracketed(node: Node) -> str:
-    text = explicit(node)
+    text = with_all_brackets(node)
     return text if isinstance(node, _ATOMS) else f"({text})"
 
 

@@ -7,18 +7,18 @@ unknown function, an operator without operand) is refused here.
 
 from __future__ import annotations
 
-from rise_engine.expression import mistakes
+from rise_engine.expression import parse_errors
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.functions import ARITY, CONSTANTS
 from rise_engine.expression.nodes import (
-    Call,
     Chain,
     Compare,
-    Constant,
     Defined,
+    FunctionCall,
     Key,
     Literal,
     Logic,
+    NamedConstant,
     Negative,
     Node,
     Not,
@@ -64,10 +64,10 @@ def parse(text: str) -> Parsed:
     try:
         root = parser.whole()
     except RecursionError:  # the caller's own stack was nearly full
-        raise mistakes.too_deep(text, 0) from None
+        raise parse_errors.too_deep_error(text, 0) from None
     # Too shallow to be too deep: a level of the tree needs at least one token.
     if len(parser.tokens) > MAX_DEPTH and depth(root) > MAX_DEPTH:
-        raise mistakes.too_deep(text, 0)
+        raise parse_errors.too_deep_error(text, 0)
     return Parsed(root, parser.keys, parser.constants)
 
 
@@ -85,14 +85,14 @@ class _Parser:
     def whole(self) -> Node:
         root = self.expression(_OR)
         if self.tokens[self.at].kind != "end":
-            raise mistakes.stray(self.text, self.tokens, self.at)
+            raise parse_errors.stray_token_error(self.text, self.tokens, self.at)
         return root
 
     def expression(self, loosest: int) -> Node:
         """An expression of operators that bind at least as tightly as `loosest`."""
         self.nesting += 1
         if self.nesting > MAX_NESTING:
-            raise mistakes.too_deep(self.text, self.tokens[self.at].start)
+            raise parse_errors.too_deep_error(self.text, self.tokens[self.at].start)
         left = self.operand(loosest)
         tokens = self.tokens
         while True:
@@ -130,7 +130,7 @@ class _Parser:
         following = self.tokens[self.at]
         again = _LEVEL.get(following.kind) == level
         if again or (level == _ORDERING and following.kind == "word" and following.value in _WORD_OPERATORS):
-            raise mistakes.chained(self.text, result, following)
+            raise parse_errors.chained_comparison_error(self.text, result, following)
         return result
 
     def word_operator(self) -> str:
@@ -162,7 +162,7 @@ class _Parser:
         if kind == "(":
             inner = self.expression(_OR)
             if self.tokens[self.at].kind != ")":
-                raise mistakes.unclosed(self.text, self.tokens, self.at, token)
+                raise parse_errors.unclosed_bracket_error(self.text, self.tokens, self.at, token)
             self.at += 1
             return inner
         if kind == "not":
@@ -173,22 +173,22 @@ class _Parser:
         if kind == "+" and self.tokens[self.at].kind == "number":  # RISE reads `+3` as 3
             self.at += 1
             return Literal(self.tokens[self.at - 1].value)
-        raise mistakes.no_operand(self.text, self.tokens, self.at - 1)
+        raise parse_errors.missing_operand_error(self.text, self.tokens, self.at - 1)
 
     def name(self, token: Token) -> Node:
         name: str = token.value
         if name in CONSTANTS:
             self.constants.add(name)
-            return Constant(name)
-        if mistakes.is_capitalised(name):
-            raise mistakes.capitalised(self.text, token)
+            return NamedConstant(name)
+        if parse_errors.is_reserved_in_wrong_case(name):
+            raise parse_errors.wrong_case_error(self.text, token)
         self.keys.add(name)
         return Key(name)
 
     def call(self, token: Token) -> Node:
         name: str = token.value
         if name not in ARITY:
-            raise mistakes.unknown_function(self.text, token)
+            raise parse_errors.unknown_function_error(self.text, token)
         first = self.at = self.at + 1
         if name == "defined":
             return self.defined(token)
@@ -199,12 +199,12 @@ class _Parser:
                 self.at += 1
                 arguments.append(self.expression(_OR))
             if self.tokens[self.at].kind != ")":
-                raise mistakes.unclosed(self.text, self.tokens, self.at, self.tokens[first - 1])
+                raise parse_errors.unclosed_bracket_error(self.text, self.tokens, self.at, self.tokens[first - 1])
         least, most = ARITY[name]
         if not least <= len(arguments) <= most:
-            raise mistakes.wrong_arity(self.text, token, len(arguments), self.tokens[first : self.at])
+            raise parse_errors.argument_count_error(self.text, token, len(arguments), self.tokens[first : self.at])
         self.at += 1
-        return Call(name, tuple(arguments))
+        return FunctionCall(name, tuple(arguments))
 
     def defined(self, token: Token) -> Node:
         key, closing = self.tokens[self.at], self.tokens[min(self.at + 1, len(self.tokens) - 1)]

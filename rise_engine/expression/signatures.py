@@ -14,7 +14,7 @@ class Signature(NamedTuple):
     name: str
     written: tuple[str, ...]
     """Each way to call it."""
-    says: str
+    meaning: str
     """Its result and its arguments, with their units."""
     example: str
     result: str

@@ -9,7 +9,7 @@ from rise_engine.expression.environment import MISSING, Json
 from rise_engine.json_codec import MAX_LEVELS
 
 
-def truth(value: Json) -> bool:
+def is_true(value: Json) -> bool:
     """A number is true when it is above 0; a string, list or object when it is not empty; null never."""
     if value.__class__ is bool:
         return bool(value)
@@ -18,7 +18,7 @@ def truth(value: Json) -> bool:
     return bool(value)
 
 
-def levels(value: Json) -> int:
+def nesting_levels(value: Json) -> int:
     """How many lists and objects are within each other; counting ends just beyond MAX_LEVELS."""
     layer = [value]
     for level in range(MAX_LEVELS + 1):
@@ -83,7 +83,7 @@ def contains(whole: Json, part: Json) -> bool:
     raise TypeError
 
 
-def named(value: Json) -> str:
+def described(value: Json) -> str:
     """A value in a message."""
     if value is MISSING:
         return "a key that does not exist"

@@ -8,42 +8,42 @@ from typing import Any, Concatenate, ParamSpec, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.expression import Env, lookup
-from rise_engine.kernel.chance import Chance
+from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.rng import Rng
 from rise_engine.scenario.model import Scenario
 
-Fields = ParamSpec("Fields")
+RecordFields = ParamSpec("RecordFields")
 
 
-class Topic:
+class EventTopic:
     """An event topic: one object for all who raise it or wait for it."""
 
-    __slots__ = ("line", "name", "shown")
+    __slots__ = ("name", "wait_list", "with_slash")
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.shown = "/" + name
+        self.with_slash = "/" + name
         """As records show it."""
-        self.line: dict[Any, Any] = {}
-        """Who waits for it (`rise_engine.kernel.program.Line`)."""
+        self.wait_list: dict[Any, Any] = {}
+        """Who waits for it (`rise_engine.kernel.compiled_rules.WaitList`)."""
 
 
-class Topics(dict[str, Topic]):
+class EventTopics(dict[str, EventTopic]):
     """The topics that the scenario names, each under both ways to write it: with and without slash."""
 
-    def named(self, name: str) -> Topic:
+    def get_or_add(self, name: str) -> EventTopic:
         """The one object for a topic (without slash), made if there is none yet."""
         if name not in self:
-            self[name] = self["/" + name] = Topic(name)
+            self[name] = self["/" + name] = EventTopic(name)
         return self[name]
 
 
 Cause: TypeAlias = "tuple[str, Cause] | None"
 """What led to something within one go: the rule whose step it was, and what had led to that step. Null: an input."""
 
-Event: TypeAlias = tuple[Topic, str, Cause]
+QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
 """Raised and not yet routed: the topic, its source, and what it comes of."""
 
 
@@ -57,18 +57,18 @@ class Task(Struct):
     source: str
     ref: str | None = None
     status: TaskStatus = "PENDING"
-    cue: float | None = None
+    cue_at: float | None = None
     """As the fields of `TimingRecord`, from here on; of acts only."""
-    pressed: float | None = None
-    accepted: float = 0.0
-    started: float | None = None
-    robot: float | None = None
+    key_at: float | None = None
+    accepted_at: float = 0.0
+    started_at: float | None = None
+    robot_at: float | None = None
 
 
 class TimerTarget(Struct, frozen=True):
     """What a timer is for. `what`: after, wait, limit, cancel, stop or filler."""
 
-    what: str
+    purpose: str
     owner: str = ""
     """The rule's name, or the task's id."""
     item: str = ""
@@ -80,41 +80,41 @@ class Core:
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self.scenario = scenario
-        self.chance = Chance(seed)
+        self.rng = Rng(seed)
         self.t = 0.0
         self.seq = 0
-        self.step = 0
+        self.macrostep = 0
         """Counts inputs: what happens within one of them happens in one go."""
-        self.resumed = -1
+        self.continued_macrostep = -1
         """The last go (by `step`) that took in more than one input: timers of one moment are one go."""
         self.cause: Cause = None
         """What the things that happen now come of."""
         self.records: list[AnyRecord] = []
         self.commands: list[Command] = []
-        self.topics = Topics()
+        self.topics = EventTopics()
         for name in scenario.topics:
-            self.topics.named(name)
-        self.events: deque[Event] = deque()
+            self.topics.get_or_add(name)
+        self.events: deque[QueuedEvent] = deque()
         self.next_task = 1
         self.next_timer = 1
         self.timers: dict[int, TimerTarget] = {}
-        self.noticed: set[str] = set()
+        self.reported_missing: set[str] = set()
         """Keys whose absence has been recorded; it is said once."""
-        self.cue: float | None = None
+        self.open_cue_at: float | None = None
         """The participant's cue that has not been answered yet."""
-        self.pressed: float | None = None
+        self.key_at: float | None = None
         """When the key was pressed that this step came of."""
         self.memory: dict[str, Any] = {}
-        self.env = Env(self.memory, self.chance.fraction, set())
+        self.env = Environment(self.memory, self.rng.fraction, set())
         """What expressions see: the memory, and where they report keys that do not exist."""
 
     # --- outputs ---
 
     def emit(
         self,
-        kind: Callable[Concatenate[int, float, str, Fields], AnyRecord],
-        *fields: Fields.args,
-        **named: Fields.kwargs,
+        kind: Callable[Concatenate[int, float, str, RecordFields], AnyRecord],
+        *fields: RecordFields.args,
+        **named: RecordFields.kwargs,
     ) -> None:
         """Put out a record of `kind` with these fields; `Kernel.handle` numbers it, and the engine fills in `wall`.
 
@@ -128,7 +128,7 @@ class Core:
         self.next_task += 1
         return task
 
-    def task_record(self, task: Task, reason: str = "", position: int | None = None) -> None:
+    def record_task(self, task: Task, reason: str = "", position: int | None = None) -> None:
         """Record what has become of a task that lasts."""
         self.emit(
             TaskRecord,
@@ -160,12 +160,12 @@ class Core:
             TaskRecord(0, self.t, "", id, function, behavior, calling_type, source, status, reason, None, ref)
         )
 
-    def note(self, text: str, source: str = "engine") -> None:
+    def record_note(self, text: str, source: str = "engine") -> None:
         self.emit(NoteRecord, text, source)
 
     # --- events that the engine itself raises ---
 
-    def raise_if_named(self, topic: str) -> None:
+    def raise_event_if_named(self, topic: str) -> None:
         """An event of the engine that no rule of the scenario names leaves no record (semantics.md 6.1)."""
         if topic in self.scenario.topics:
             self.events.append((self.topics[topic], "engine", self.cause))
@@ -194,7 +194,7 @@ class Core:
         missing = self.env.missing
         if not missing:
             return ()
-        new = tuple(sorted(missing - self.noticed))
-        self.noticed.update(new)
+        new = tuple(sorted(missing - self.reported_missing))
+        self.reported_missing.update(new)
         missing.clear()
         return new

@@ -13,7 +13,6 @@ from typing import Any, Literal, TypeAlias
 
 from rise_engine.kernel.commands import Command
 from rise_engine.kernel.core import Core
-from rise_engine.kernel.functions import Functions
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
@@ -31,7 +30,8 @@ from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, Se
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
-from rise_engine.kernel.wizard import Wizard
+from rise_engine.kernel.task_handlers import TaskHandlers
+from rise_engine.kernel.wizard_marks import WizardMarks
 from rise_engine.scenario.model import Scenario
 
 _SessionStatus: TypeAlias = Literal["started", "recovered", "ended"]
@@ -48,11 +48,11 @@ class Kernel:
         self.participant = self.condition = ""
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
-        self.wizard = Wizard(self.core)
-        self.scheduler = Scheduler(self.core, self.wizard)
-        self._functions = Functions(self.core, self.scheduler, self.stop, self.wizard)
-        self.rules = self._functions.rules
-        self._inputs: dict[type, Callable[[Any], None]] = {
+        self.wizard_marks = WizardMarks(self.core)
+        self.scheduler = Scheduler(self.core, self.wizard_marks)
+        self._handlers = TaskHandlers(self.core, self.scheduler, self.stop, self.wizard_marks)
+        self.rules = self._handlers.rules
+        self._input_handlers: dict[type, Callable[[Any], None]] = {
             ActionReport: self._action_reported,
             TimerElapsed: self._timer_elapsed,
             RobotChanged: self._robot_changed,
@@ -65,7 +65,7 @@ class Kernel:
         }
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """True while an act runs or waits, or a stop is not yet confirmed. Rules that wait do not count."""
         return bool(self.scheduler.runner.runs or self.scheduler.waiting) or self.stop.status == "requested"
 
@@ -95,26 +95,26 @@ class Kernel:
         kind = type(input)
         if input.t > core.t:
             core.t = input.t
-            core.step += 1
+            core.macrostep += 1
         elif kind is not TimerElapsed:  # timers of one moment are one go: a loop of empty waits is a runaway too
-            core.step += 1
+            core.macrostep += 1
         else:
-            core.resumed = core.step
+            core.continued_macrostep = core.macrostep
         core.cause = None
         records: list[AnyRecord] = []
         commands: list[Command] = []
         core.records, core.commands = records, commands
         if kind is Submit:
             pressed: float | None = input.pressed  # type: ignore[union-attr]
-            core.pressed = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
-            functions = self._functions
-            (functions.by_name.get(input.function) or functions.unknown)(input)  # type: ignore[union-attr, arg-type]
+            core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
+            functions = self._handlers
+            (functions.by_name.get(input.function) or functions.reject_unknown)(input)  # type: ignore[union-attr, arg-type]
             if input.source.startswith("wizard:"):  # type: ignore[union-attr]
-                self.wizard.done(records[0])  # type: ignore[arg-type]
+                self.wizard_marks.note_task(records[0])  # type: ignore[arg-type]
         else:
-            core.pressed = None
-            self._inputs[kind](input)
-        self.rules.settle()
+            core.key_at = None
+            self._input_handlers[kind](input)
+        self.rules.run_to_completion()
         number = core.seq
         for record in records:  # the one place that gives records their numbers
             number += 1
@@ -136,11 +136,11 @@ class Kernel:
             seed=self.seed,
             t=core.t,
             seq=core.seq,
-            rng=core.chance.state,
+            rng=core.rng.state,
             next_task=core.next_task,
             next_timer=core.next_timer,
             timers=core.timers,
-            noticed=sorted(core.noticed),
+            noticed=sorted(core.reported_missing),
             memory=core.memory,
             rules=self.rules.snapshot(),
             waiting=self.scheduler.waiting,
@@ -149,8 +149,8 @@ class Kernel:
             robot_lost=runner.robot_lost,
             stop=self.stop.status,
             stop_timer=self.stop.timer,
-            wizard=self.wizard.state,
-            cue=core.cue,
+            wizard=self.wizard_marks.state,
+            cue=core.open_cue_at,
             participant=self.participant,
             condition=self.condition,
         ).copy()
@@ -170,10 +170,10 @@ class Kernel:
     def _restore(self, snapshot: Snapshot) -> None:
         core, runner = self.core, self.scheduler.runner
         core.t, core.seq = snapshot.t, snapshot.seq
-        core.chance.state = snapshot.rng
+        core.rng.state = snapshot.rng
         core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
         core.timers = snapshot.timers
-        core.noticed = set(snapshot.noticed)
+        core.reported_missing = set(snapshot.noticed)
         core.memory.update(snapshot.memory)
         self.rules.restore(snapshot.rules)
         self.scheduler.waiting = snapshot.waiting
@@ -181,7 +181,7 @@ class Kernel:
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
-        self.wizard.state, core.cue = snapshot.wizard, snapshot.cue
+        self.wizard_marks.state, core.open_cue_at = snapshot.wizard, snapshot.cue
         self.participant, self.condition = snapshot.participant, snapshot.condition
 
     # --- inputs other than tasks ---
@@ -193,21 +193,21 @@ class Kernel:
         target = self.core.timers.pop(input.timer, None)
         if target is None:
             return  # cancelled meanwhile
-        if target.what == "after":
+        if target.purpose == "after":
             self.rules.timer_elapsed(input.timer, target)
-        elif target.what == "stop":
-            self.stop.limit_passed()
-        elif target.what == "filler":
-            self._filler_wanted()
+        elif target.purpose == "stop":
+            self.stop.time_out()
+        elif target.purpose == "filler":
+            self._start_due_filler()
         else:
             self.scheduler.runner.timer_elapsed(target, input.timer)
 
-    def _filler_wanted(self) -> None:
+    def _start_due_filler(self) -> None:
         """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""
-        self.wizard.state.filler_timer = None
-        name = self.wizard.next_filler()
-        if name is not None and not self.busy and not self.stop.latched:
-            self._functions.start_filler(name, "engine")
+        self.wizard_marks.state.filler_timer = None
+        name = self.wizard_marks.next_filler()
+        if name is not None and not self.is_busy and not self.stop.latched:
+            self._handlers.start_filler(name, "engine")
 
     def _robot_changed(self, input: RobotChanged) -> None:
         self.core.emit(RobotRecord, input.status, input.detail)
@@ -217,31 +217,31 @@ class Kernel:
             self.scheduler.runner.robot_lost = None
 
     def _stop_reported(self, input: StopReport) -> None:
-        self.stop.answered(input.confirmed, input.unconfirmed)
+        self.stop.record_answer(input.confirmed, input.unconfirmed)
 
     def _note(self, input: Note) -> None:
-        self.core.note(input.text, input.source)
+        self.core.record_note(input.text, input.source)
 
     def _control_changed(self, input: ControlChanged) -> None:
         self.core.emit(ControlRecord, input.status, input.by, input.holder)
 
     def _session_started(self, input: SessionStarted) -> None:
         self.participant, self.condition = input.participant, input.condition
-        self._session("started", input.versions)
-        self.rules.memory.begin()
+        self._record_session("started", input.versions)
+        self.rules.memory.load_start_values()
 
     def _session_recovered(self, input: SessionRecovered) -> None:
         """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
-        self._session("recovered", input.versions, input.reason)
+        self._record_session("recovered", input.versions, input.reason)
         self.scheduler.runner.lose_running("the engine was restarted while it ran")
-        self.wizard.no_filler()
+        self.wizard_marks.cancel_filler()
         if self.stop.status == "requested":  # its answer went to the engine that has gone
             self.stop.ask_robot()
 
     def _session_ended(self, input: SessionEnded) -> None:
-        self._session("ended", {}, input.reason)
+        self._record_session("ended", {}, input.reason)
 
-    def _session(self, status: _SessionStatus, versions: dict[str, str], reason: str = "") -> None:
+    def _record_session(self, status: _SessionStatus, versions: dict[str, str], reason: str = "") -> None:
         scenario = self.scenario
         self.core.emit(
             SessionRecord,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rise_engine.expression import Assignment, lookup, store
+from rise_engine.expression import Assignment, assigned_entry, lookup
 from rise_engine.kernel.core import Core
 from rise_engine.kernel.records import MemoryRecord
 
@@ -15,35 +15,37 @@ class WorkingMemory:
 
     def __init__(self, core: Core, changed: Callable[[str], None]) -> None:
         self._core = core
-        self._changed = changed
+        self._on_change = changed
         """Called with each key that was written: rules may be watching it."""
-        self._known = core.scenario.known_keys
+        self._known_keys = core.scenario.known_keys
 
-    def begin(self) -> None:
+    def load_start_values(self) -> None:
         """Take in the scenario's start values, recorded with the source `file`."""
         for key, value in self._core.scenario.memory.items():
             self.write(key, value, "file")
 
-    def knows(self, word: str) -> bool:
+    def is_key(self, word: str) -> bool:
         """Whether a bare word is a key: one that exists, or that something in the scenario sets."""
-        return lookup(self._core.memory, word)[0] or word.partition(".")[0] in self._known or word in self._known
+        return (
+            lookup(self._core.memory, word)[0] or word.partition(".")[0] in self._known_keys or word in self._known_keys
+        )
 
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
         """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""
         core = self._core
         env = core.env
         if len(assignments) == 1:
-            written = [store(core.memory, assignments[0].key, assignments[0].evaluate(env, self._known))]
+            written = [assigned_entry(core.memory, assignments[0].key, assignments[0].evaluate(env, self._known_keys))]
         else:
             written = []
             so_far = dict(core.memory)
             for assignment in assignments:
-                key, value = store(so_far, assignment.key, assignment.evaluate(env, self._known))
+                key, value = assigned_entry(so_far, assignment.key, assignment.evaluate(env, self._known_keys))
                 so_far[key] = value
                 written.append((key, value))
         if core.env.missing:
             for key in core.newly_missing():
-                core.note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
+                core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
         return written
 
     def assign(self, written: list[tuple[str, Any]], source: str) -> None:
@@ -57,10 +59,10 @@ class WorkingMemory:
         old = memory.get(key)
         memory[key] = value
         core.emit(MemoryRecord, key, value, old, source, created=created)
-        self._changed(key)
+        self._on_change(key)
 
     def delete(self, key: str, source: str) -> None:
         core = self._core
         old = core.memory.pop(key)
         core.emit(MemoryRecord, key, None, old, source, deleted=True)
-        self._changed(key)
+        self._on_change(key)

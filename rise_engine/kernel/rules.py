@@ -20,20 +20,20 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from rise_engine.expression import EvaluationError
-from rise_engine.kernel.core import Cause, Core, Task, TimerTarget, Topic
-from rise_engine.kernel.memory import WorkingMemory
-from rise_engine.kernel.program import (
+from rise_engine.kernel.compiled_rules import (
     ASSIGN,
     CALL,
     RAISE,
     TEST,
-    Condition,
-    Line,
+    CompiledCondition,
+    CompiledRule,
+    CompiledState,
+    CompiledTransition,
     Op,
-    RuleCode,
-    StateCode,
-    TransitionCode,
+    WaitList,
 )
+from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
+from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
@@ -45,27 +45,39 @@ Rank = tuple[float, int]
 class RuleRun:
     """A running rule."""
 
-    __slots__ = ("alive", "code", "held", "name", "priority", "stamp", "state", "step", "steps", "task", "timers")
+    __slots__ = (
+        "alive",
+        "latched",
+        "macrostep",
+        "name",
+        "priority",
+        "recency",
+        "rule",
+        "state",
+        "step_count",
+        "task",
+        "timers",
+    )
 
-    def __init__(self, code: RuleCode, state: StateCode, task: Task) -> None:
-        self.code = code
+    def __init__(self, code: CompiledRule, state: CompiledState, task: Task) -> None:
+        self.rule = code
         self.name = code.name
         self.state = state
         self.task = task
         self.priority = code.priority
-        self.stamp = 0
+        self.recency = 0
         """Grows whenever the rule moves to the top: its recency."""
         self.alive = True
-        self.timers: dict[int, TransitionCode] = {}
-        self.held: set[int] = set()
+        self.timers: dict[int, CompiledTransition] = {}
+        self.latched: set[int] = set()
         """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
-        self.step = -1
-        """The input (`Core.step`) during which it last took a transition."""
-        self.steps = 0
+        self.macrostep = -1
+        """The input (`Core.macrostep`) during which it last took a transition."""
+        self.step_count = 0
         """How many it has taken during that input."""
 
 
-Frame: TypeAlias = tuple[RuleRun, Op | None, bool, TransitionCode | None, Cause]
+Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
 transition that then arrives, and what all that comes of."""
 
@@ -78,20 +90,22 @@ class RuleMachine:
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
         self._memory = WorkingMemory(core, self.key_changed)
-        self._watching: dict[str, Line] = {}
-        self._codes = {name: RuleCode(rule, core.topics, self._watching) for name, rule in core.scenario.rules.items()}
+        self._watchers: dict[str, WaitList] = {}
+        self._compiled = {
+            name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
+        }
         self._frames: list[Frame] = []
-        self._dirty: dict[RuleRun, Cause] = {}
+        self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose conditions without event have to be looked at, and what that comes of."""
-        self.stamp = 0
-        self.spent: dict[str, tuple[int, int]] = {}
+        self.recency = 0
+        self.step_counts: dict[str, tuple[int, int]] = {}
         """Of rules that have ended: the input in which they last did something, and how many steps they took in it. A
         rule that is stopped and started again within one go goes on counting."""
         self.stack: dict[str, RuleRun] = {}
         """The running rules by name, bottom first."""
         self._top: RuleRun | None = None
         """The last of the stack."""
-        self._long = (-1, 0)
+        self._long_macrostep = (-1, 0)
         """The input in which a rule went on although it had taken STEP_LIMIT steps, and how often that was in it."""
 
     @property
@@ -102,27 +116,27 @@ class RuleMachine:
 
     def start(self, name: str, task: Task, on_top: bool) -> None:
         """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
-        code = self._codes[name]
+        code = self._compiled[name]
         run = RuleRun(code, code.initial, task)
         top = self._top
         if on_top and top is not None:
             run.priority = max(run.priority, top.priority)
-        self.stamp = run.stamp = self.stamp + 1
+        self.recency = run.recency = self.recency + 1
         self.stack[name] = run
-        self._join_lines(run)
+        self._join_wait_lists(run)
         if top is not None and run.priority < top.priority:
             self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            for line, _ in run.state.lines:
-                _sort(line)
+            for line, _ in run.state.wait_lists:
+                _sort_wait_list(line)
         else:
             self._top = run
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
-        step = self._core.step
-        last, steps = self.spent.get(name, (-1, 0))
-        run.step, run.steps = step, steps + 1 if last == step else 1
-        if run.steps <= STEP_LIMIT or self._goes_on(run):
-            self._arrive(run, (name, self._core.cause))
+        step = self._core.macrostep
+        last, steps = self.step_counts.get(name, (-1, 0))
+        run.macrostep, run.step_count = step, steps + 1 if last == step else 1
+        if run.step_count <= STEP_LIMIT or self._stop_runaway(run):
+            self._on_entered(run, (name, self._core.cause))
 
     def stop(self, name: str, reason: str) -> None:
         """Stop a running rule where it is; no functions run."""
@@ -134,64 +148,64 @@ class RuleMachine:
             self.stop(name, reason)
         self._core.events.clear()
         self._frames.clear()
-        self._dirty.clear()
+        self._to_reevaluate.clear()
 
     def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
         core = self._core
         run.alive = False
-        self._leave_lines(run)
+        self._leave_wait_lists(run)
         self._cancel_timers(run)
-        self._dirty.pop(run, None)
+        self._to_reevaluate.pop(run, None)
         del self.stack[run.name]
-        self.spent[run.name] = (run.step, run.steps)
+        self.step_counts[run.name] = (run.macrostep, run.step_count)
         if self._top is run:
             self._top = self.stack[next(reversed(self.stack))] if self.stack else None
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
         run.task.status = task_status  # type: ignore[assignment]
-        core.task_record(run.task, reason)
-        core.raise_if_named(run.name + "_end")
+        core.record_task(run.task, reason)
+        core.raise_event_if_named(run.name + "_end")
 
     # --- snapshot ---
 
     def snapshot(self) -> RulesSnapshot:
         """Everything about the rules, between inputs; it shares its parts with them."""
-        step = self._core.step
+        step = self._core.macrostep
         running = [
             RuleSnapshot(
                 name=run.name,
                 state=run.state.id,
                 task=run.task,
                 priority=run.priority,
-                recency=run.stamp,
+                recency=run.recency,
                 timers={timer: transition.index for timer, transition in run.timers.items()},
-                latched=sorted(run.held),
-                steps=run.steps if run.step == step else 0,
+                latched=sorted(run.latched),
+                steps=run.step_count if run.macrostep == step else 0,
             )
             for run in self.stack.values()
         ]
-        ended = {name: steps for name, (last, steps) in self.spent.items() if last == step}
-        return RulesSnapshot(running, ended, self.stamp)
+        ended = {name: steps for name, (last, steps) in self.step_counts.items() if last == step}
+        return RulesSnapshot(running, ended, self.recency)
 
     def restore(self, snapshot: RulesSnapshot) -> None:
         """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
-        step = self._core.step
+        step = self._core.macrostep
         for rule in snapshot.running:
-            code = self._codes[rule.name]
+            code = self._compiled[rule.name]
             run = RuleRun(code, code.states[rule.state], rule.task)
-            run.priority, run.stamp = rule.priority, rule.recency
+            run.priority, run.recency = rule.priority, rule.recency
             run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
             if any(transition.after is None for transition in run.timers.values()):
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
-            run.held = set(rule.latched)
-            run.step, run.steps = step, rule.steps
+            run.latched = set(rule.latched)
+            run.macrostep, run.step_count = step, rule.steps
             self.stack[run.name] = self._top = run
-            self._join_lines(run)
-        self.spent = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
-        self.stamp = snapshot.recency
+            self._join_wait_lists(run)
+        self.step_counts = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
+        self.recency = snapshot.recency
 
     # --- run to completion ---
 
-    def settle(self) -> None:
+    def run_to_completion(self) -> None:
         """Handle everything that the current input has set off, until all rules wait again: the rest of the macrostep.
 
         Each time round: functions that are under way first, then eventless transitions, then the next event.
@@ -201,89 +215,89 @@ class RuleMachine:
         frames = self._frames
         while True:
             if frames:
-                self._drive()
-            if self._dirty:
-                self._look_at_conditions()
+                self._run_actions()
+            if self._to_reevaluate:
+                self._take_eventless()
             elif events:
                 topic, source, core.cause = events.popleft()
                 run = self._top
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
-                transition = run.state.sure.get(topic) if run is not None else None
+                transition = run.state.unconditional.get(topic) if run is not None else None
                 if transition is None:
-                    run, transition = self._search(topic)
+                    run, transition = self._find_taker(topic)
                 if run is None or transition is None:
-                    core.records.append(EventRecord(0, core.t, "", topic.shown, source, None))
+                    core.records.append(EventRecord(0, core.t, "", topic.with_slash, source, None))
                 else:
-                    core.records.append(EventRecord(0, core.t, "", topic.shown, source, run.name))
-                    self._take(run, transition)
+                    core.records.append(EventRecord(0, core.t, "", topic.with_slash, source, run.name))
+                    self._take_transition(run, transition)
             elif not frames:
                 return
 
-    def _search(self, topic: Topic) -> tuple[RuleRun, TransitionCode] | tuple[None, None]:
+    def _find_taker(self, topic: EventTopic) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
         """The highest rule that would take an event, and the transition."""
-        for run, sure in reversed(topic.line.items()):
+        for run, sure in reversed(topic.wait_list.items()):
             if sure is not None:
                 return run, sure
             for transition in run.state.by_topic[topic]:
-                if transition.condition is None or self._holds(run, transition.condition):
+                if transition.condition is None or self._evaluate(run, transition.condition):
                     return run, transition
         return None, None
 
-    def _look_at_conditions(self) -> None:
+    def _take_eventless(self) -> None:
         """Let the highest of the rules that have something to look at take an eventless transition."""
-        run = max(self._dirty, key=_rank) if len(self._dirty) > 1 else next(iter(self._dirty))
-        self._core.cause = self._dirty.pop(run)
-        for transition in run.state.watching:
-            if transition.condition is None or self._holds(run, transition.condition):
+        run = max(self._to_reevaluate, key=_rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
+        self._core.cause = self._to_reevaluate.pop(run)
+        for transition in run.state.eventless:
+            if transition.condition is None or self._evaluate(run, transition.condition):
                 # It is taken when it *becomes* true: if the rule stays in the state, it must turn false in between.
-                if transition.index not in run.held:
-                    run.held.add(transition.index)
-                    self._take(run, transition)
+                if transition.index not in run.latched:
+                    run.latched.add(transition.index)
+                    self._take_transition(run, transition)
                     return
             else:
-                run.held.discard(transition.index)
+                run.latched.discard(transition.index)
 
     def timer_elapsed(self, timer: int, target: TimerTarget) -> None:
         """`after` has passed in a rule's state."""
         run = self.stack[target.owner]
         transition = run.timers.pop(timer)
-        if transition.condition is None or self._holds(run, transition.condition):
-            self._take(run, transition)
+        if transition.condition is None or self._evaluate(run, transition.condition):
+            self._take_transition(run, transition)
 
     def key_changed(self, key: str) -> None:
-        if runs := self._watching.get(key):
-            self._dirty.update(dict.fromkeys(runs, self._core.cause))
+        if runs := self._watchers.get(key):
+            self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
 
     # --- transitions ---
 
-    def _take(self, run: RuleRun, transition: TransitionCode) -> None:
+    def _take_transition(self, run: RuleRun, transition: CompiledTransition) -> None:
         """Take a transition (a microstep): at once when no functions stand in between. The inner part of what an event
         costs, and therefore written out."""
         core = self._core
-        step = core.step
-        steps = run.steps + 1 if run.step == step else 1
+        step = core.macrostep
+        steps = run.step_count + 1 if run.macrostep == step else 1
         if steps > STEP_LIMIT:
-            run.step = step
-            run.steps = steps
-            if not self._goes_on(run):
+            run.macrostep = step
+            run.step_count = steps
+            if not self._stop_runaway(run):
                 return
-            steps = run.steps
-        state = transition.enters
+            steps = run.step_count
+        state = transition.entered_at_once
         if state is None:
-            self._run_functions(run, transition, steps)
+            self._push_functions(run, transition, steps)
             return
-        run.step = step
-        run.steps = steps
+        run.macrostep = step
+        run.step_count = steps
         previous = run.state
-        if not previous.quiet:
+        if not previous.trivial:
             self._cancel_timers(run)
-            run.held.clear()
-        self.stamp = run.stamp = self.stamp + 1
+            run.latched.clear()
+        self.recency = run.recency = self.recency + 1
         if self._top is not run:
-            self._to_top(run)
-        for line, _ in previous.lines:
+            self._promote(run)
+        for line, _ in previous.wait_lists:
             del line[run]
-        for line, sure in state.lines:
+        for line, sure in state.wait_lists:
             line[run] = sure
         run.state = state
         core.records.append(
@@ -300,80 +314,82 @@ class RuleMachine:
                 run.priority,
             )
         )
-        if not state.quiet:
-            self._arrive(run, (run.name, core.cause))
+        if not state.trivial:
+            self._on_entered(run, (run.name, core.cause))
         elif state.entry is not None:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
 
-    def _run_functions(self, run: RuleRun, transition: TransitionCode, steps: int) -> None:
+    def _push_functions(self, run: RuleRun, transition: CompiledTransition, steps: int) -> None:
         """Set going the functions of a transition that does not enter its target at once: onExit, its own, and for one
         with a target the move itself, after which onEntry follows."""
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
-        if transition.landing is not None:  # innermost last: onExit, the transition's own, then the move, which counts
-            frames.append((run, None, False, transition.landing, before))
+        if (
+            transition.entry_after_actions is not None
+        ):  # innermost last: onExit, the transition's own, then the move, which counts
+            frames.append((run, None, False, transition.entry_after_actions, before))
             frames.append((run, transition.block, False, None, cause))
             frames.append((run, run.state.exit, False, None, cause))
         else:
-            run.step = self._core.step
-            run.steps = steps
-            self.stamp = run.stamp = self.stamp + 1
-            self._to_top(run)
-            self._leave_lines(run)
-            self._join_lines(run)
+            run.macrostep = self._core.macrostep
+            run.step_count = steps
+            self.recency = run.recency = self.recency + 1
+            self._promote(run)
+            self._leave_wait_lists(run)
+            self._join_wait_lists(run)
             self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
             frames.append((run, transition.block, True, None, cause))
 
-    def _arrive(self, run: RuleRun, cause: Cause) -> None:
+    def _on_entered(self, run: RuleRun, cause: Cause) -> None:
         """What entering a state sets going besides waiting for its events: its timers, and its onEntry."""
         state = run.state
-        for timed in state.timed:
+        for timed in state.delayed:
             timer = self._core.set_timer(timed.after or 0.0, TimerTarget("after", run.name, str(timed.index)))
             run.timers[timer] = timed
         if state.entry is not None:
             self._frames.append((run, state.entry, True, None, cause))
         else:
-            self._entered(run, cause)
+            self._after_onentry(run, cause)
 
-    def _entered(self, run: RuleRun, cause: Cause) -> None:
+    def _after_onentry(self, run: RuleRun, cause: Cause) -> None:
         """A state's onEntry is over: a final state ends the rule, any other looks at its eventless transitions."""
         if run.state.final:
             self._core.cause = cause
             self._end(run, "ended", "SUCCEEDED")
-        elif run.state.watching:
-            self._dirty[run] = cause
+        elif run.state.eventless:
+            self._to_reevaluate[run] = cause
 
     # --- who goes round in circles ---
 
-    def _goes_on(self, run: RuleRun) -> bool:
+    def _stop_runaway(self, run: RuleRun) -> bool:
         """A rule is about to take more than STEP_LIMIT steps in one go. Stop whoever keeps it going, as the chain of
         causes that leads to the step tells (semantics.md 6.4); whether the step is taken all the same."""
         core = self._core
-        resumed = core.resumed == core.step  # the chain began in an earlier input
-        culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.steps - 1) if resumed else None)
+        resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
+        culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
         if culprit is None:
             self._stop_multiplier()
         else:
             reason = culprit.reason(culprit.steps - (culprit.name == run.name))  # its last step was not taken
             self._end(self.stack[culprit.name], "faulted", "ABORTED", reason)
-        run.steps = 1
+        run.step_count = 1
         return run.alive
 
     def _stop_multiplier(self) -> None:
         """Nothing goes round, and still the go may have no end that anybody lives to see: thirty rules, each of which
         answers an event with two for the next one, take a billion steps. Stop who has raised most of what waits."""
         core = self._core
-        step, times = self._long
-        self._long = (core.step, times + 1 if step == core.step else 1)
-        if self._long[1] > LONGEST_GO:
+        step, times = self._long_macrostep
+        self._long_macrostep = (core.macrostep, times + 1 if step == core.macrostep else 1)
+        if self._long_macrostep[1] > LONGEST_GO:
             name = find_multiplier(core.events, self.stack)
             if name is not None:
                 self._end(self.stack[name], "faulted", "ABORTED", MULTIPLIED)
 
     # --- functions ---
 
-    def _drive(self) -> None:
+    def _run_actions(self) -> None:
         """Run executable content: the innermost block to its end, then the one around it, until none is left."""
         frames = self._frames
         core = self._core
@@ -385,7 +401,7 @@ class RuleMachine:
             while op is not None:
                 kind = op.kind
                 if kind == TEST:
-                    op = op.next if self._holds(run, op.condition) else op.otherwise
+                    op = op.next if self._evaluate(run, op.condition) else op.otherwise
                 elif kind == RAISE:
                     id = core.next_task
                     core.next_task = id + 1
@@ -401,12 +417,12 @@ class RuleMachine:
                     self._submit(op.function, op.argument, op.source)
                     break  # what it started comes first, and it may have stopped this rule
                 else:
-                    op = op.choices[core.chance.below(len(op.choices))]
+                    op = op.choices[core.rng.integer_below(len(op.choices))]
             else:
                 if entered:
-                    self._entered(run, cause)
+                    self._after_onentry(run, cause)
                 elif landing is not None:
-                    self._take(run, landing)
+                    self._take_transition(run, landing)
 
     def _assign(self, run: RuleRun, op: Op) -> bool:
         """False when the value could not be computed."""
@@ -421,13 +437,13 @@ class RuleMachine:
         self._memory.assign(written, source)
         return True
 
-    def _holds(self, run: RuleRun, condition: Condition) -> bool:
+    def _evaluate(self, run: RuleRun, condition: CompiledCondition) -> bool:
         """Evaluate a condition and record how it came out. An error makes it false (semantics.md 8.2)."""
         core = self._core
         env = core.env
         error = ""
         try:
-            result = condition.test(env)
+            result = condition.evaluate(env)
         except EvaluationError as problem:
             result, error = False, str(problem)
         memory = core.memory
@@ -441,7 +457,7 @@ class RuleMachine:
 
     # --- the stack and the lines ---
 
-    def _to_top(self, run: RuleRun) -> None:
+    def _promote(self, run: RuleRun) -> None:
         """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
         top = self._top
         if top is not None and top is not run:
@@ -449,13 +465,13 @@ class RuleMachine:
             del self.stack[run.name]
             self.stack[run.name] = self._top = run
 
-    def _join_lines(self, run: RuleRun) -> None:
+    def _join_wait_lists(self, run: RuleRun) -> None:
         """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
-        for line, sure in run.state.lines:
+        for line, sure in run.state.wait_lists:
             line[run] = sure
 
-    def _leave_lines(self, run: RuleRun) -> None:
-        for line, _ in run.state.lines:
+    def _leave_wait_lists(self, run: RuleRun) -> None:
+        for line, _ in run.state.wait_lists:
             del line[run]
 
     def _cancel_timers(self, run: RuleRun) -> None:
@@ -477,10 +493,10 @@ class RuleMachine:
 
 
 def _rank(run: RuleRun) -> Rank:
-    return (run.priority, run.stamp)
+    return (run.priority, run.recency)
 
 
-def _sort(line: Line) -> None:
+def _sort_wait_list(line: WaitList) -> None:
     """Put a line that a rule has joined below others into stack order again, in place: states hold on to it."""
     entries = sorted(line.items(), key=lambda entry: _rank(entry[0]))
     line.clear()

@@ -10,7 +10,7 @@ from collections.abc import Container, Iterable
 
 from msgspec import Struct
 
-from rise_engine.kernel.core import Cause, Event
+from rise_engine.kernel.core import Cause, QueuedEvent
 
 STEP_LIMIT = 1_000
 """Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
@@ -61,7 +61,7 @@ def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, in
     return Culprit(*otherwise, tuple(name for name in repeated if name != otherwise[0]))
 
 
-def find_multiplier(events: Iterable[Event], running: Container[str]) -> str | None:
+def find_multiplier(events: Iterable[QueuedEvent], running: Container[str]) -> str | None:
     """The running rule that has raised most of the events that wait, if any of them comes of a running rule."""
     raised = Counter(cause[0] for _, _, cause in events if cause is not None and cause[0] in running)
     return raised.most_common(1)[0][0] if raised else None

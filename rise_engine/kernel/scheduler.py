@@ -7,20 +7,20 @@ An Interrupt act is a Blocking one that does not wait its turn: the running Bloc
 
 from __future__ import annotations
 
-from rise_engine.kernel.acts import ActRun, ActRunner
+from rise_engine.kernel.act_runner import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task
 from rise_engine.kernel.records import TimingRecord
 from rise_engine.kernel.speech import SAY, act_name, act_of
-from rise_engine.kernel.wizard import Wizard
+from rise_engine.kernel.wizard_marks import WizardMarks
 
 
 class Scheduler:
-    def __init__(self, core: Core, wizard: Wizard) -> None:
+    def __init__(self, core: Core, wizard: WizardMarks) -> None:
         self._core = core
         self._wizard = wizard
         self._runner = ActRunner(core, self._act_ended)
-        self._working = False
-        self._again = False
+        self._advancing = False
+        self._advance_again = False
         self.waiting: list[Task] = []
         """Accepted acts that have not started, next first."""
 
@@ -28,10 +28,10 @@ class Scheduler:
     def runner(self) -> ActRunner:
         return self._runner
 
-    def has(self, act: str) -> bool:
+    def has_task_of(self, act: str) -> bool:
         """Whether any task of an act is running or waiting."""
         tasks = [*self.waiting, *(run.task for run in self._runner.runs.values())]
-        return any(_is_of(task, act) for task in tasks)
+        return any(_starts_act(task, act) for task in tasks)
 
     def add(self, task: Task) -> None:
         self._wizard.act_accepted(task)
@@ -39,9 +39,9 @@ class Scheduler:
         if task.calling_type == "Interrupt":
             place = next((at for at, other in enumerate(self.waiting) if other.calling_type != "Interrupt"), place)
         self.waiting.insert(place, task)
-        self._core.task_record(task, position=place)
+        self._core.record_task(task, position=place)
         if task.calling_type == "Interrupt":
-            for run in [run for run in self._runner.runs.values() if _takes_turns(run.task)]:
+            for run in [run for run in self._runner.runs.values() if _is_exclusive(run.task)]:
                 self._runner.cancel(run, f"interrupted by {act_name(task)}")
         self.advance()
 
@@ -50,22 +50,22 @@ class Scheduler:
         self.waiting.remove(task)
         position = max(0, min(position, len(self.waiting)))
         self.waiting.insert(position, task)
-        self._core.task_record(task, "moved", position)
+        self._core.record_task(task, "moved", position)
         self.advance()
 
     def remove(self, task: Task, reason: str) -> None:
         """Take a waiting task out. Its act has ended for everyone who waits for that, without ever having started."""
         self.waiting.remove(task)
-        self._end(task, "CANCELED", reason)
+        self._record_end(task, "CANCELED", reason)
         self.advance()
 
     def stop(self, act: str, reason: str) -> int:
         """Stop every task of an act, running or waiting; how many there were."""
-        waiting = [task for task in self.waiting if _is_of(task, act)]
-        running = [run for run in self._runner.runs.values() if _is_of(run.task, act)]
+        waiting = [task for task in self.waiting if _starts_act(task, act)]
+        running = [run for run in self._runner.runs.values() if _starts_act(run.task, act)]
         for task in waiting:
             self.waiting.remove(task)
-            self._end(task, "CANCELED", reason)
+            self._record_end(task, "CANCELED", reason)
         for run in running:
             self._runner.cancel(run, reason)
         self.advance()
@@ -74,29 +74,29 @@ class Scheduler:
     def stop_all(self, reason: str) -> None:
         for task in list(self.waiting):
             self.waiting.remove(task)
-            self._end(task, "CANCELED", reason)
+            self._record_end(task, "CANCELED", reason)
         for run in list(self._runner.runs.values()):
             self._runner.cancel(run, reason)
 
     def advance(self) -> None:
         """Start what may start. Called whenever something was added, moved or ended."""
-        if self._working:
-            self._again = True  # an act that ends while it is being started; the loop below goes round again
+        if self._advancing:
+            self._advance_again = True  # an act that ends while it is being started; the loop below goes round again
             return
-        self._working = True
+        self._advancing = True
         try:
-            self._again = True
-            while self._again:
-                self._again = False
-                self._pass()
+            self._advance_again = True
+            while self._advance_again:
+                self._advance_again = False
+                self._start_what_may()
         finally:
-            self._working = False
+            self._advancing = False
 
-    def _pass(self) -> None:
-        blocking = next((run for run in self._runner.runs.values() if _takes_turns(run.task)), None)
+    def _start_what_may(self) -> None:
+        blocking = next((run for run in self._runner.runs.values() if _is_exclusive(run.task)), None)
         holder = blocking.task if blocking is not None else None
         if holder is None:
-            holder = next((task for task in self.waiting if _takes_turns(task)), None)
+            holder = next((task for task in self.waiting if _is_exclusive(task)), None)
             if holder is not None and self._channels_are_free_for(holder):
                 self._start(holder)
         for task in [task for task in self.waiting if task.calling_type == "None"]:
@@ -115,19 +115,19 @@ class Scheduler:
     def _start(self, task: Task) -> None:
         self.waiting.remove(task)
         task.status = "ACTIVE"
-        self._core.task_record(task)
+        self._core.record_task(task)
         self._wizard.act_started(task)
-        self._again = True
+        self._advance_again = True
         self._runner.start(task)
 
     def _act_ended(self, run: ActRun, status: str, reason: str) -> None:
-        self._end(run.task, status, reason)
+        self._record_end(run.task, status, reason)
         self.advance()
 
-    def _end(self, task: Task, status: str, reason: str) -> None:
+    def _record_end(self, task: Task, status: str, reason: str) -> None:
         core = self._core
         task.status = status  # type: ignore[assignment]
-        core.task_record(task, reason)
+        core.record_task(task, reason)
         self._wizard.act_ended(task)
         name = act_name(task)
         core.emit(
@@ -135,26 +135,26 @@ class Scheduler:
             task.id,
             name,
             task.status,
-            cue_at=task.cue,
-            key_at=task.pressed,
-            accepted_at=task.accepted,
-            started_at=task.started,
-            robot_at=task.robot,
+            cue_at=task.cue_at,
+            key_at=task.key_at,
+            accepted_at=task.accepted_at,
+            started_at=task.started_at,
+            robot_at=task.robot_at,
             ended_at=core.t,
         )
-        core.raise_if_named(name + _OUTCOMES[status])
-        core.raise_if_named(name + "_end")
+        core.raise_event_if_named(name + _OUTCOMES[status])
+        core.raise_event_if_named(name + "_end")
 
     def _channels(self, task: Task) -> frozenset[str]:
         return act_of(self._core.scenario, task).channels
 
 
-def _takes_turns(task: Task) -> bool:
+def _is_exclusive(task: Task) -> bool:
     """One at a time: Blocking and Interrupt."""
     return task.calling_type != "None"
 
 
-def _is_of(task: Task, act: str) -> bool:
+def _starts_act(task: Task, act: str) -> bool:
     return task.behavior == act and task.function != SAY
 
 

@@ -9,10 +9,10 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.kernel.acts import ActRun
+from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.stop import StopStatus
-from rise_engine.kernel.wizard import WizardState
+from rise_engine.kernel.wizard_marks import WizardMarksState
 
 
 class SnapshotError(RiseError, ValueError):
@@ -67,7 +67,7 @@ class Snapshot(Struct, frozen=True):
     robot_lost: str | None
     stop: StopStatus
     stop_timer: int | None
-    wizard: WizardState
+    wizard: WizardMarksState
     cue: float | None
     participant: str
     condition: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.kernel.core import Task
-from rise_engine.scenario.model import Act, Action, Call, Scenario
+from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.template import Template
 
 SAY = "say"
@@ -13,7 +13,7 @@ SPEECH = "Speech"
 
 def act_of(scenario: Scenario, task: Task) -> Act:
     """What a task of the scheduler runs."""
-    return _spoken(scenario, task.behavior) if task.function == SAY else scenario.acts[task.behavior]
+    return _speech_act(scenario, task.behavior) if task.function == SAY else scenario.acts[task.behavior]
 
 
 def act_name(task: Task) -> str:
@@ -21,7 +21,7 @@ def act_name(task: Task) -> str:
     return SAY if task.function == SAY else task.behavior
 
 
-def cannot_speak(scenario: Scenario) -> str:
+def why_not_speak(scenario: Scenario) -> str:
     """Why the scenario's robot cannot say anything, or empty."""
     spec = scenario.robot.actions.get(SPEECH)
     if spec is not None and (spec.supported or spec.substitute is not None):
@@ -29,7 +29,7 @@ def cannot_speak(scenario: Scenario) -> str:
     return f"{scenario.robot.name} cannot speak"
 
 
-def _spoken(scenario: Scenario, text: str) -> Act:
+def _speech_act(scenario: Scenario, text: str) -> Act:
     message = Template(text, (text,))  # literal: braces in it are to be said, and mean nothing
     channels = scenario.robot.actions[SPEECH].channels
-    return Act(SAY, (Action(SAY, (Call(SPEECH, {"message": message}),)),), frozenset(channels))
+    return Act(SAY, (Action(SAY, (ActionCall(SPEECH, {"message": message}),)),), frozenset(channels))

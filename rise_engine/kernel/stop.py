@@ -38,20 +38,20 @@ class StopLatch:
         self._cancel_timer()
         self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
 
-    def answered(self, confirmed: tuple[str, ...], unconfirmed: tuple[str, ...]) -> None:
+    def record_answer(self, confirmed: tuple[str, ...], unconfirmed: tuple[str, ...]) -> None:
         """The robot's answer; one that comes after the limit is recorded too, one after the release is not."""
         if self.latched:
             self._cancel_timer()
             self.status = "latched"
             self._record("latched", confirmed, unconfirmed)
 
-    def limit_passed(self) -> None:
+    def time_out(self) -> None:
         self.timer = None
         self.status = "latched"
         self._record("latched", (), (self._core.scenario.robot.name,))
 
     @property
-    def refusal(self) -> str:
+    def why_not_release(self) -> str:
         """Why it cannot be released now; empty when it can."""
         if self.status == "released":
             return "nothing is stopped"

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 
-from rise_engine.nearest_name import suggestion
-from rise_engine.scenario.draft import BareKey, Draft, Mention
-from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.graph import cycles
-from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Parameter, RobotProfile
-from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import BareKey, Mention, ScenarioDraft
+from rise_engine.scenario.graph import find_cycles
+from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
+from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert_parameter
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
-from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml import Element, LazyLocation, XmlFile
 from rise_engine.scenario.xml_checks import check_no_text, top_elements
-from rise_engine.text import BLANKS, called, strange
+from rise_engine.text import BLANKS, character_name, find_unseen
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
@@ -23,19 +23,19 @@ _WAITED = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
 
-def read_acts(file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findings) -> None:
+def read_acts(file: XmlFile, robot: RobotProfile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Read every act of a file into `draft`."""
     usable = (*(spec.name for spec in robot.actions.values() if spec.supported), "Variants")
-    for element in top_elements(file, "Dialog", WRAPPERS, findings):
-        reader = _ActReader(file, robot, usable, draft, findings)
+    for element in top_elements(file, "Dialog", WRAPPERS, diagnostics):
+        reader = _ActReader(file, robot, usable, draft, diagnostics)
         act = reader.act(element)
         if act is None:
             continue
         if act.name in draft.acts:
-            first = draft.acts[act.name].place
-            findings.error(
+            first = draft.acts[act.name].location
+            diagnostics.error(
                 "duplicate-name",
-                file.value_place(element, "name"),
+                file.value_location(element, "name"),
                 f"there is another act `{act.name}` in {first.file}, line {first.line}",
             )
         else:
@@ -44,23 +44,28 @@ def read_acts(file: XmlFile, robot: RobotProfile, draft: Draft, findings: Findin
 
 class _ActReader:
     def __init__(
-        self, file: XmlFile, robot: RobotProfile, usable: tuple[str, ...], draft: Draft, findings: Findings
+        self,
+        file: XmlFile,
+        robot: RobotProfile,
+        usable: tuple[str, ...],
+        draft: ScenarioDraft,
+        diagnostics: Diagnostics,
     ) -> None:
         self.file = file
         self.robot = robot
         self.usable = usable
         """What can stand in an act."""
         self.draft = draft
-        self.findings = findings
+        self.diagnostics = diagnostics
         self.waits: dict[str, Element] = {}
         self._indexed: tuple[Element, dict[str, int]] | None = None
 
     def error(self, code: str, element: Element, message: str) -> None:
-        self.findings.error(code, self.file.place(element), message)
+        self.diagnostics.error(code, self.file.element_location(element), message)
 
     def act(self, element: Element) -> Act | None:
         self.attributes(element, ("name",))
-        check_no_text(self.file, element, self.findings)
+        check_no_text(self.file, element, self.diagnostics)
         name = (element.get("name") or "").strip()
         if not name:
             self.error("missing-attribute", element, 'an act needs a name: <Dialog name="...">')
@@ -71,33 +76,37 @@ class _ActReader:
             if action is None:
                 continue
             if action.id in actions:
-                first = actions[action.id].place
+                first = actions[action.id].location
                 self.error("duplicate-id", child, f"the actionID `{action.id}` is taken already, in line {first.line}")
                 continue
             actions[action.id] = action
             for call in action.calls:
                 channels.update(self.robot.actions[call.type].channels)
         if len(element) == 0:
-            self.findings.warning("empty-act", self.file.place(element), f"the act `{name}` has no actions")
+            self.diagnostics.warning(
+                "empty-act", self.file.element_location(element), f"the act `{name}` has no actions"
+            )
         self.check_graph(actions)
         if not name:
             return None
-        return Act(name, tuple(actions.values()), frozenset(channels), self.file.place(element))
+        return Act(name, tuple(actions.values()), frozenset(channels), self.file.element_location(element))
 
     def check_graph(self, actions: dict[str, Action]) -> None:
         for action in actions.values():
             for wanted in action.wait_for:
                 if wanted not in actions:
-                    self.findings.error(
+                    self.diagnostics.error(
                         "unknown-id",
-                        self.file.text_place(self.waits[action.id], self._index(action.id, wanted)),
-                        f"there is no action `{wanted}` in this act{suggestion(wanted, actions)}",
+                        self.file.text_location(self.waits[action.id], self._index(action.id, wanted)),
+                        f"there is no action `{wanted}` in this act{did_you_mean(wanted, actions)}",
                     )
-        for cycle in cycles({action.id: [w for w in action.wait_for if w in actions] for action in actions.values()}):
+        for cycle in find_cycles(
+            {action.id: [w for w in action.wait_for if w in actions] for action in actions.values()}
+        ):
             shown = cycle if len(cycle) <= 20 else [*cycle[:10], "...", *cycle[-10:]]
-            self.findings.error(
+            self.diagnostics.error(
                 "cycle",
-                self.file.text_place(self.waits[cycle[0]], self._index(cycle[0], "")),
+                self.file.text_location(self.waits[cycle[0]], self._index(cycle[0], "")),
                 f"these actions wait for each other: {' -> '.join((*shown, cycle[0]))}",
             )
 
@@ -125,9 +134,9 @@ class _ActReader:
 
     def variants(self, element: Element) -> Action | None:
         self.attributes(element, ())
-        check_no_text(self.file, element, self.findings)
+        check_no_text(self.file, element, self.diagnostics)
         common: dict[object, Element] = {}
-        calls: list[Call] = []
+        calls: list[ActionCall] = []
         first: str | None = None
         for child in element:
             if child.tag in COMMON:
@@ -156,7 +165,9 @@ class _ActReader:
                 self.error("variants", element, "`<Variants>` holds the actions of which one is picked; it has none")
             return self.node(element, common, ()) if "actionID" in common else None
         if len(calls) == 1:
-            self.findings.warning("variants", self.file.place(element), "there is only one variant to pick")
+            self.diagnostics.warning(
+                "variants", self.file.element_location(element), "there is only one variant to pick"
+            )
         return self.node(element, common, tuple(calls))
 
     def spec(self, element: Element) -> ActionSpec | None:
@@ -164,7 +175,7 @@ class _ActReader:
         name = element.tag
         spec = self.robot.actions.get(name)
         if spec is None:
-            self.error("unknown-action", element, f"there is no action `{name}`{suggestion(name, self.usable)}")
+            self.error("unknown-action", element, f"there is no action `{name}`{did_you_mean(name, self.usable)}")
             return None
         if not spec.supported:
             self.error("robot-cannot", element, f"the robot {self.robot.title} (`{self.robot.name}`) has no `{name}`")
@@ -172,7 +183,7 @@ class _ActReader:
         return spec
 
     def node(
-        self, element: Element, common: dict[object, Element] | dict[str, Element], calls: tuple[Call, ...]
+        self, element: Element, common: dict[object, Element] | dict[str, Element], calls: tuple[ActionCall, ...]
     ) -> Action | None:
         get = dict(common).get
         name = self.plain(get("actionID"))
@@ -195,16 +206,16 @@ class _ActReader:
         failure = get("onFailure")
         proceed = self.plain(failure)
         if failure is not None and proceed != "continue":
-            self.findings.error(
+            self.diagnostics.error(
                 "wrong-value",
-                self.file.text_place(failure),
+                self.file.text_location(failure),
                 f"onFailure can only be `continue`, not `{proceed}`; without it, a failure ends the act",
             )
         elif failure is not None and failure.text.strip(BLANKS) != proceed:
-            at = strange(failure.text)
-            message = f"the character {called(failure.text[at])} cannot stand beside `continue`; delete it"
-            self.findings.error("wrong-value", self.file.text_place(failure, at), message)
-        return Action(name, calls, wait_for, proceed == "continue", self.file.place(element))
+            at = find_unseen(failure.text)
+            message = f"the character {character_name(failure.text[at])} cannot stand beside `continue`; delete it"
+            self.diagnostics.error("wrong-value", self.file.text_location(failure, at), message)
+        return Action(name, calls, wait_for, proceed == "continue", self.file.element_location(element))
 
     def plain(self, element: Element | None) -> str:
         """The text of a child that holds nothing but text."""
@@ -215,8 +226,8 @@ class _ActReader:
             self.error("unknown-element", child, f"`<{element.tag}>` holds only text")
         return element.text.strip()
 
-    def call(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> Call:
-        check_no_text(self.file, element, self.findings)
+    def call(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> ActionCall:
+        check_no_text(self.file, element, self.diagnostics)
         parameters: dict[str, Template] = {}
         seen: dict[str, Element] = {}
         for child in element:
@@ -237,7 +248,7 @@ class _ActReader:
                 self.error(
                     "missing-parameter", element, f"`<{spec.name}>` needs `<{parameter.name}>`{_explained(parameter)}"
                 )
-        return Call(spec.name, parameters)
+        return ActionCall(spec.name, parameters)
 
     def unknown_parameter(self, element: Element, spec: ActionSpec, besides: tuple[str, ...]) -> None:
         name = element.tag
@@ -247,7 +258,7 @@ class _ActReader:
             self.error("unknown-parameter", element, f"an action cannot stand inside `<{spec.name}>`; close it before")
         else:
             known = (*spec.parameters, *besides)
-            self.error("unknown-parameter", element, f"`<{spec.name}>` has no `{name}`{suggestion(name, known)}")
+            self.error("unknown-parameter", element, f"`<{spec.name}>` has no `{name}`{did_you_mean(name, known)}")
 
     def template(self, element: Element, parameter: Parameter) -> Template | None:
         text = self.plain(element)
@@ -260,8 +271,8 @@ class _ActReader:
         try:
             template = parse_template(text)
         except TemplateError as error:
-            place = self.file.text_place(element, _raw_index(element.text, error.column - 1))
-            self.findings.error("template", place, str(error))
+            place = self.file.text_location(element, _raw_index(element.text, error.column - 1))
+            self.diagnostics.error("template", place, str(error))
             return None
         constant = template.constant
         if constant is None:
@@ -269,25 +280,25 @@ class _ActReader:
             for slot in template.parts:
                 if isinstance(slot, str) or (slot.fallback is not None and not (slot.before or slot.after)):
                     continue
-                mention = Mention(slot.key, Spot(self.file, element, None, index.get(slot.key, 0)))
-                (self.draft.key_reads if slot.fallback is None else self.draft.key_questions).append(mention)
+                mention = Mention(slot.key, LazyLocation(self.file, element, None, index.get(slot.key, 0)))
+                (self.draft.key_reads if slot.fallback is None else self.draft.optional_key_reads).append(mention)
             try:
                 check_template(parameter, template)
             except ParameterError as error:
-                place = self.file.text_place(element, _raw_index(element.text, 0))
-                self.findings.error(_code(parameter, error), place, str(error))
+                place = self.file.text_location(element, _raw_index(element.text, 0))
+                self.diagnostics.error(_code(parameter, error), place, str(error))
             return template
         if parameter.type == "text":
             return template
         try:
-            convert(parameter, constant)
+            convert_parameter(parameter, constant)
         except ParameterError as error:
-            where = Spot(self.file, element, None, _raw_index(element.text, 0))
+            where = LazyLocation(self.file, element, None, _raw_index(element.text, 0))
             if parameter.type != "name" and _KEY.match(constant):
                 self.draft.bare_keys.append(BareKey(constant, where, str(error)))
                 self.draft.key_reads.append(Mention(constant, where))
                 return key_template(constant)
-            self.findings.error(_code(parameter, error), where.place, str(error))
+            self.diagnostics.error(_code(parameter, error), where.location, str(error))
             return None
         return template
 
@@ -295,14 +306,14 @@ class _ActReader:
         for name in element.attributes:
             if name in known:
                 continue
-            message = f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, known)}"
+            message = f"`<{element.tag}>` has no attribute `{name}`{did_you_mean(name, known)}"
             spec = self.robot.actions.get(element.tag)
             if spec is not None and (name in spec.parameters or name in COMMON):
                 value = element.get(name)
                 message = (
                     f"parameters are elements, not attributes; write <{name}>{value}</{name}> inside `<{spec.name}>`"
                 )
-            self.findings.error("unknown-attribute", self.file.attribute_place(element, name), message)
+            self.diagnostics.error("unknown-attribute", self.file.attribute_location(element, name), message)
 
 
 def _code(parameter: Parameter, error: ParameterError) -> str:

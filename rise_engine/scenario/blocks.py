@@ -6,19 +6,24 @@ from collections.abc import Collection
 from typing import Any, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
-from rise_engine.nearest_name import suggestion
-from rise_engine.scenario.conditions import NEVER, expression_message, note_assignment, note_expression
-from rise_engine.scenario.draft import Draft, Mention
-from rise_engine.scenario.findings import Findings
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.expression_checks import (
+    UNREADABLE_CONDITION,
+    expression_message,
+    note_assignment,
+    note_expression,
+)
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
-from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml import Element, LazyLocation, XmlFile
 from rise_engine.scenario.xml_checks import check_no_text
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` may nest."""
 _FUNCTIONS = frozenset(FUNCTIONS)
-NONE: frozenset[str] = frozenset()
+NO_ATTRIBUTES: frozenset[str] = frozenset()
 _COND = frozenset({"cond"})
 _STATEMENTS = ("function", "if", "oneOf")
 _ELSE = ("else", "elseif")
@@ -39,80 +44,80 @@ _PLACES = {
 class BlockReader:
     """Reads the functions of one rule."""
 
-    def __init__(self, file: XmlFile, draft: Draft, findings: Findings) -> None:
+    def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.file = file
         self.draft = draft
-        self.findings = findings
+        self.diagnostics = diagnostics
         self.has_text = file.has_text
 
-    def no_text(self, element: Element) -> None:
+    def check_no_text(self, element: Element) -> None:
         """A finding for text inside an element; rules have none anywhere."""
         if self.has_text:
-            check_no_text(self.file, element, self.findings)
+            check_no_text(self.file, element, self.diagnostics)
 
-    def error(self, code: str, element: Element, message: str) -> None:
-        self.findings.error(code, self.file.place(element), message)
+    def report_error(self, code: str, element: Element, message: str) -> None:
+        self.diagnostics.error(code, self.file.element_location(element), message)
 
-    def attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
+    def check_attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
         """An element's attributes, with a finding for each that nobody reads."""
         attributes = element.attributes
         if not known.issuperset(attributes):
             for name in attributes:
                 if name not in known:
-                    self.findings.error(
+                    self.diagnostics.error(
                         "unknown-attribute",
-                        self.file.attribute_place(element, name),
-                        f"`<{element.tag}>` has no attribute `{name}`{suggestion(name, sorted(known))}",
+                        self.file.attribute_location(element, name),
+                        f"`<{element.tag}>` has no attribute `{name}`{did_you_mean(name, sorted(known))}",
                     )
         return attributes
 
-    def misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
+    def misplaced_message(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
         """What to say about an element that does not belong where it stands."""
         name = element.tag
         if name in _PLACES:
             return f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
-        return f"unknown element `<{name}>` in `<{parent.tag}>`{suggestion(name, known)}"
+        return f"unknown element `<{name}>` in `<{parent.tag}>`{did_you_mean(name, known)}"
 
-    def block(self, parent: Element) -> Block:
+    def read_block(self, parent: Element) -> Block:
         """The statements inside `onEntry`, `onExit` or `transition`."""
         if not parent and not self.has_text:
             return ()
-        return self.statements(parent, 0, chain=False)[0]
+        return self.read_statements(parent, 0, chain=False)[0]
 
-    def statements(self, parent: Element, depth: int, *, chain: bool) -> tuple[Block, list[Branch]]:
+    def read_statements(self, parent: Element, depth: int, *, chain: bool) -> tuple[Block, list[Branch]]:
         """The statements inside an element, in document order.
 
         With `chain`, the element is an `if` or `elseif`: `else` and `elseif` inside it are further branches of the same
         `if` (as in the paper's listing 2), and are returned beside. Otherwise they continue the `if` directly before.
         """
-        self.no_text(parent)
+        self.check_no_text(parent)
         statements: list[Statement] = []
         later: list[Branch] = []
         before: list[Branch] | None = None  # the branches of the `if` that stands directly before
         open_ifs: list[tuple[int, list[Branch]]] = []  # each `if`, whose branches go on behind it
         if depth > MAX_DEPTH:
-            self.error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
+            self.report_error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
             return (), []
         for child in parent:
             tag = child.tag
             if tag in _ELSE:
                 if chain:
                     if before is not None:
-                        self.findings.warning(
+                        self.diagnostics.warning(
                             "ambiguous-else",
-                            self.file.place(child),
-                            f"this `<{tag}>` belongs to the outer `if`, in line {self.file.place(parent).line}; "
+                            self.file.element_location(child),
+                            f"this `<{tag}>` belongs to the outer `if`, in line {self.file.element_location(parent).line}; "
                             "if the inner one is meant, move it inside that",
                         )
                         before = None
-                    self.extend(later, child, depth)
+                    self.add_branches(later, child, depth)
                 elif before is not None:
-                    self.extend(before, child, depth)
+                    self.add_branches(before, child, depth)
                 else:
-                    self.error("misplaced", child, f"`<{tag}>` has no `<if>` before it; it {_PLACES[tag]}")
+                    self.report_error("misplaced", child, f"`<{tag}>` has no `<if>` before it; it {_PLACES[tag]}")
                 continue
             if later and tag in _STATEMENTS:
-                self.error(
+                self.report_error(
                     "misplaced",
                     child,
                     f"after the first `else` or `elseif` of an `<if>` no `<{tag}>` can follow; "
@@ -120,46 +125,50 @@ class BlockReader:
                 )
             before = None
             if tag == "function":
-                function = self.function(child)
+                function = self.read_function(child)
                 if function is not None:
                     statements.append(function)
             elif tag == "if":
-                before = self.branches(child, depth)
+                before = self.read_branches(child, depth)
                 open_ifs.append((len(statements), before))
-                statements.append(If((), self.file.place(child)))
+                statements.append(If((), self.file.element_location(child)))
             elif tag == "oneOf":
-                self.attributes(child, NONE)
-                choices = self.statements(child, depth + 1, chain=False)[0]
+                self.check_attributes(child, NO_ATTRIBUTES)
+                choices = self.read_statements(child, depth + 1, chain=False)[0]
                 if choices:
-                    statements.append(OneOf(choices, self.file.place(child)))
+                    statements.append(OneOf(choices, self.file.element_location(child)))
                 elif not child:
-                    self.error("no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none")
+                    self.report_error(
+                        "no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none"
+                    )
             else:
-                self.error("unknown-element", child, self.misplaced(child, parent, _STATEMENTS))
+                self.report_error("unknown-element", child, self.misplaced_message(child, parent, _STATEMENTS))
         for index, branches in open_ifs:
-            statements[index] = If(tuple(branches), statements[index].place)
+            statements[index] = If(tuple(branches), statements[index].location)
         return tuple(statements), later
 
-    def branches(self, element: Element, depth: int) -> list[Branch]:
+    def read_branches(self, element: Element, depth: int) -> list[Branch]:
         """The branches of an `if` or `elseif`, those nested inside it included."""
-        text = self.attributes(element, _COND).get("cond")
+        text = self.check_attributes(element, _COND).get("cond")
         if text is None:
-            self.error("missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">')
-        condition = self.condition(element, text) if text is not None else None
-        block, later = self.statements(element, depth + 1, chain=True)
-        return [Branch(condition or NEVER, block), *later]
+            self.report_error(
+                "missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
+            )
+        condition = self.read_condition(element, text) if text is not None else None
+        block, later = self.read_statements(element, depth + 1, chain=True)
+        return [Branch(condition or UNREADABLE_CONDITION, block), *later]
 
-    def extend(self, branches: list[Branch], element: Element, depth: int) -> None:
+    def add_branches(self, branches: list[Branch], element: Element, depth: int) -> None:
         """Add what an `else` or `elseif` brings to the branches of its `if`."""
         if branches and branches[-1].condition is None:
-            self.error("misplaced", element, f"`<{element.tag}>` after `<else>`; `<else>` comes last, and once")
+            self.report_error("misplaced", element, f"`<{element.tag}>` after `<else>`; `<else>` comes last, and once")
         if element.tag == "elseif":
-            branches += self.branches(element, depth)
+            branches += self.read_branches(element, depth)
         else:
-            self.attributes(element, NONE)
-            branches.append(Branch(None, self.statements(element, depth + 1, chain=False)[0]))
+            self.check_attributes(element, NO_ATTRIBUTES)
+            branches.append(Branch(None, self.read_statements(element, depth + 1, chain=False)[0]))
 
-    def function(self, element: Element) -> Function | None:
+    def read_function(self, element: Element) -> Function | None:
         """One call. Names that it uses are noted for the checks across files."""
         given = element.attributes
         name: Any = next((name for name in given if name in _FUNCTIONS), None)
@@ -169,63 +178,65 @@ class BlockReader:
                 return None
         written = given[name]
         argument = written.strip()
-        where = Spot(self.file, element, name)
+        where = LazyLocation(self.file, element, name)
         assignment: Assignment | None = None
         if not argument or (name == "raiseEventTopic" and not normal_topic(argument)):
-            self.findings.error("missing-value", where.place, f"`{name}` is empty")
+            self.diagnostics.error("missing-value", where.location, f"`{name}` is empty")
         elif name == "assignValue":
-            assignment = self.assignment(element, written)
+            assignment = self.read_assignment(element, written)
         elif name == "raiseEventTopic":
-            self.draft.raises.append(Mention(normal_topic(argument), where))
+            self.draft.raised_topics.append(Mention(normal_topic(argument), where))
         elif name in ("startCommunicationRobotAct", "stopCommunicationRobotAct"):
             self.draft.act_mentions.append(Mention(argument, where))
         else:
             self.draft.rule_mentions.append(Mention(argument, where))
-        return Function(name, argument, assignment, self.file.place(element))
+        return Function(name, argument, assignment, self.file.element_location(element))
 
     def check_function(self, element: Element, given: Collection[str]) -> None:
         """What is wrong with the form of a `<function>`."""
         for child in element:
-            self.error("unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it")
-        self.no_text(element)
+            self.report_error(
+                "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it"
+            )
+        self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]
         for name in given:
             if name not in _FUNCTIONS:
-                self.findings.error(
+                self.diagnostics.error(
                     "unknown-attribute",
-                    self.file.attribute_place(element, name),
-                    f"there is no function `{name}`{suggestion(name, FUNCTIONS)}",
+                    self.file.attribute_location(element, name),
+                    f"there is no function `{name}`{did_you_mean(name, FUNCTIONS)}",
                 )
         if len(known) > 1:
-            self.findings.error(
+            self.diagnostics.error(
                 "one-function",
-                self.file.attribute_place(element, known[1]),
+                self.file.attribute_location(element, known[1]),
                 f"a `<function>` does one thing; write another one for `{known[1]}`",
             )
         elif not given:
-            self.error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
+            self.report_error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
 
-    def condition(self, element: Element, text: str) -> Expression | None:
+    def read_condition(self, element: Element, text: str) -> Expression | None:
         """The condition in the attribute `cond`."""
         known = self.draft.expressions
         try:
             expression = known.get(text) or known.setdefault(text, Expression.parse(text))
         except ExpressionError as error:
-            self.findings.error(
-                "condition", self.file.value_place(element, "cond", error.column - 1), expression_message(error)
+            self.diagnostics.error(
+                "condition", self.file.value_location(element, "cond", error.column - 1), expression_message(error)
             )
             return None
-        note_expression(expression, Spot(self.file, element, "cond"), self.draft, self.findings)
+        note_expression(expression, LazyLocation(self.file, element, "cond"), self.draft, self.diagnostics)
         return expression
 
-    def assignment(self, element: Element, text: str) -> Assignment | None:
-        where = Spot(self.file, element, "assignValue")
+    def read_assignment(self, element: Element, text: str) -> Assignment | None:
+        where = LazyLocation(self.file, element, "assignValue")
         known = self.draft.assignments
         try:
             assignment = known.get(text) or known.setdefault(text, Assignment.parse(text))
         except ExpressionError as error:
-            place = self.file.value_place(element, "assignValue", error.column - 1)
-            self.findings.error("assignment", place, expression_message(error))
+            place = self.file.value_location(element, "assignValue", error.column - 1)
+            self.diagnostics.error("assignment", place, expression_message(error))
             return None
         note_assignment(assignment, where, self.draft)
         return assignment

@@ -7,63 +7,63 @@ from typing import Any, Protocol
 from msgspec import Struct
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.scenario.model import Act, Json, Place, Rule
+from rise_engine.scenario.model import Act, Json, Rule, SourceLocation
 
 
-class Where(Protocol):
+class HasLocation(Protocol):
     """Something that can tell its place when a finding needs it."""
 
     @property
-    def place(self) -> Place: ...
+    def location(self) -> SourceLocation: ...
 
 
-class At(Struct, frozen=True):
+class KnownLocation(Struct, frozen=True):
     """A place that is known already."""
 
-    place: Place
+    location: SourceLocation
 
 
 class Mention(Struct, frozen=True):
     """A name and where it stands."""
 
     name: str
-    where: Any
-    """A `Where`. (msgspec wants a class here, and would look into a protocol.)"""
+    origin: Any
+    """A `HasLocation`. (msgspec wants a class here, and would look into a protocol.)"""
 
 
 class BareKey(Struct, frozen=True):
     """A parameter value that can only be meant as a memory key."""
 
     key: str
-    where: Any
-    """A `Where`."""
+    origin: Any
+    """A `HasLocation`."""
     sentence: str
     """What is wrong with it if there is no such key."""
 
 
-class Draft:
+class ScenarioDraft:
     """A scenario in the making."""
 
     def __init__(self) -> None:
         self.acts: dict[str, Act] = {}
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
-        self.memory_places: dict[str, Place] = {}
+        self.memory_key_locations: dict[str, SourceLocation] = {}
         """Where the memory's keys stand that there is a warning about."""
-        self.unread: set[str] = set()
+        self.unreadable_parts: set[str] = set()
         """Of acts, rules and memory, what could not be read whole: then nothing can be said to be missing there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
-        self.waits: list[Mention] = []
+        self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
-        self.raises: list[Mention] = []
+        self.raised_topics: list[Mention] = []
         self.key_reads: list[Mention] = []
         """Memory keys that conditions and templates read and that have no fallback."""
-        self.key_questions: list[Mention] = []
+        self.optional_key_reads: list[Mention] = []
         """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
         self.key_writes: list[Mention] = []
         """Memory keys that rules and key bindings set."""
-        self.key_sets: set[str] = set()
+        self.settable_keys: set[str] = set()
         """Memory keys that start values, rules and key bindings set."""
         self.bare_keys: list[BareKey] = []
         self.bare_words: list[Mention] = []

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from rise_engine.scenario.model import ActionSpec, Parameter
-from rise_engine.scenario.parameters import accepts_any_name, known_names
+from rise_engine.scenario.parameters import accepts_any_name, listed_names
 
 FOLDER = Path(__file__).with_name("schema")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -85,8 +85,8 @@ def _parameter(parameter: Parameter) -> str:
     content = "<text/>"
     if parameter.type == "boolean":
         content = "<choice><value>true</value><value>false</value><text/></choice>"
-    elif parameter.type == "name" and known_names(parameter):
-        values = "".join(f"<value>{_escape(name)}</value>" for name in known_names(parameter))
+    elif parameter.type == "name" and listed_names(parameter):
+        values = "".join(f"<value>{_escape(name)}</value>" for name in listed_names(parameter))
         codes = "".join(f"<value>{code}</value>" for code in parameter.codes.values())
         content = f"<choice>{values}{codes}<text/></choice>"
         if parameter.codes:

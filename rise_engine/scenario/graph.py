@@ -6,10 +6,13 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 
 
-def cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
+def find_cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
     """One shortest cycle for each knot of nodes that reach each other, each starting with the knot's first node."""
     order = {node: index for index, node in enumerate(edges)}
-    for knot in sorted((sorted(knot, key=order.__getitem__) for knot in _knots(edges)), key=lambda k: order[k[0]]):
+    for knot in sorted(
+        (sorted(knot, key=order.__getitem__) for knot in _strongly_connected_components(edges)),
+        key=lambda k: order[k[0]],
+    ):
         first, inside = knot[0], set(knot)
         came_from: dict[str, str] = {}
         pending = deque([first])
@@ -26,7 +29,7 @@ def cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
             yield cycle[::-1]
 
 
-def _knots(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
+def _strongly_connected_components(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
     """The strongly connected components (Tarjan, SIAM J. Comput. 1 (2), 1972), without recursion."""
     number: dict[str, int] = {}
     lowest: dict[str, int] = {}
@@ -63,7 +66,7 @@ def _knots(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
                     yield knot
 
 
-def reachable(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
+def reachable_from(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
     """Every node that can be reached from `start`, itself included."""
     found = {start}
     pending = [start]
@@ -75,9 +78,9 @@ def reachable(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
     return found
 
 
-def knots(edges: Mapping[str, Iterable[str]]) -> dict[str, int]:
+def component_numbers(edges: Mapping[str, Iterable[str]]) -> dict[str, int]:
     """For each node the number of its knot: two nodes have the same one when each can be reached from the other.
 
     Nodes that are only pointed at have to be keys too.
     """
-    return {node: number for number, knot in enumerate(_knots(edges)) for node in knot}
+    return {node: number for number, knot in enumerate(_strongly_connected_components(edges)) for node in knot}

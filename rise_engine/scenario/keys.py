@@ -9,7 +9,7 @@ from __future__ import annotations
 from unicodedata import name as unicode_name
 
 from rise_engine.errors import RiseError
-from rise_engine.nearest_name import suggestion
+from rise_engine.nearest_name import did_you_mean
 
 PUNCTUATION = {
     "!": "exclamation_mark",
@@ -123,7 +123,7 @@ class KeyRefusedError(RiseError, ValueError):
         self.taken = taken
 
 
-def normal_key(written: str) -> str:
+def bindable_key_name(written: str) -> str:
     """Textual's name of a key as an author writes it: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+f`.
 
     Upper and lower case letters are different keys. Raises KeyRefusedError with the reason.
@@ -169,7 +169,7 @@ def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
     unknown = [modifier for modifier in modifiers if modifier not in ("ctrl", "shift", "alt", "super", "meta", "cmd")]
     if unknown or plain or not base:
         known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+f")
-        raise KeyRefusedError(f"`{written}` is not the name of a key{suggestion(written.lower(), known)}")
+        raise KeyRefusedError(f"`{written}` is not the name of a key{did_you_mean(written.lower(), known)}")
     if modifiers == ["shift"] and name == "tab":
         return "shift+tab"
     if name == "enter":

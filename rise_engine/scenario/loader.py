@@ -11,48 +11,53 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import few_comparisons
-from rise_engine.scenario.actions import declare
+from rise_engine.nearest_name import limited_comparisons
+from rise_engine.scenario.action_declarations import apply_declarations
 from rise_engine.scenario.acts import read_acts
-from rise_engine.scenario.allow import Silenced, allows_of_memory, read_allows, silence
-from rise_engine.scenario.draft import Draft
-from rise_engine.scenario.findings import Finding, Findings
-from rise_engine.scenario.layout import DEFAULT_PLACES, NAME
-from rise_engine.scenario.links import check_links
+from rise_engine.scenario.cross_references import check_cross_references
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.memory import read_memory
-from rise_engine.scenario.model import Place, RobotProfile, Scenario
-from rise_engine.scenario.robots import DEFAULT, read_robot
+from rise_engine.scenario.model import RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, read_robot
 from rise_engine.scenario.rules import read_rules
-from rise_engine.scenario.settings import Settings
-from rise_engine.scenario.shipped import hint
-from rise_engine.scenario.source import MAX_TOML_BYTES, Files, Source
-from rise_engine.scenario.toml_places import TomlFile, read_toml
+from rise_engine.scenario.scenario_toml import ScenarioSettings
+from rise_engine.scenario.shipped_studies import shipped_hint
+from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.suppressions import (
+    SuppressedWarning,
+    apply_suppressions,
+    memory_suppressions,
+    read_suppressions,
+)
+from rise_engine.scenario.toml_locations import TomlFile, read_toml
 from rise_engine.scenario.xml import XmlFile, read_xml
 
 
-class Loaded(Struct, frozen=True):
+class LoadResult(Struct, frozen=True):
     """What came of reading a scenario. There is one exactly when no finding is an error."""
 
     scenario: Scenario | None
-    findings: list[Finding]
+    diagnostics: list[Diagnostic]
     """In reading order, errors and warnings."""
     files: dict[str, bytes] = {}
     """What was read, by the place that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
-    wherever it lay: written there, it is the same scenario (`DEFAULT_PLACES`)."""
-    silenced: list[Silenced] = []
+    wherever it lay: written there, it is the same scenario (`DEFAULT_PATHS`)."""
+    suppressed: list[SuppressedWarning] = []
     """Warnings that are meant, in reading order; they are not among the findings."""
 
     def __iter__(self) -> Iterator[Any]:
         """`scenario, findings = load(...)` works too."""
-        return iter((self.scenario, self.findings))
+        return iter((self.scenario, self.diagnostics))
 
     @property
-    def errors(self) -> list[Finding]:
-        return [finding for finding in self.findings if finding.severity == "error"]
+    def errors(self) -> list[Diagnostic]:
+        return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
 
     @property
-    def warnings(self) -> list[Finding]:
-        return [finding for finding in self.findings if finding.severity == "warning"]
+    def warnings(self) -> list[Diagnostic]:
+        return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "warning"]
 
 
 def load(
@@ -61,7 +66,7 @@ def load(
     robot: str | None = None,
     mode: str | None = None,
     places: Mapping[str, str] | None = None,
-) -> Loaded:
+) -> LoadResult:
     """Read and check a scenario.
 
     Arguments:
@@ -82,50 +87,53 @@ def load(
     >>> str(load("scenarios/greetings").findings[0]).partition(";")[0]
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
-    with few_comparisons():
+    with limited_comparisons():
         return _Loader(Path(path)).load(robot, mode, places or {})
 
 
 class _Loader:
     def __init__(self, path: Path) -> None:
-        self.findings = Findings()
+        self.diagnostics = Diagnostics()
         self.path = path
-        is_file = path.name == NAME or path.suffix == ".toml"
+        is_file = path.name == SCENARIO_FILE or path.suffix == ".toml"
         self.folder = Path(os.path.abspath(path.parent if is_file else path))  # noqa: PTH100  # keeps symbolic links
-        self.files = Files(self.folder, self.findings)
-        self.draft = Draft()
-        self.file = TomlFile(Source(NAME, b"", ""), {})
+        self.files = FileReader(self.folder, self.diagnostics)
+        self.draft = ScenarioDraft()
+        self.file = TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {})
         self.named: dict[str, str] = {}
-        self.asked = Place(str(path))
+        self.asked = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
 
-    def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> Loaded:
-        findings, draft = self.findings, self.draft
+    def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> LoadResult:
+        diagnostics, draft = self.diagnostics, self.draft
         if not self.folder.is_dir():
-            findings.error("unreadable", Place(str(self.path)), f"there is no such folder{hint()}")
-            return Loaded(None, findings.sorted())
+            diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
+            return LoadResult(None, diagnostics.sorted())
         self.read_settings()
-        settings = Settings(self.file, draft, findings)
+        settings = ScenarioSettings(self.file, draft, diagnostics)
         if mode is not None and mode not in ("debug", "real"):
-            findings.error("wrong-value", self.asked, f'the mode asked for is "debug" or "real", not "{mode}"')
+            diagnostics.error("wrong-value", self.asked, f'the mode asked for is "debug" or "real", not "{mode}"')
         profile = self.robot(robot if robot is not None else settings.robot, asked=robot is not None)
-        self.named = {**settings.places, **places}
-        paths = {key: self.named.get(key) or place for key, place in DEFAULT_PLACES.items()}
+        self.named = {**settings.paths, **places}
+        paths = {key: self.named.get(key) or place for key, place in DEFAULT_PATHS.items()}
 
         for file in self.xml_files("acts", paths["acts"]):
-            read_acts(file, profile, draft, findings)
+            read_acts(file, profile, draft, diagnostics)
         for file in self.xml_files("rules", paths["rules"]):
-            read_rules(file, draft, findings)
+            read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
-        check_links(draft, findings)
+        check_cross_references(draft, diagnostics)
 
-        allows = [*read_allows(self.files.read, findings), *allows_of_memory(settings.allows, draft.memory_places)]
-        found = findings.sorted()
-        silenced: list[Silenced] = []
+        allows = [
+            *read_suppressions(self.files.sources, diagnostics),
+            *memory_suppressions(settings.suppressions, draft.memory_key_locations),
+        ]
+        found = diagnostics.sorted()
+        silenced: list[SuppressedWarning] = []
         if allows:
-            found, silenced = silence(found, allows, findings, complete=not findings.errors)
-        if findings.errors:
-            return Loaded(None, found, silenced=silenced)
+            found, silenced = apply_suppressions(found, allows, diagnostics, complete=not diagnostics.errors)
+        if diagnostics.errors:
+            return LoadResult(None, found, suppressed=silenced)
         files = self.by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
@@ -141,34 +149,34 @@ class _Loader:
             study=settings.study,
             may_release=settings.may_release,
             paths=paths,
-            known_keys=frozenset(draft.key_sets),
-            topics=frozenset(mention.name for mention in draft.waits),
+            known_keys=frozenset(draft.settable_keys),
+            topics=frozenset(mention.name for mention in draft.awaited_topics),
             hash=_hash(files, profile.name),
         )
-        return Loaded(scenario, found, files, silenced)
+        return LoadResult(scenario, found, files, silenced)
 
     def read_settings(self) -> None:
-        path = self.folder / (self.path.name if self.path.suffix == ".toml" else NAME)
-        source = self.files.source(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
-        file = read_toml(source, self.findings) if source is not None else None
+        path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
+        source = self.files.read(path, MAX_TOML_BYTES) if os.path.lexists(path) else None
+        file = read_toml(source, self.diagnostics) if source is not None else None
         self.file = file or self.file
 
     def robot(self, name: str, *, asked: bool) -> RobotProfile:
         file = self.file
-        place = self.asked if asked else file.value_place("robot")
-        profile = read_robot(name or DEFAULT, self.files, place, asked=asked)
+        place = self.asked if asked else file.value_location("robot")
+        profile = read_robot(name or DEFAULT_ROBOT, self.files, place, asked=asked)
         if "actions" in file.values:
-            profile = replace(profile, actions=declare(file, profile.actions, "scenario", self.findings))
+            profile = replace(profile, actions=apply_declarations(file, profile.actions, "scenario", self.diagnostics))
         return profile
 
     def read_memory(self, place: str) -> None:
         path = self.folder / place
         if self.exists("memory", path):
-            source = self.files.source(path)
+            source = self.files.read(path)
             if source is None:
-                self.draft.unread.add("memory")
+                self.draft.unreadable_parts.add("memory")
             else:
-                read_memory(source, self.draft, self.findings)
+                read_memory(source, self.draft, self.diagnostics)
 
     def xml_files(self, kind: str, place: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
@@ -180,16 +188,16 @@ class _Loader:
             try:
                 names = sorted(each.name for each in path.iterdir())
             except OSError as error:
-                self.findings.error(
-                    "unreadable", Place(place), f"this folder cannot be read: {error.strerror or error}"
+                self.diagnostics.error(
+                    "unreadable", SourceLocation(place), f"this folder cannot be read: {error.strerror or error}"
                 )
                 names = []
             paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
         for each in paths:
-            source = self.files.source(each)
-            file = read_xml(source, self.findings) if source is not None else None
+            source = self.files.read(each)
+            file = read_xml(source, self.diagnostics) if source is not None else None
             if file is None:
-                self.draft.unread.add(kind)
+                self.draft.unreadable_parts.add(kind)
             else:
                 yield file
 
@@ -201,26 +209,26 @@ class _Loader:
         except (OSError, ValueError):  # a name that no file can have
             pass
         if self.named.get(kind):
-            where = self.file.value_place(kind) if self.named[kind] == self.file.values.get(kind) else self.asked
-            self.findings.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
-            self.draft.unread.add(kind)
+            where = self.file.value_location(kind) if self.named[kind] == self.file.values.get(kind) else self.asked
+            self.diagnostics.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
+            self.draft.unreadable_parts.add(kind)
         return False
 
     def by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""
-        settings = {NAME, self.path.name}
+        settings = {SCENARIO_FILE, self.path.name}
         acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))
         files: dict[str, bytes] = {}
-        for source in self.files.read:
+        for source in self.files.sources:
             path = self.folder / source.name
             if path == memory:
-                name = DEFAULT_PLACES["memory"]
+                name = DEFAULT_PATHS["memory"]
             elif acts in (path, path.parent):
                 name = f"acts/{path.name}"
             elif rules in (path, path.parent):
                 name = f"rules/{path.name}"
             elif source.name in settings:
-                name = NAME
+                name = SCENARIO_FILE
             else:
                 name = f"robots/{path.name}"
             files[name] = source.data

@@ -22,7 +22,7 @@ CallingType: TypeAlias = Literal["None", "Blocking"]
 ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name"]
 
 
-class Place(Struct, frozen=True):
+class SourceLocation(Struct, frozen=True):
     """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
 
     file: str
@@ -92,7 +92,7 @@ class RobotProfile(Struct, frozen=True):
 # --- CRA ------------------------------------------------------------------------------------------------------------
 
 
-class Call(Struct, frozen=True):
+class ActionCall(Struct, frozen=True):
     """One action with its parameters, as written. Memory values are filled in when it starts."""
 
     type: str
@@ -103,11 +103,11 @@ class Action(Struct, frozen=True):
     """A node of an act's graph: it starts when all of `wait_for` have ended."""
 
     id: str
-    calls: tuple[Call, ...]
+    calls: tuple[ActionCall, ...]
     """One call; several for `<Variants>`, of which one is picked at each start."""
     wait_for: tuple[str, ...] = ()
     continue_on_failure: bool = False
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class Act(Struct, frozen=True):
@@ -118,7 +118,7 @@ class Act(Struct, frozen=True):
     """In file order, which only breaks ties."""
     channels: frozenset[str] = frozenset()
     """All channels that its actions occupy on the scenario's robot."""
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 # --- IR -------------------------------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ class Function(Struct, frozen=True, tag="function"):
     """As written; event topics keep their slash here."""
     assignment: Assignment | None = None
     """Only for `assignValue`."""
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class Branch(Struct, frozen=True):
@@ -155,14 +155,14 @@ class If(Struct, frozen=True, tag="if"):
     """The first branch whose condition holds is run."""
 
     branches: tuple[Branch, ...]
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class OneOf(Struct, frozen=True, tag="oneOf"):
     """Runs one of its children, picked by the session's seeded random source."""
 
     choices: tuple[Statement, ...]
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 Statement: TypeAlias = Function | If | OneOf
@@ -180,7 +180,7 @@ class Transition(Struct, frozen=True):
     target: str | None = None
     """The next state; null: the functions run without leaving the state."""
     block: Block = ()
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class State(Struct, frozen=True):
@@ -190,7 +190,7 @@ class State(Struct, frozen=True):
     on_entry: Block = ()
     on_exit: Block = ()
     transitions: tuple[Transition, ...] = ()
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class Rule(Struct, frozen=True):
@@ -201,7 +201,7 @@ class Rule(Struct, frozen=True):
     states: dict[str, State]
     priority: float = 0
     """Larger is nearer the top of the stack when the rule starts."""
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 # --- the whole ------------------------------------------------------------------------------------------------------
@@ -216,7 +216,7 @@ class KeyBinding(Struct, frozen=True):
     """As written in `scenario.toml`: `.`"""
     function: FunctionName
     behavior: str
-    place: Place = field(default=Place(""), name="place")
+    location: SourceLocation = field(default=SourceLocation(""), name="place")
     title: str = ""
     """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import is_64_bit
-from rise_engine.nearest_name import suggestion
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.model import ActionSpec, Call, Parameter
-from rise_engine.scenario.template import Template, as_text
+from rise_engine.scenario.model import ActionCall, ActionSpec, Parameter
+from rise_engine.scenario.template import Template, spoken_text
 
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII)
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)
@@ -32,7 +32,7 @@ class OutOfRangeError(ParameterError):
     """A number beyond the smallest or the largest that a parameter can have."""
 
 
-def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
+def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any:
     """The value that a robot gets: of the declared type, within the range, a known name.
 
     Arguments:
@@ -53,7 +53,7 @@ def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
     try:
         match parameter.type:
             case "text":
-                return as_text(value)
+                return spoken_text(value)
             case "number":
                 return _in_range(parameter, _number(parameter, value, origin), origin)
             case "integer":
@@ -71,7 +71,7 @@ def convert(parameter: Parameter, value: Any, origin: str = "") -> Any:
         raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
 
 
-def call_parameters(call: Call, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
+def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
     """The parameters of an action that starts now: memory filled in, converted, those left out absent.
 
     Arguments:
@@ -96,7 +96,7 @@ def call_parameters(call: Call, spec: ActionSpec, memory: Mapping[str, Any]) -> 
             if parameter.type == "text":
                 result[name] = template.fill(memory)
             else:
-                result[name] = convert(parameter, template.fill_value(memory), _origin(template))
+                result[name] = convert_parameter(parameter, template.fill_value(memory), _origin(template))
         except (OverflowError, RecursionError):
             raise ParameterError(f"{name} cannot be made of a value of this size{_origin(template)}") from None
     return result
@@ -110,7 +110,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
     if any(slot.before or slot.after for slot in slots):
         raise ParameterError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
     if all(slot.fallback is not None for slot in slots):
-        convert(parameter, template.fill({}), " (without a memory value)")
+        convert_parameter(parameter, template.fill({}), " (without a memory value)")
     if len(template.parts) == 1 or (parameter.type == "name" and accepts_any_name(parameter)):
         return
     if parameter.type in ("number", "integer"):
@@ -122,7 +122,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
         return
     known = ["true", "false"]
     if parameter.type == "name":
-        known = [*known_names(parameter), *map(str, parameter.codes.values())]
+        known = [*listed_names(parameter), *map(str, parameter.codes.values())]
     if not any(_could_spell(template, name) for name in known):
         what = "true or false" if parameter.type == "boolean" else "a name"
         raise ParameterError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
@@ -145,7 +145,7 @@ def _could_spell(template: Template, name: str) -> bool:
     return True
 
 
-def known_names(parameter: Parameter) -> list[str]:
+def listed_names(parameter: Parameter) -> list[str]:
     """All names that a `name` parameter lists, those with codes first."""
     return [*parameter.codes, *(name for name in parameter.names if name != ANY_NAME)]
 
@@ -228,7 +228,7 @@ def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
     name = value.strip()
     if name in parameter.codes or name in parameter.names or (accepts_any_name(parameter) and name):
         return name
-    near = suggestion(name[:80], known_names(parameter), limit=20)
+    near = did_you_mean(name[:80], listed_names(parameter), limit=20)
     raise ParameterError(f"{parameter.name} has no name {_shown(name)}{origin}{near}")
 
 

@@ -6,14 +6,14 @@ import math
 import re
 from collections.abc import Iterator
 
-from rise_engine.nearest_name import suggestion
-from rise_engine.scenario.blocks import NONE, BlockReader
-from rise_engine.scenario.draft import Draft, Mention
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.durations import MAX_SECONDS
-from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.graph import knots, reachable
+from rise_engine.scenario.graph import component_numbers, reachable_from
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, State, Transition, normal_topic
-from rise_engine.scenario.xml import Element, Spot, XmlFile
+from rise_engine.scenario.xml import Element, LazyLocation, XmlFile
 from rise_engine.scenario.xml_checks import top_elements
 
 WRAPPERS = ("InteractionRules",)
@@ -30,17 +30,17 @@ _TRANSITION = frozenset({"eventTopic", "target", "cond", "after"})
 _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 
-def read_rules(file: XmlFile, draft: Draft, findings: Findings) -> None:
+def read_rules(file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Read every rule of a file into `draft`."""
-    for element in top_elements(file, "InteractionRule", WRAPPERS, findings):
-        rule = _RuleReader(file, draft, findings).rule(element)
+    for element in top_elements(file, "InteractionRule", WRAPPERS, diagnostics):
+        rule = _RuleReader(file, draft, diagnostics).rule(element)
         if rule is None:
             continue
         if rule.name in draft.rules:
-            first = draft.rules[rule.name].place
-            findings.error(
+            first = draft.rules[rule.name].location
+            diagnostics.error(
                 "duplicate-name",
-                file.value_place(element, "name"),
+                file.value_location(element, "name"),
                 f"there is another rule `{rule.name}` in {first.file}, line {first.line}",
             )
         else:
@@ -48,67 +48,69 @@ def read_rules(file: XmlFile, draft: Draft, findings: Findings) -> None:
 
 
 class _RuleReader(BlockReader):
-    def __init__(self, file: XmlFile, draft: Draft, findings: Findings) -> None:
-        super().__init__(file, draft, findings)
+    def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+        super().__init__(file, draft, diagnostics)
         self.targets: list[tuple[str, Element]] = []
         self.short: list[tuple[str, str, Element]] = []
         """Transitions after less than SHORT_AFTER: state, target, element."""
 
     def rule(self, element: Element) -> Rule | None:
-        self.attributes(element, _RULE)
-        self.no_text(element)
+        self.check_attributes(element, _RULE)
+        self.check_no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
-            self.error("missing-attribute", element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
+            self.report_error(
+                "missing-attribute", element, 'a rule needs a name: <InteractionRule name="..." initial="...">'
+            )
         states: dict[str, State] = {}
         for child in element:
             if child.tag != "State":
-                self.error("unknown-element", child, self.misplaced(child, element, ("State",)))
+                self.report_error("unknown-element", child, self.misplaced_message(child, element, ("State",)))
                 continue
             state = self.state(child)
             if state is None:
                 continue
             if state.id in states:
-                self.findings.error(
+                self.diagnostics.error(
                     "duplicate-state",
-                    self.file.value_place(child, "id"),
-                    f"there is another state `{state.id}` in line {states[state.id].place.line}",
+                    self.file.value_location(child, "id"),
+                    f"there is another state `{state.id}` in line {states[state.id].location.line}",
                 )
             else:
                 states[state.id] = state
         initial = self.initial(element, states)
         for target, transition in self.targets:
             if target not in states:
-                self.findings.error(
+                self.diagnostics.error(
                     "unknown-state",
-                    self.file.value_place(transition, "target"),
-                    f"there is no state `{target}` in this rule{suggestion(target, states)}",
+                    self.file.value_location(transition, "target"),
+                    f"there is no state `{target}` in this rule{did_you_mean(target, states)}",
                 )
         priority = self.priority(element)
         if initial is not None:
             self.check_reachable(initial, states)
         self.check_short_loops(states)
         # A rule whose beginning is wrong is there all the same: others may name it.
-        return Rule(name, initial or "", states, priority, self.file.place(element)) if name else None
+        return Rule(name, initial or "", states, priority, self.file.element_location(element)) if name else None
 
     def initial(self, element: Element, states: dict[str, State]) -> str | None:
         initial = element.get("initial")
         has_states = bool(states) or any(child.tag == "State" for child in element)
         if not has_states:
-            self.error("no-states", element, "this rule has no states")
+            self.report_error("no-states", element, "this rule has no states")
         if initial is None:
             example = next(iter(states), "...")
-            self.error("missing-attribute", element, f'a rule says where it begins: initial="{example}"')
+            self.report_error("missing-attribute", element, f'a rule says where it begins: initial="{example}"')
             return None
         initial = initial.strip()
         if initial in states:
             return initial
         if not has_states:
             return None
-        self.findings.error(
+        self.diagnostics.error(
             "unknown-state",
-            self.file.value_place(element, "initial"),
-            f"there is no state `{initial}` in this rule{suggestion(initial, states)}",
+            self.file.value_location(element, "initial"),
+            f"there is no state `{initial}` in this rule{did_you_mean(initial, states)}",
         )
         return None
 
@@ -118,19 +120,19 @@ class _RuleReader(BlockReader):
             return 0
         value = float(text) if _NUMBER.match(text) else math.nan
         if not math.isfinite(value):
-            self.findings.error(
-                "wrong-type", self.file.value_place(element, "priority"), f"priority is a number; `{text}` is not"
+            self.diagnostics.error(
+                "wrong-type", self.file.value_location(element, "priority"), f"priority is a number; `{text}` is not"
             )
             return 0
         return int(value) if value.is_integer() else value
 
     def check_reachable(self, initial: str, states: dict[str, State]) -> None:
         ways = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
-        found = reachable(initial, ways)
+        found = reachable_from(initial, ways)
         for name, state in states.items():
             if name not in found:
-                self.findings.warning(
-                    "unreachable-state", state.place, f"no transition leads to the state `{name}` from `{initial}`"
+                self.diagnostics.warning(
+                    "unreachable-state", state.location, f"no transition leads to the state `{name}` from `{initial}`"
                 )
 
     def check_short_loops(self, states: dict[str, State]) -> None:
@@ -146,23 +148,23 @@ class _RuleReader(BlockReader):
                 if way.target in states
                 and (way.event in own if way.event is not None else way.after is None or way.after < SHORT_AFTER)
             ]
-        knot = knots(ways)
+        knot = component_numbers(ways)
         for name, target, element in self.short:
             if name in states and target in states and knot[name] == knot[target]:
                 after = element.attributes["after"].strip()
-                self.findings.warning(
+                self.diagnostics.warning(
                     "short-loop",
-                    self.file.value_place(element, "after"),
+                    self.file.value_location(element, "after"),
                     f"after {after} this way leads back to `{name}` and waits for nothing else: each round is recorded "
                     f"and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event",
                 )
 
     def state(self, element: Element) -> State | None:
-        attributes = self.attributes(element, _STATE)
-        self.no_text(element)
+        attributes = self.check_attributes(element, _STATE)
+        self.check_no_text(element)
         name = attributes.get("id", "").strip()
         if not name:
-            self.error("missing-attribute", element, 'a state needs a name: <State id="...">')
+            self.report_error("missing-attribute", element, 'a state needs a name: <State id="...">')
         blocks: dict[str, Block] = {}
         transitions: list[Transition] = []
         always: dict[tuple[str, object], Transition] = {}
@@ -177,51 +179,57 @@ class _RuleReader(BlockReader):
                     self.check_order(transition, always)
             elif tag in ("onEntry", "onExit"):
                 if tag in blocks:
-                    self.error("duplicate-element", child, f"this state has `<{tag}>` twice; join them")
-                self.attributes(child, NONE)
-                blocks[tag] = blocks.get(tag, ()) + self.block(child)
+                    self.report_error("duplicate-element", child, f"this state has `<{tag}>` twice; join them")
+                self.check_attributes(child, NO_ATTRIBUTES)
+                blocks[tag] = blocks.get(tag, ()) + self.read_block(child)
             else:
-                self.error("unknown-element", child, self.misplaced(child, element, _STATE_PARTS))
+                self.report_error("unknown-element", child, self.misplaced_message(child, element, _STATE_PARTS))
         if not name:
             return None
         return State(
-            name, blocks.get("onEntry", ()), blocks.get("onExit", ()), tuple(transitions), self.file.place(element)
+            name,
+            blocks.get("onEntry", ()),
+            blocks.get("onExit", ()),
+            tuple(transitions),
+            self.file.element_location(element),
         )
 
     def transition(self, element: Element) -> Transition | None:
-        get = self.attributes(element, _TRANSITION).get
+        get = self.check_attributes(element, _TRANSITION).get
         event, condition, after = get("eventTopic"), get("cond"), get("after")
         if event is not None and after is not None:
-            self.findings.error(
+            self.diagnostics.error(
                 "trigger",
-                self.file.attribute_place(element, "after"),
+                self.file.attribute_location(element, "after"),
                 "a transition waits for an event or for a time, not for both; write two transitions",
             )
         if event is None and condition is None and after is None:
-            self.error("trigger", element, "a transition waits for something: give it eventTopic, cond or after")
+            self.report_error("trigger", element, "a transition waits for something: give it eventTopic, cond or after")
         topic: str | None = None
         if event is not None:
             topic = normal_topic(event)
             if topic:
-                self.draft.waits.append(Mention(topic, Spot(self.file, element, "eventTopic")))
+                self.draft.awaited_topics.append(Mention(topic, LazyLocation(self.file, element, "eventTopic")))
             else:
-                self.findings.error("trigger", self.file.value_place(element, "eventTopic"), "eventTopic is empty")
+                self.diagnostics.error(
+                    "trigger", self.file.value_location(element, "eventTopic"), "eventTopic is empty"
+                )
         target = get("target")
         if target is not None:
             target = target.strip()
             self.targets.append((target, element))
-        block = self.block(element)
+        block = self.read_block(element)
         if target is None and not block and not len(element):
-            self.findings.warning(
-                "no-effect", self.file.place(element), "this transition has neither a target nor functions"
+            self.diagnostics.warning(
+                "no-effect", self.file.element_location(element), "this transition has neither a target nor functions"
             )
         return Transition(
             event=topic,
-            condition=self.condition(element, condition) if condition is not None else None,
+            condition=self.read_condition(element, condition) if condition is not None else None,
             after=self.after(element, after) if after is not None else None,
             target=target,
             block=block,
-            place=self.file.place(element),
+            location=self.file.element_location(element),
         )
 
     def after(self, element: Element, text: str) -> float | None:
@@ -232,11 +240,11 @@ class _RuleReader(BlockReader):
                 return seconds
             remedy = "; without `after` and with a condition, a transition is taken at once" if seconds == 0 else ""
             message = f"`after` is from 1ms to 24 hours (1440min); `{text.strip()[:40]}` is outside{remedy}"
-            self.findings.error("out-of-range", self.file.value_place(element, "after"), message)
+            self.diagnostics.error("out-of-range", self.file.value_location(element, "after"), message)
             return None
         number = re.match(r"\s*\d+(?:\.\d+)?\s*\Z", text, re.ASCII)
         remedy = f"; write {text.strip()}ms or {text.strip()}s" if number else "; write 500ms, 2s, 1.5s or 3min"
-        self.findings.error("time", self.file.value_place(element, "after"), f"`{text}` is not a time{remedy}")
+        self.diagnostics.error("time", self.file.value_location(element, "after"), f"`{text}` is not a time{remedy}")
         return None
 
     def check_order(self, transition: Transition, always: dict[tuple[str, object], Transition]) -> None:
@@ -249,10 +257,10 @@ class _RuleReader(BlockReader):
         else:
             return
         if trigger in always:
-            self.findings.warning(
+            self.diagnostics.warning(
                 "unreachable-transition",
-                transition.place,
-                f"never taken: the transition in line {always[trigger].place.line} has the same trigger "
+                transition.location,
+                f"never taken: the transition in line {always[trigger].location.line} has the same trigger "
                 "and no condition",
             )
         elif transition.condition is None:

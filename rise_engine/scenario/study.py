@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from rise_engine.nearest_name import listed, suggestion
+from rise_engine.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.model import Scenario
 
 
-def conditions(scenario: Scenario) -> tuple[str, ...]:
+def study_conditions(scenario: Scenario) -> tuple[str, ...]:
     """The study's conditions, in its order; empty when it lists none."""
     found = scenario.study.get("conditions")
     return tuple(one for one in found if isinstance(one, str)) if isinstance(found, list) else ()
@@ -14,7 +14,7 @@ def conditions(scenario: Scenario) -> tuple[str, ...]:
 
 def condition_problem(scenario: Scenario, condition: str) -> str:
     """Why a session cannot be run in this condition, or empty. Any is right where the study lists none."""
-    known = conditions(scenario)
+    known = study_conditions(scenario)
     if not condition or not known or condition in known:
         return ""
-    return f"this study has no condition {condition!r}{suggestion(condition, known, limit=0)}; it has {listed(known)}"
+    return f"this study has no condition {condition!r}{did_you_mean(condition, known, limit=0)}; it has {in_backquotes(known)}"

@@ -31,7 +31,7 @@ class TemplateError(RiseError, ValueError):
         self.column = column
 
 
-class MissingValue(RiseError):
+class MissingValueError(RiseError):
     """A memory key without value was needed to fill a template."""
 
     def __init__(self, key: str) -> None:
@@ -39,7 +39,7 @@ class MissingValue(RiseError):
         self.key = key
 
 
-class Slot(Struct, frozen=True):
+class MemorySlot(Struct, frozen=True):
     """A place where a memory value goes."""
 
     key: str
@@ -55,17 +55,17 @@ class Template(Struct, frozen=True):
 
     text: str
     """The source, braces and all."""
-    parts: tuple[str | Slot, ...]
+    parts: tuple[str | MemorySlot, ...]
 
     @property
     def keys(self) -> frozenset[str]:
         """The memory keys that it reads."""
-        return frozenset(part.key for part in self.parts if isinstance(part, Slot))
+        return frozenset(part.key for part in self.parts if isinstance(part, MemorySlot))
 
     @property
     def constant(self) -> str | None:
         """Its text when no memory value is involved."""
-        if any(isinstance(part, Slot) for part in self.parts):
+        if any(isinstance(part, MemorySlot) for part in self.parts):
             return None
         return "".join(part for part in self.parts if isinstance(part, str))
 
@@ -75,7 +75,7 @@ class Template(Struct, frozen=True):
 
     def fill_value(self, memory: Mapping[str, Any]) -> Any:
         """As `fill`, but a template that is one single slot keeps the value's own type (for numbers and booleans)."""
-        if len(self.parts) == 1 and isinstance(slot := self.parts[0], Slot):
+        if len(self.parts) == 1 and isinstance(slot := self.parts[0], MemorySlot):
             found, value = lookup(memory, slot.key)
             if found and value is not None:
                 return value
@@ -86,7 +86,7 @@ def parse_template(text: str) -> Template:
     """Read a parameter text. Raises TemplateError for a brace without partner or a slot that names no key."""
     if "{" not in text and "}" not in text:
         return Template(text, (text,) if text else ())
-    parts: list[str | Slot] = []
+    parts: list[str | MemorySlot] = []
     literal: list[str] = []
     at = 0
     while at < len(text):
@@ -109,7 +109,7 @@ def parse_template(text: str) -> Template:
             before, key, after, fallback = found.groups()
             if fallback is None and (before is not None or after is not None):
                 fallback = ""
-            parts.append(Slot(key, fallback, before or "", after or ""))
+            parts.append(MemorySlot(key, fallback, before or "", after or ""))
             at = found.end()
     if literal:
         parts.append("".join(literal))
@@ -146,10 +146,10 @@ def _malformed(text: str, at: int) -> TemplateError:
 
 def key_template(key: str) -> Template:
     """The template of a parameter that is a bare memory key (allowed for numbers and booleans)."""
-    return Template(key, (Slot(key),))
+    return Template(key, (MemorySlot(key),))
 
 
-def as_text(value: Any) -> str:
+def spoken_text(value: Any) -> str:
     """A memory value as it is spoken or printed: numbers without a trailing `.0`, booleans as `true` and `false`."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -160,14 +160,14 @@ def as_text(value: Any) -> str:
     return dumps(value, ensure_ascii=False)
 
 
-def _slot_text(slot: Slot, memory: Mapping[str, Any]) -> str:
+def _slot_text(slot: MemorySlot, memory: Mapping[str, Any]) -> str:
     found, value = lookup(memory, slot.key)
     if found and value is not None:
-        text = as_text(value)
+        text = spoken_text(value)
         if not (slot.before or slot.after):
             return text
         if text.strip():
             return slot.before + text + slot.after
     if slot.fallback is not None:
         return slot.fallback
-    raise MissingValue(slot.key)
+    raise MissingValueError(slot.key)

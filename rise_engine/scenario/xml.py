@@ -19,26 +19,26 @@ from lxml import etree
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.model import Place
-from rise_engine.scenario.source import Source
-from rise_engine.scenario.xml_repair import Mended, mend
-from rise_engine.scenario.xml_syntax import report_syntax
-from rise_engine.text import called
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.xml_repair import RepairedText, repair
+from rise_engine.scenario.xml_syntax_errors import report_syntax_error
+from rise_engine.text import character_name
 
 
 class Element(list["Element"]):
     """An element: a list of its children."""
 
-    __slots__ = ("at", "attributes", "end", "tag", "tail", "text")
+    __slots__ = ("attributes", "end_offset", "start_offset", "tag", "tail", "text")
 
     def __init__(self, tag: str, attributes: dict[str, str], at: int) -> None:
         self.tag = tag
         self.attributes = attributes
         """In file order."""
-        self.at = at
+        self.start_offset = at
         """Where its start tag begins in the text that was parsed."""
-        self.end = at
+        self.end_offset = at
         """Where its end tag begins; of `<empty/>`, the same as `at`."""
         self.text = ""
         """What stands before its first child. Comments leave no trace."""
@@ -63,7 +63,7 @@ _DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DO
 _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
-class MisnamedError(RiseError, ValueError):
+class XmlNameError(RiseError, ValueError):
     """A character that no XML name can have, though lxml accepts it. `offset` is its place."""
 
     def __init__(self, message: str, offset: int) -> None:
@@ -74,7 +74,7 @@ class MisnamedError(RiseError, ValueError):
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: Source, text: str, mended: Mended | None) -> None:
+    def __init__(self, source: SourceFile, text: str, mended: RepairedText | None) -> None:
         """`text` is well-formed. Raises MisnamedError."""
         self.source = source
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
@@ -86,37 +86,37 @@ class XmlFile:
         """The attributes of the element that was asked for last."""
         self._last_offset_map: tuple[Element, str | None, _OffsetMap] | None = None
 
-    def place(self, element: Element) -> Place:
+    def element_location(self, element: Element) -> SourceLocation:
         """Where an element's start tag begins."""
-        return self._location(element.at)
+        return self._location(element.start_offset)
 
-    def attribute_place(self, element: Element, name: str) -> Place:
+    def attribute_location(self, element: Element, name: str) -> SourceLocation:
         """Where an attribute's name stands."""
         found = self._attribute(element, name)
-        return self._location(found.start(1)) if found else self.place(element)
+        return self._location(found.start(1)) if found else self.element_location(element)
 
-    def value_place(self, element: Element, name: str, index: int = 0) -> Place:
+    def value_location(self, element: Element, name: str, index: int = 0) -> SourceLocation:
         """Where the character number `index` (from 0) of an attribute's value stands in the file."""
         found = self._attribute(element, name)
         if found is None:
-            return self.place(element)
+            return self.element_location(element)
         return self._location(self._offset_map(element, name, found).offset(index))
 
-    def text_place(self, element: Element, index: int = 0) -> Place:
+    def text_location(self, element: Element, index: int = 0) -> SourceLocation:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
         return self._location(self._offset_map(element, None, None).offset(index))
 
-    def tail_place(self, element: Element, index: int = 0) -> Place:
+    def tail_location(self, element: Element, index: int = 0) -> SourceLocation:
         """Where the character number `index` of what stands behind an element stands in the file."""
-        tag = _TAG.match(self._text, element.end)
-        return self._location(_text_offset_map(self._text, tag.end() if tag else element.end).offset(index))
+        tag = _TAG.match(self._text, element.end_offset)
+        return self._location(_text_offset_map(self._text, tag.end() if tag else element.end_offset).offset(index))
 
-    def _location(self, offset: int) -> Place:
-        return self.source.place(self._mended.original(offset) if self._mended else offset)
+    def _location(self, offset: int) -> SourceLocation:
+        return self.source.location(self._mended.original_offset(offset) if self._mended else offset)
 
     def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
         if self._attributes is None or self._attributes[0] is not element:
-            tag = _TAG.match(self._text, element.at)
+            tag = _TAG.match(self._text, element.start_offset)
             found = _ATTRIBUTE.finditer(self._text, tag.start(), tag.end()) if tag else ()
             self._attributes = element, {match.group(1): match for match in found}
         return self._attributes[1].get(name)
@@ -129,8 +129,8 @@ class XmlFile:
                 stretches = _OffsetMap()
                 stretches.add(self._text, *attribute.span(2 if attribute.group(2) is not None else 3), _CHARACTER)
             else:
-                tag = _TAG.match(self._text, element.at)
-                stretches = _text_offset_map(self._text, tag.end() if tag else element.at)
+                tag = _TAG.match(self._text, element.start_offset)
+                stretches = _text_offset_map(self._text, tag.end() if tag else element.start_offset)
             last = self._last_offset_map = element, name, stretches
         return last[2]
 
@@ -182,22 +182,22 @@ def _text_offset_map(text: str, at: int) -> _OffsetMap:
         at = inner.end()
 
 
-class Spot(Struct, frozen=True):
+class LazyLocation(Struct, frozen=True):
     """A place that is worked out only when a finding needs it."""
 
     file: XmlFile
     element: Element
     attribute: str | None = None
     """None: the element's text, or the element itself when `at` is None too."""
-    at: int | None = None
+    index: int | None = None
 
     @property
-    def place(self) -> Place:
+    def location(self) -> SourceLocation:
         if self.attribute is not None:
-            return self.file.value_place(self.element, self.attribute, self.at or 0)
-        if self.at is not None:
-            return self.file.text_place(self.element, self.at)
-        return self.file.place(self.element)
+            return self.file.value_location(self.element, self.attribute, self.index or 0)
+        if self.index is not None:
+            return self.file.text_location(self.element, self.index)
+        return self.file.element_location(self.element)
 
 
 def is_element_name(name: str) -> bool:
@@ -205,47 +205,47 @@ def is_element_name(name: str) -> bool:
     try:
         _parse(f"<{name}/>")
         return _element_tree(f"<{name}/>", has_text=False).tag == name
-    except (etree.XMLSyntaxError, MisnamedError, UnicodeEncodeError):
+    except (etree.XMLSyntaxError, XmlNameError, UnicodeEncodeError):
         return False
 
 
-def read_xml(source: Source, findings: Findings) -> XmlFile | None:
+def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
     """Parse a file. What is wrong with its form becomes findings; with the common mistakes mended it is read on."""
     text = source.text
     if (doctype := _DOCTYPE.match(text)) is not None:
-        findings.error(
-            "doctype", source.place(doctype.end() - 9), "a DOCTYPE is not allowed in scenario files; delete it"
+        diagnostics.error(
+            "doctype", source.location(doctype.end() - 9), "a DOCTYPE is not allowed in scenario files; delete it"
         )
         return None
     declared = _DECLARED.match(text)
     if declared is not None and declared.group(1).lower() not in ("utf-8", "utf8", "us-ascii"):
-        findings.error(
+        diagnostics.error(
             "encoding",
-            source.place(declared.start(1)),
+            source.location(declared.start(1)),
             f'this file declares the encoding {declared.group(1)}; save it as UTF-8 and declare encoding="UTF-8"',
         )
         return None
     try:
         _parse(text)
         return XmlFile(source, text, None)
-    except MisnamedError as misnamed:
-        findings.error("not-well-formed", source.place(misnamed.offset), str(misnamed))
+    except XmlNameError as misnamed:
+        diagnostics.error("not-well-formed", source.location(misnamed.offset), str(misnamed))
         return None
     except etree.XMLSyntaxError as first:
         error = first
-        before = findings.errors
-        mended = mend(source, findings)
-        if findings.errors > before:
+        before = diagnostics.errors
+        mended = repair(source, diagnostics)
+        if diagnostics.errors > before:
             try:
                 _parse(mended.text)
                 return XmlFile(source, mended.text, mended)
-            except MisnamedError as misnamed:
-                place = source.place(mended.original(misnamed.offset))
-                findings.error("not-well-formed", place, str(misnamed))
+            except XmlNameError as misnamed:
+                place = source.location(mended.original_offset(misnamed.offset))
+                diagnostics.error("not-well-formed", place, str(misnamed))
                 return None
             except etree.XMLSyntaxError as second:
                 error = second
-        report_syntax(error, mended, findings)
+        report_syntax_error(error, mended, diagnostics)
         return None
 
 
@@ -299,7 +299,7 @@ def _element_tree(text: str, has_text: bool) -> Element:
 
     def end(tag: str) -> None:
         text_ends()
-        open_elements.pop().end = here()
+        open_elements.pop().end_offset = here()
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -312,9 +312,9 @@ def _element_tree(text: str, has_text: bool) -> Element:
         at = len(data[: max(parser.ErrorByteIndex, 0)].decode(errors="ignore"))
         character = text[at : at + 1]
         if character.isascii():  # nothing is known that leads here
-            raise MisnamedError(f"this is not well-formed XML: {expat.ErrorString(error.code)}", at) from None
-        shown = f"`{character}`, {called(character)}," if character.isprintable() else called(character)
-        raise MisnamedError(
+            raise XmlNameError(f"this is not well-formed XML: {expat.ErrorString(error.code)}", at) from None
+        shown = f"`{character}`, {character_name(character)}," if character.isprintable() else character_name(character)
+        raise XmlNameError(
             f"the character {shown} cannot stand in a name; take it out, or write another letter", at
         ) from None
     return outside[0]

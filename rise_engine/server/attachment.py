@@ -7,10 +7,10 @@ import logging
 from collections import deque
 from collections.abc import Iterator
 
-from rise_engine.link.messages import Ready, Tasks, line
-from rise_engine.link.room import Member
+from rise_engine.kernel.view import TaskView
+from rise_engine.protocol.messages import ReadyMessage, TasksMessage, encode_line
 from rise_engine.server.connection import ClientConnection, split_into_pieces
-from rise_engine.view import TaskView
+from rise_engine.server.hub import AttachedClient
 
 _LOG = logging.getLogger(__name__)
 
@@ -27,14 +27,14 @@ BEHIND_SECONDS = 10.0
 class Attachment:
     """One attached client. What happens while it gets the state waits in its connection."""
 
-    def __init__(self, connection: ClientConnection, client: Member, *, resyncs: bool) -> None:
+    def __init__(self, connection: ClientConnection, client: AttachedClient, *, resyncs: bool) -> None:
         """`resyncs`: when it lies too far behind it takes the state anew; otherwise it is cut off."""
         self.connection = connection
         self.client = client
         self.unanswered = 0
         """Its messages that are not answered yet."""
         self.getting_state = False
-        self.missed: set[int] | None = None
+        self.missed_tasks: set[int] | None = None
         """Set while it lies so far behind that it gets no records: the tasks that have changed meanwhile."""
         self._resyncs = resyncs
         self._loop = asyncio.get_running_loop()
@@ -52,7 +52,7 @@ class Attachment:
         """It lay behind, and has taken all that waited for it: the state is to be sent anew."""
         connection = self.connection
         waits = self.getting_state or connection.waiting or connection.full or connection.closing
-        return self.missed is not None and not waits
+        return self.missed_tasks is not None and not waits
 
     def close(self) -> None:
         """Its connection has ended."""
@@ -65,7 +65,7 @@ class Attachment:
         self._send_within(self._backlog, pieces)
         connection = self.connection
         if self._resyncs and connection.waiting > self._backlog and not connection.closing:
-            self.missed = set()  # from the next record on
+            self.missed_tasks = set()  # from the next record on
             self._waiting_when_missed = connection.waiting
             self._behind_timer = self._loop.call_later(BEHIND_SECONDS, self._cut_off)
 
@@ -91,7 +91,7 @@ class Attachment:
     def begin_state(self, first: bytes, portions: Iterator[list[TaskView]]) -> None:
         """Send the state at this moment: `first` at once, then the other tasks, by `send_state`."""
         self._cancel_timers()
-        self.missed = None
+        self.missed_tasks = None
         self.getting_state = True
         self._waiting_when_missed = 0
         self._backlog, self._patience = ARRIVAL_BACKLOG, STATE_SECONDS
@@ -109,7 +109,7 @@ class Attachment:
             if portion is None:
                 self._end_state()
                 return False
-            self._pieces.extend(split_into_pieces(line(Tasks(portion))))
+            self._pieces.extend(split_into_pieces(encode_line(TasksMessage(portion))))
         while self._pieces and not connection.full:
             connection.send_first(self._pieces.popleft())
         if connection.full:
@@ -119,11 +119,11 @@ class Attachment:
 
     def _end_state(self) -> None:
         self.getting_state = False
-        self.connection.send_first(line(Ready()))
+        self.connection.send_first(encode_line(ReadyMessage()))
         self.connection.release()
-        self.go_on()
+        self.resume()
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """The connection takes more, after it was full."""
         if self.getting_state:
             self._patience -= self._loop.time() - self._stalled_at

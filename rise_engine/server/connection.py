@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Protocol, cast
 
-from rise_engine.link.messages import LINE_LIMIT
+from rise_engine.protocol.messages import MAX_LINE_BYTES
 
 PIECE = 65_536
 """Bytes that are given to the system at once."""
@@ -108,7 +108,7 @@ class ClientConnection(asyncio.Protocol):
             self._partial = bytearray(rest)
         else:
             self._partial += rest
-            if len(self._partial) <= LINE_LIMIT:
+            if len(self._partial) <= MAX_LINE_BYTES:
                 return
             lines = [bytes(self._partial)]  # too long as it is: whoever takes it sees that
             self._partial.clear()

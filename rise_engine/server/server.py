@@ -23,62 +23,62 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from rise_engine.engine import versions
+from rise_engine.engine.engine import versions
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ActionRecord, MistakeRecord, TaskRecord, TimingRecord
+from rise_engine.kernel.view import TaskView
 from rise_engine.lag_meter import LagMeter
-from rise_engine.link.client import Journaling, Pulse, Reply, Update
-from rise_engine.link.messages import (
-    LINE_LIMIT,
-    MESSAGE_LIMIT,
+from rise_engine.protocol.client import Heartbeat, JournalStatus, Reply, Update
+from rise_engine.protocol.messages import (
+    MAX_LINE_BYTES,
+    MAX_MESSAGE_BYTES,
     VERSION,
-    About,
-    Answer,
-    AskAbout,
-    Attach,
-    Control,
-    End,
-    Ended,
-    JournalingChanged,
-    PulseTold,
-    Refused,
-    ScenarioTold,
-    Send,
-    Tasks,
-    Welcome,
-    from_client,
-    line,
-    state_of,
+    AskSummaryMessage,
+    AttachMessage,
+    ControlMessage,
+    EndedMessage,
+    EndMessage,
+    HeartbeatMessage,
+    HelloMessage,
+    JournalStatusMessage,
+    RefusedMessage,
+    ReplyMessage,
+    ScenarioMessage,
+    SendMessage,
+    SessionSummary,
+    TasksMessage,
+    decode_client_message,
+    encode_line,
+    without_tasks,
 )
-from rise_engine.link.room import Member, NotAdmitted, Room
-from rise_engine.scenario.exchange import to_json
+from rise_engine.scenario.serialization import encode_scenario
 from rise_engine.server.attachment import Attachment
 from rise_engine.server.connection import LINGER_SECONDS, ClientConnection, split_into_pieces
-from rise_engine.session.lines import record_bytes
+from rise_engine.server.hub import AttachedClient, NotAdmitted, SessionHub
+from rise_engine.session.journal_format import encode_record
 from rise_engine.time_slicer import TimeSlicer
-from rise_engine.view import TaskView
 
 _LOG = logging.getLogger(__name__)
 
 MAX_CLIENTS = 200
-MAX_OPEN = 256
+MAX_UNANSWERED = 256
 """Messages of one client that are not answered yet."""
 ATTACH_SECONDS = 5.0
 """Within which a connection has to say who it is."""
 TASKS_AT_ONCE = 128
 HEARTBEAT_SECONDS = 1.0
 """Between two signs of life."""
-TURN_SECONDS = 0.005
-TURN_BYTES = 65_536
+SLICE_SECONDS = 0.005
+SLICE_BYTES = 65_536
 """For which, and up to which, messages are taken in one turn of the loop: what comes of them has to go out too."""
 
 
-class Server:
+class SessionServer:
     """Listens for clients of one session. All methods belong to the engine's loop."""
 
-    def __init__(self, room: Room, path: str | os.PathLike[str], *, allowed: frozenset[int] | None = None) -> None:
+    def __init__(self, hub: SessionHub, path: str | os.PathLike[str], *, allowed: frozenset[int] | None = None) -> None:
         """`allowed`: the users whose programs may connect; without it, this process's own and root."""
-        self.room = room
+        self.hub = hub
         self.path = Path(path)
         self.allowed = allowed if allowed is not None else frozenset({os.getuid(), 0})
         self.connections: dict[ClientConnection, Attachment | None] = {}
@@ -89,18 +89,18 @@ class Server:
         self._attached: set[Attachment] = set()
         self._behind: set[Attachment] = set()
         """Those who get no records until they have taken what waits for them."""
-        self._turns: deque[ClientConnection] = deque()
+        self._waiting_connections: deque[ClientConnection] = deque()
         """Those who have said something that was not taken yet."""
-        self._messages = TimeSlicer(self._take_message, TURN_SECONDS, most=TURN_BYTES)
-        self._states: deque[Attachment] = deque()
+        self._messages = TimeSlicer(self._take_message, SLICE_SECONDS, most=SLICE_BYTES)
+        self._getting_state: deque[Attachment] = deque()
         """Those who can be sent more of the state."""
-        self._state_portions = TimeSlicer(self._send_state, TURN_SECONDS)
+        self._state_portions = TimeSlicer(self._send_state, SLICE_SECONDS)
         self._all_gone = asyncio.Event()
         self._records: list[bytes] = []
         """What has happened in this turn of the loop."""
         self._replies: dict[Attachment, list[bytes]] = {}
         self._flushing = False
-        room.subscribe(self._update)
+        hub.subscribe(self._on_update)
 
     async def start(self) -> None:
         """Listen. Raises OSError."""
@@ -128,13 +128,13 @@ class Server:
         with suppress(OSError):
             self.path.unlink()
         self._flush()
-        engine = self.room.engine
+        engine = self.hub.engine
         last = b""
         if engine.failure is not None:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
-            last = line(Ended(reason, failed=True))
+            last = encode_line(EndedMessage(reason, failed=True))
         elif engine.ended:
-            last = line(Ended(self.room.end_reason))
+            last = encode_line(EndedMessage(self.hub.end_reason))
         for connection in tuple(self.connections):
             connection.finish(last)
         with suppress(TimeoutError):
@@ -148,11 +148,13 @@ class Server:
         self._heartbeat.cancel()
         self._server = None
 
-    def about(self) -> About:
+    def about(self) -> SessionSummary:
         """What this session is, in a few words."""
         lag = self.lag
         assert lag is not None
-        return replace(self.room.about(), program=f"rise-tui {versions()['rise-tui']}", lag=lag.recent, lag_max=lag.max)
+        return replace(
+            self.hub.summary(), program=f"rise-tui {versions()['rise-tui']}", lag=lag.recent, lag_max=lag.max
+        )
 
     # --- connections ------------------------------------------------------------------------------------------------
 
@@ -179,9 +181,9 @@ class Server:
         attachment = self.connections.get(connection)
         if attachment is None:
             return
-        attachment.go_on()
+        attachment.resume()
         if attachment.getting_state:
-            self._states.append(attachment)
+            self._getting_state.append(attachment)
             self._state_portions.wake()
         elif attachment.has_caught_up:
             self._send_state_again(attachment)
@@ -193,7 +195,7 @@ class Server:
             attachment.close()
             self._attached.discard(attachment)
             self._behind.discard(attachment)
-            self.room.leave(attachment.client)
+            self.hub.detach(attachment.client)
         if not self.connections and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
 
@@ -206,16 +208,16 @@ class Server:
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
         if urgent:  # whoever waits with a stop-all is not kept behind others who wait with long messages
-            self._turns.appendleft(connection)
+            self._waiting_connections.appendleft(connection)
         else:
-            self._turns.append(connection)
+            self._waiting_connections.append(connection)
         self._messages.wake()
 
     def _take_message(self) -> int:
         """Take one message of the client whose turn it is; gives its length."""
-        if not self._turns:
+        if not self._waiting_connections:
             return 0
-        connection = self._turns.popleft()
+        connection = self._waiting_connections.popleft()
         if not connection.has_line:  # it has ended meanwhile
             return 1
         data = connection.take_line()
@@ -225,46 +227,50 @@ class Server:
             _LOG.exception("a client's message failed")
             _refuse(connection, "this message could not be handled; the engine's log says why")
         if connection.has_line:
-            self._turns.append(connection)
+            self._waiting_connections.append(connection)
         return len(data) + 1
 
     def _take_line(self, connection: ClientConnection, data: bytes) -> None:
-        if len(data) > LINE_LIMIT:
-            _refuse(connection, f"a line has more than {LINE_LIMIT:,} bytes")
+        if len(data) > MAX_LINE_BYTES:
+            _refuse(connection, f"a line has more than {MAX_LINE_BYTES:,} bytes")
             return
         try:
-            message = from_client(data)
+            message = decode_client_message(data)
         except ValueError as problem:
             _refuse(connection, str(problem))
             return
         attachment = self.connections[connection]
         match message:
-            case Attach():
+            case AttachMessage():
                 self._attach(connection, message)
-            case AskAbout():
-                connection.finish(line(self.about()))
+            case AskSummaryMessage():
+                connection.finish(encode_line(self.about()))
             case _ if attachment is not None:
                 self._take_request(attachment, message, len(data))
             case _:
                 _refuse(connection, "attach first")
 
-    def _take_request(self, attachment: Attachment, message: Send | Control | End, size: int) -> None:
+    def _take_request(
+        self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage, size: int
+    ) -> None:
         client = attachment.client
         match message:
-            case Send(id=id) if size > MESSAGE_LIMIT:
-                self._reply(attachment, id, Reply(False, f"a message may have {MESSAGE_LIMIT:,} bytes at most"))
-            case Send(id=id, message=input) if attachment.unanswered >= MAX_OPEN and not _is_stop(input):
-                self._reply(attachment, id, Reply(False, f"{MAX_OPEN} of your messages are not answered yet; wait"))
-            case Send(id=id, message=input):
+            case SendMessage(id=id) if size > MAX_MESSAGE_BYTES:
+                self._reply(attachment, id, Reply(False, f"a message may have {MAX_MESSAGE_BYTES:,} bytes at most"))
+            case SendMessage(id=id, message=input) if attachment.unanswered >= MAX_UNANSWERED and not _is_stop(input):
+                self._reply(
+                    attachment, id, Reply(False, f"{MAX_UNANSWERED} of your messages are not answered yet; wait")
+                )
+            case SendMessage(id=id, message=input):
                 attachment.unanswered += 1
-                self.room.send(client, input, partial(self._answer, attachment, id))
-            case Control(id=id, verb=verb):
+                self.hub.submit(client, input, partial(self._answer, attachment, id))
+            case ControlMessage(id=id, verb=verb):
                 attachment.unanswered += 1
-                self.room.control(client, verb, partial(self._answer, attachment, id))
-            case End(id=id, reason=reason):
-                self.room.end(client, reason, partial(self._reply, attachment, id))
+                self.hub.change_control(client, verb, partial(self._answer, attachment, id))
+            case EndMessage(id=id, reason=reason):
+                self.hub.end_session(client, reason, partial(self._reply, attachment, id))
 
-    def _attach(self, connection: ClientConnection, message: Attach) -> None:
+    def _attach(self, connection: ClientConnection, message: AttachMessage) -> None:
         if message.version != VERSION:
             _refuse(
                 connection,
@@ -276,7 +282,7 @@ class Server:
             _refuse(connection, "you are attached already")
             return
         try:
-            client = self.room.attach(message.name, message.role)
+            client = self.hub.attach(message.name, message.role)
         except NotAdmitted as problem:
             _refuse(connection, str(problem))
             return
@@ -285,25 +291,25 @@ class Server:
         attachment = self.connections[connection] = Attachment(connection, client, resyncs=message.resync)
         self._attached.add(attachment)
         # Everything that can still change is encoded now; the tasks that cannot, some at a time.
-        open, all = self.room.tasks()
+        open, all = self.hub.tasks()
         scenario = self._scenario_line if message.scenario else b""
-        first = line(self._welcome(client)) + scenario + line(Tasks(open))
+        first = encode_line(self._welcome(client)) + scenario + encode_line(TasksMessage(open))
         self._begin_state(attachment, first, _in_portions(all, {task.id for task in open}))
 
     # --- out: everything of one turn together -----------------------------------------------------------------------
 
-    def _update(self, update: Update) -> None:
+    def _on_update(self, update: Update) -> None:
         if self._behind and (task := _task_of(update)) is not None:
             for attachment in self._behind:
-                if attachment.missed is not None:
-                    attachment.missed.add(task)
-        if not self._attached or isinstance(update, Pulse):
+                if attachment.missed_tasks is not None:
+                    attachment.missed_tasks.add(task)
+        if not self._attached or isinstance(update, Heartbeat):
             return
-        if isinstance(update, Journaling):
+        if isinstance(update, JournalStatus):
             self._flush_records()
-            self._broadcast(line(JournalingChanged(update)))
+            self._broadcast(encode_line(JournalStatusMessage(update)))
         else:
-            self._records.append(record_bytes(update))
+            self._records.append(encode_record(update))
             self._flush_soon()
 
     def _send_heartbeat(self) -> None:
@@ -311,17 +317,17 @@ class Server:
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
         if self._attached:
             assert self.lag is not None
-            seen = self.room.engine.robot_seen
-            pulse = Pulse(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
+            seen = self.hub.engine.robot_seen
+            pulse = Heartbeat(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
             self._flush_records()
-            self._broadcast(line(PulseTold(pulse)))
+            self._broadcast(encode_line(HeartbeatMessage(pulse)))
 
     def _answer(self, attachment: Attachment, id: int, reply: Reply) -> None:
         attachment.unanswered -= 1
         self._reply(attachment, id, reply)
 
     def _reply(self, attachment: Attachment, id: int, reply: Reply) -> None:
-        answer = line(Answer(id, reply.accepted, reply.reason, reply.task))
+        answer = encode_line(ReplyMessage(id, reply.accepted, reply.reason, reply.task))
         self._replies.setdefault(attachment, []).append(answer)
         self._flush_soon()
 
@@ -347,23 +353,23 @@ class Server:
         pieces = split_into_pieces(data)
         for attachment in self._attached - self._behind:
             attachment.send(pieces)
-            if attachment.missed is not None:
+            if attachment.missed_tasks is not None:
                 self._behind.add(attachment)
 
     # --- the state for those who come, and for those who lay behind -------------------------------------------------
 
     def _begin_state(self, attachment: Attachment, first: bytes, portions: Iterator[list[TaskView]]) -> None:
         attachment.begin_state(first, portions)
-        self._states.append(attachment)
+        self._getting_state.append(attachment)
         self._state_portions.wake()
 
     def _send_state(self) -> bool:
         """A portion for the one whose turn it is."""
-        if not self._states:
+        if not self._getting_state:
             return False
-        attachment = self._states.popleft()
+        attachment = self._getting_state.popleft()
         if attachment.send_state():
-            self._states.append(attachment)
+            self._getting_state.append(attachment)
         elif attachment.has_caught_up:  # so much has happened meanwhile that it lay behind at once
             self._send_state_again(attachment)
         return True
@@ -372,17 +378,17 @@ class Server:
         """The state for one who lay behind, with the tasks that are not over or have changed meanwhile."""
         self._flush_records()
         self._behind.discard(attachment)
-        open, _ = self.room.tasks()
-        tasks = self.room.view.tasks
-        missed = (attachment.missed or set()) - {task.id for task in open}
+        open, _ = self.hub.tasks()
+        tasks = self.hub.view.tasks
+        missed = (attachment.missed_tasks or set()) - {task.id for task in open}
         more = [tasks[id] for id in sorted(missed) if id in tasks]
-        first = line(self._welcome(attachment.client)) + line(Tasks(open))
+        first = encode_line(self._welcome(attachment.client)) + encode_line(TasksMessage(open))
         self._begin_state(attachment, first, _in_portions(more, set()))
 
-    def _welcome(self, client: Member) -> Welcome:
-        room = self.room
-        engine, runs = room.engine, room.engine.scenario
-        return Welcome(
+    def _welcome(self, client: AttachedClient) -> HelloMessage:
+        hub = self.hub
+        engine, runs = hub.engine, hub.engine.scenario
+        return HelloMessage(
             version=VERSION,
             you=client.name,
             role=client.role,
@@ -390,27 +396,27 @@ class Server:
             robot=runs.robot.name,
             seed=engine.seed,
             scenario_hash=runs.hash,
-            folder=room.folder,
+            folder=hub.folder,
             replay=False,
-            journaling=engine.journaling,
+            journaling=engine.journal_status,
             t=max(engine.clock.now(), 0.0),
             speed=getattr(engine.clock, "speed", 1.0),
-            state=state_of(room.view),
-            tasks=len(room.view.tasks),
+            state=without_tasks(hub.view),
+            tasks=len(hub.view.tasks),
         )
 
     @cached_property
     def _scenario_line(self) -> bytes:
         """Empty when it cannot be sent; then a client reads the copy in the session's folder."""
         try:
-            return line(ScenarioTold(msgspec.Raw(to_json(self.room.engine.scenario))))
+            return encode_line(ScenarioMessage(msgspec.Raw(encode_scenario(self.hub.engine.scenario))))
         except ValueError:
             return b""
 
 
 def _refuse(connection: ClientConnection, reason: str) -> None:
     """End a connection with a sentence."""
-    connection.finish(line(Refused(reason)))
+    connection.finish(encode_line(RefusedMessage(reason)))
 
 
 def _is_stop(message: object) -> bool:

@@ -45,7 +45,7 @@ class Disk:
             os.close(descriptor)
 
 
-def sentence(error: OSError) -> str:
+def error_message(error: OSError) -> str:
     """What went wrong, for a person."""
     match error.errno:
         case errno.ENOSPC:

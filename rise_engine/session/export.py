@@ -15,8 +15,8 @@ import msgspec
 
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
-from rise_engine.session.lines import record_bytes
-from rise_engine.session.reading import Contents, read_journal
+from rise_engine.session.journal_format import encode_record
+from rise_engine.session.journal_reader import JournalContents, read_journal
 
 Format: TypeAlias = Literal["jsonl", "csv"]
 
@@ -54,7 +54,7 @@ def export(folder: Path, format: Format, out: BinaryIO) -> list[str]:
 
         >>> from tempfile import TemporaryDirectory
         >>> from rise_engine.kernel.records import NoteRecord
-        >>> from rise_engine.session.lines import header_line, with_checksum
+        >>> from rise_engine.session.journal_format import header_line, with_checksum
         >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
         >>> out = io.BytesIO()
         >>> with TemporaryDirectory() as folder:
@@ -76,7 +76,7 @@ class Export:
         """Raises SessionError."""
         self.name = folder.resolve().name
         contents = self._contents = read_journal(folder / JOURNAL)
-        self.problems = _problems(contents)
+        self.problems = _unreadable(contents)
         """What could not be read, in sentences."""
         self.mode = ""
         if (folder / INFO).exists():
@@ -99,7 +99,7 @@ class Export:
 
     def _write_lines(self, out: BinaryIO) -> None:
         for record in self._contents.read_records():
-            out.write(record_bytes(record) + b"\n")
+            out.write(encode_record(record) + b"\n")
 
     def _write_table(self, out: BinaryIO) -> None:
         text = io.StringIO(newline="")
@@ -114,19 +114,19 @@ class Export:
         out.write(text.getvalue().encode())
 
     def _row(self, record: AnyRecord) -> list[str]:
-        values: dict[str, Any] = msgspec.json.decode(record_bytes(record))
+        values: dict[str, Any] = msgspec.json.decode(encode_record(record))
         values["session"], values["mode"] = self.name, self.mode
-        return [cell(values.get(column)) for column in COLUMNS]
+        return [table_cell(values.get(column)) for column in COLUMNS]
 
 
-def cell(value: Any) -> str:
+def table_cell(value: Any) -> str:
     """A JSON value in a table: texts as they are, null (like what is not there) empty, everything else as JSON."""
     if value is None:
         return ""
     return value if isinstance(value, str) else msgspec.json.encode(value).decode()
 
 
-def _problems(contents: Contents) -> list[str]:
+def _unreadable(contents: JournalContents) -> list[str]:
     found = [f"{JOURNAL}: line {line} cannot be read: {why}" for line, why in contents.damaged.items()]
     found += [f"{JOURNAL}: {gap}" for gap in contents.gaps]
     if contents.torn:

@@ -3,7 +3,7 @@
     2026-11-21_141503_lablinking_debug/
         session.toml     what ran: scenario and its hash, mode, robot, seed, speed, versions, machine
         scenario/        a copy of every file that was read, the robot's profile included
-        journal.jsonl    what happened (rise_engine.session.lines)
+        journal.jsonl    what happened (rise_engine.session.journal_format)
 
 Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`. None is ever written over.
 """
@@ -26,18 +26,18 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
-from rise_engine.bridge import Transport, Wire
-from rise_engine.nearest_name import suggestion
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario import load
-from rise_engine.scenario.layout import DEFAULT_PLACES
+from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.errors import SessionError as SessionError
-from rise_engine.session.lines import FORMAT
-from rise_engine.session.lock import Holder, holder_of, is_locked, user
-from rise_engine.text import meant_all, told_all
+from rise_engine.session.journal_format import FORMAT
+from rise_engine.session.lock import LockHolder, is_journal_locked, read_holder, user_name
+from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
-_NO_WISH = Wire()
-INFO, JOURNAL, COPY = "session.toml", "journal.jsonl", "scenario"
+_ANY_WIRE = RosConnection()
+INFO, JOURNAL, SCENARIO_COPY = "session.toml", "journal.jsonl", "scenario"
 
 
 class SessionInfo(Struct, frozen=True):
@@ -57,7 +57,7 @@ class SessionInfo(Struct, frozen=True):
     speed: float = 1.0
     faults: tuple[str, ...] = ()
     """What the simulated robot was asked to do wrong."""
-    ros: Transport = "auto"
+    ros: RosTransport = "auto"
     """By what ROS 2 was to be spoken."""
     ros_args: tuple[str, ...] = ()
     participant: str = ""
@@ -99,10 +99,10 @@ def find_session(text: str) -> Path:
     known = []
     with suppress(OSError):
         known = sorted((entry.name for entry in root.iterdir() if _is_session(entry)), reverse=True)
-    raise SessionError(f"there is no session `{text}` in {root}{suggestion(text, known)}")
+    raise SessionError(f"there is no session `{text}` in {root}{did_you_mean(text, known)}")
 
 
-def create(
+def create_session(
     root: Path,
     scenario: Scenario,
     files: Mapping[str, bytes],
@@ -110,13 +110,13 @@ def create(
     seed: int,
     speed: float,
     faults: tuple[str, ...],
-    wire: Wire = _NO_WISH,
+    wire: RosConnection = _ANY_WIRE,
     participant: str = "",
     condition: str = "",
     wizard: str = "",
     versions: Mapping[str, str],
 ) -> Path:
-    """Make the folder of a new session, without its journal. `files` as `Loaded.files`. Raises SessionError."""
+    """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError."""
     started = datetime.now().astimezone()
     info = SessionInfo(
         title=scenario.title,
@@ -134,18 +134,18 @@ def create(
         condition=condition,
         wizard=wizard,
         versions=dict(versions),
-        machine={"host": platform.node(), "system": platform.platform(), "user": user()},
+        machine={"host": platform.node(), "system": platform.platform(), "user": user_name()},
     )
     name = f"{started:%Y-%m-%d_%H%M%S}_{_slug(scenario.title)}_{scenario.mode}"
     try:
         root.mkdir(0o700, parents=True, exist_ok=True)
-        folder = _fresh(root, name)
+        folder = _make_folder(root, name)
         for place, data in files.items():
-            path = folder / COPY / place
+            path = folder / SCENARIO_COPY / place
             path.parent.mkdir(0o700, parents=True, exist_ok=True)
             path.write_bytes(data)
-        (folder / COPY).mkdir(0o700, exist_ok=True)
-        (folder / INFO).write_text(_toml(info), encoding="utf-8")
+        (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
+        (folder / INFO).write_text(_info_toml(info), encoding="utf-8")
     except OSError as error:
         raise SessionError(f"the session's folder cannot be made in {root}: {error.strerror or error}") from None
     return folder
@@ -163,21 +163,21 @@ def read_info(folder: Path) -> SessionInfo:
                 f"{path} was written by a newer version (format {found}; this one reads up to format {FORMAT}): "
                 "install that version"
             )
-        return msgspec.convert(meant_all(values), SessionInfo)
+        return msgspec.convert(restore_all_surrogates(values), SessionInfo)
     except FileNotFoundError:
         raise SessionError(f"{folder} is no session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
-def load_copy(folder: Path, info: SessionInfo) -> Scenario:
+def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
     """The scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
-    copy = folder / COPY
+    copy = folder / SCENARIO_COPY
     if not copy.is_dir():
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    loaded = load(copy, robot=info.robot, mode=info.mode, places=_present(copy))
+    loaded = load(copy, robot=info.robot, mode=info.mode, places=_present_places(copy))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:
@@ -188,7 +188,7 @@ def load_copy(folder: Path, info: SessionInfo) -> Scenario:
     return replace(loaded.scenario, title=info.title, folder=info.scenario_folder)
 
 
-def ended(folder: Path) -> bool:
+def has_ended(folder: Path) -> bool:
     """Whether the session came to its end in order: its journal's last input says so. False when that is unknown."""
     try:
         with (folder / JOURNAL).open("rb") as file:
@@ -198,22 +198,22 @@ def ended(folder: Path) -> bool:
         return False
 
 
-def unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
+def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
     """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first."""
     return [
         folder
         for folder, runs in _not_ended(scenario_folder, root or sessions_folder())
-        if not runs and _begun(folder) and not (folder / "abandoned").exists()
+        if not runs and _has_begun(folder) and not (folder / "abandoned").exists()
     ]
 
 
-def running_folders(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, Holder | None]:
+def running_sessions(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, LockHolder | None]:
     """Sessions of a scenario, or of all, that an engine runs, the latest first, and who says that it does.
 
     Wherever that engine has its socket: asked is the lock of the journal.
     """
     found = _not_ended(scenario_folder, root or sessions_folder())
-    return {folder: holder_of(folder) for folder, runs in found if runs}
+    return {folder: read_holder(folder) for folder, runs in found if runs}
 
 
 def _not_ended(scenario_folder: str | None, root: Path) -> list[tuple[Path, bool]]:
@@ -222,18 +222,18 @@ def _not_ended(scenario_folder: str | None, root: Path) -> list[tuple[Path, bool
     where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
     for folder in _folders(root):
         # The cheapest question first: after a year there are hundreds, and nearly all have ended.
-        if ended(folder):
+        if has_ended(folder):
             continue
         try:
             info = read_info(folder)
         except SessionError:
             continue
         if where is None or os.path.realpath(info.scenario_folder) == where:
-            found.append((folder, is_locked(folder / JOURNAL)))
+            found.append((folder, is_journal_locked(folder / JOURNAL)))
     return sorted(found, reverse=True)
 
 
-def describe(folder: Path) -> str:
+def describe_session(folder: Path) -> str:
     """What session it is and how far it came, in a sentence."""
     try:
         info = read_info(folder)
@@ -245,28 +245,28 @@ def describe(folder: Path) -> str:
     by = f" by {info.wizard}" if info.wizard else ""
     return (
         f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
-        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_ran(last - began.timestamp())}, last record {at:%H:%M:%S}"
+        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_duration_text(last - began.timestamp())}, last record {at:%H:%M:%S}"
     )
 
 
-def is_of(info: SessionInfo, participant: str, condition: str) -> bool:
+def belongs_to(info: SessionInfo, participant: str, condition: str) -> bool:
     """Whether a session is this participant's, in this condition; empty: whoever's, whichever."""
     return participant in ("", info.participant) and condition in ("", info.condition)
 
 
-def whose(participant: str, condition: str) -> str:
+def participant_text(participant: str, condition: str) -> str:
     """A participant and a condition in words, as far as they are named: `P07, condition calm`."""
     return ", ".join([participant] * bool(participant) + [f"condition {condition}"] * bool(condition)) or "nobody named"
 
 
-def _ran(seconds: float) -> str:
+def _duration_text(seconds: float) -> str:
     minutes = round(max(0.0, seconds) / 60)
     if minutes < 1:
         return f"{max(0, round(seconds))} s"
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _begun(folder: Path) -> bool:
+def _has_begun(folder: Path) -> bool:
     """Whether anything happened in it."""
     try:
         with (folder / JOURNAL).open("rb") as file:
@@ -275,7 +275,7 @@ def _begun(folder: Path) -> bool:
         return False
 
 
-def abandon(folder: Path) -> None:
+def mark_abandoned(folder: Path) -> None:
     """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
     (folder / "abandoned").touch()
 
@@ -291,7 +291,7 @@ def _folders(root: Path) -> Iterator[Path]:
         return
 
 
-def _fresh(root: Path, name: str) -> Path:
+def _make_folder(root: Path, name: str) -> Path:
     for number in range(1, 10_000):
         folder = root / (name if number == 1 else f"{name}-{number}")
         try:
@@ -302,8 +302,8 @@ def _fresh(root: Path, name: str) -> Path:
     raise SessionError(f"{root} has too many sessions of one second")
 
 
-def _present(copy: Path) -> dict[str, str]:
-    return {kind: place for kind, place in DEFAULT_PLACES.items() if (copy / place).exists()}
+def _present_places(copy: Path) -> dict[str, str]:
+    return {kind: place for kind, place in DEFAULT_PATHS.items() if (copy / place).exists()}
 
 
 def _slug(title: str) -> str:
@@ -311,19 +311,19 @@ def _slug(title: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", plain).strip("-").lower()[:40] or "session"
 
 
-def _toml(info: SessionInfo) -> str:
+def _info_toml(info: SessionInfo) -> str:
     lines = ["# A RISE session (docs/reference/sessions.md)."]
     if info.mode == "debug":
         lines.append("# DEBUG: the robot was simulated. This is no participant's data.")
     tables: list[str] = []
     for key, value in asdict(info).items():
         if isinstance(value, dict):
-            tables += ["", f"[{key}]", *(f"{_text(name)} = {_text(each)}" for name, each in value.items())]
+            tables += ["", f"[{key}]", *(f"{_toml_value(name)} = {_toml_value(each)}" for name, each in value.items())]
         else:
-            lines.append(f"{key} = {_text(list(value) if isinstance(value, tuple) else value)}")
+            lines.append(f"{key} = {_toml_value(list(value) if isinstance(value, tuple) else value)}")
     return "\n".join([*lines, *tables, ""])
 
 
-def _text(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     """A TOML value: strings, numbers and lists are written as in JSON, where DEL needs an escape too."""
-    return json.dumps(told_all(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return json.dumps(escape_all_surrogates(value), ensure_ascii=False).replace("\x7f", "\\u007f")

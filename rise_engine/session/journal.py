@@ -17,12 +17,12 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from rise_engine.session.disk import Disk, sentence
+from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.lock import JournalLock
 
 RETRY_SECONDS = 1.0
 """How long after a failure the disk is tried again."""
-BEAT_SECONDS = 1.0
+CLOCK_SECONDS = 1.0
 """How often the session's time is noted in the file `clock`, which says how late it was when an engine vanished."""
 BATCH = 4_000_000
 """Bytes after which a batch is written although more is waiting."""
@@ -49,8 +49,8 @@ class Journal:
         `now` gives the session's time in seconds, noted in the file `clock`.
         """
         self.path = path
-        self.changed = changed
-        self.trouble = ""
+        self.on_change = changed
+        self.error = ""
         """Why nothing becomes durable at the moment, for a person; empty while all is well."""
         self.durable = 0
         """How many of the `append`s are on the disk."""
@@ -61,9 +61,9 @@ class Journal:
         self._size = size
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
         self._waiting_since: float | None = None
-        self._looked = 0.0
+        self._last_seen_in_place = 0.0
         """When the file was last seen in its place."""
-        self._hurry = threading.Event()
+        self._give_up = threading.Event()
         self._descriptor = self._disk.open(path, create=size == 0)
         self.lock = lock or JournalLock(path)
         if size == 0:
@@ -81,13 +81,13 @@ class Journal:
         return self.appended
 
     @property
-    def behind(self) -> float:
+    def lag(self) -> float:
         """Seconds for which something has been waiting to become durable; 0 when nothing waits."""
         if self.durable == self.appended:
             self._waiting_since = None
         return 0.0 if self._waiting_since is None else time.monotonic() - self._waiting_since
 
-    def progressed(self) -> None:
+    def restart_lag(self) -> None:
         """The engine has seen that `durable` grew: what still waits has waited from now on at most."""
         self._waiting_since = None if self.durable == self.appended else time.monotonic()
 
@@ -95,7 +95,7 @@ class Journal:
         """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
         self._queue.put(None)
         self._thread.join(timeout)
-        self._hurry.set()
+        self._give_up.set()
         self._thread.join(1.0)
         if not self._thread.is_alive():  # else it may still write: the lock goes with the process
             self.lock.release()
@@ -109,7 +109,7 @@ class Journal:
             batch: list[bytes] = []
             size = 0
             try:
-                lines = self._queue.get(timeout=BEAT_SECONDS)
+                lines = self._queue.get(timeout=CLOCK_SECONDS)
                 while lines is not None:
                     batch.append(lines)
                     size += len(lines)
@@ -118,12 +118,12 @@ class Journal:
                     lines = self._queue.get_nowait()
                 going = lines is not None
             except Empty:
-                self._beat()
+                self._write_clock()
             if batch and self._commit(b"".join(batch)):
                 self.durable += len(batch)
-                self.changed()
+                self.on_change()
         with suppress(OSError):
-            self._stay_in_place()
+            self._restore_if_removed()
         with suppress(OSError):
             self._disk.close(self._descriptor)
         with suppress(OSError):
@@ -133,21 +133,21 @@ class Journal:
         """True when it is durable; False when the engine cannot wait any longer."""
         while True:
             try:
-                if time.monotonic() - self._looked > BEAT_SECONDS:
-                    self._stay_in_place()
+                if time.monotonic() - self._last_seen_in_place > CLOCK_SECONDS:
+                    self._restore_if_removed()
                 self._disk.write(self._descriptor, data, self._size)
                 self._disk.sync(self._descriptor)
             except OSError as error:
-                self._say(sentence(error))
-                if self._hurry.wait(self._retry):
+                self._set_error(error_message(error))
+                if self._give_up.wait(self._retry):
                     return False
                 self._reopen()
             else:
                 self._size += len(data)
-                self._say("")
+                self._set_error("")
                 return True
 
-    def _stay_in_place(self) -> None:
+    def _restore_if_removed(self) -> None:
         """A file that somebody has removed takes everything, and then nothing is left of it: write it anew.
 
         Looked at once a second and not at each commit: what was written meanwhile is still in the removed file.
@@ -159,7 +159,7 @@ class Journal:
             pass
         else:
             if (there.st_dev, there.st_ino) == (mine.st_dev, mine.st_ino):
-                self._looked = time.monotonic()
+                self._last_seen_in_place = time.monotonic()
                 return
             raise FileExistsError(errno.EEXIST, f"another file has been put in the place of {self.path.name}")
         beside = self.path.with_name(self.path.name + ".new")
@@ -167,7 +167,7 @@ class Journal:
         fresh = self._disk.open(beside, create=True)
         locked = -1
         try:
-            locked = self.lock.lock_next(beside)
+            locked = self.lock.lock_replacement(beside)
             for at in range(0, self._size, BATCH):
                 self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
             self._disk.sync(fresh)
@@ -177,7 +177,7 @@ class Journal:
             if locked >= 0:
                 os.close(locked)
             raise
-        self.lock.moved(locked)
+        self.lock.use_replacement(locked)
         beside.unlink(missing_ok=True)
         self._disk.close(self._descriptor)
         self._descriptor = fresh
@@ -192,14 +192,14 @@ class Journal:
             self._disk.close(self._descriptor)
         self._descriptor = fresh
 
-    def _say(self, trouble: str) -> None:
-        if trouble != self.trouble:
-            self.trouble = trouble
-            self.changed()
+    def _set_error(self, trouble: str) -> None:
+        if trouble != self.error:
+            self.error = trouble
+            self.on_change()
 
-    def _beat(self) -> None:
+    def _write_clock(self) -> None:
         with suppress(OSError):  # the next commit says what is wrong
-            self._stay_in_place()
+            self._restore_if_removed()
         if self._now is not None:
             with suppress(OSError):
                 os.pwrite(self._clock, b"%-15.3f\n" % self._now(), 0)

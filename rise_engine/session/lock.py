@@ -26,10 +26,10 @@ from weakref import WeakSet
 import msgspec
 from msgspec import Struct
 
-from rise_engine.session.disk import sentence
+from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
 
-NOTE = "engine.json"
+HOLDER_FILE = "engine.json"
 TRIES, TRY_SECONDS = 500, 0.01
 """How often it is tried, while others only look whether a session runs (they hold its lock for a moment, with others),
 or are just beginning one."""
@@ -48,10 +48,10 @@ MANDATORY = frozenset({"cifs", "smb3", "smbfs"})
 _HELD = (errno.EAGAIN, errno.EACCES)
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF)
 
-_taken: WeakSet[JournalLock] = WeakSet()
+_held_locks: WeakSet[JournalLock] = WeakSet()
 
 
-class Holder(Struct, frozen=True):
+class LockHolder(Struct, frozen=True):
     """The engine that has a session, or had it last, as `engine.json` says it."""
 
     pid: int
@@ -63,7 +63,7 @@ class Holder(Struct, frozen=True):
     """Where the session is reached, absolute; empty while the engine is starting."""
 
     @property
-    def is_here(self) -> bool:
+    def is_this_computer(self) -> bool:
         """Whether it is on this computer."""
         return self.host == platform.node()
 
@@ -71,19 +71,19 @@ class Holder(Struct, frozen=True):
         since = self.since
         with suppress(ValueError):
             since = f"{datetime.fromisoformat(since):%Y-%m-%d %H:%M}"
-        where = "this computer" if self.is_here else f"the computer {self.host}"
+        where = "this computer" if self.is_this_computer else f"the computer {self.host}"
         return f"process {self.pid} of {self.user} on {where}, since {since}"
 
 
-class JournalLocked(SessionError):
+class JournalLockedError(SessionError):
     """An engine runs the session; the text says which, and how it is reached and ended."""
 
-    def __init__(self, folder: Path, holder: Holder | None) -> None:
-        super().__init__(running_words(folder, holder))
+    def __init__(self, folder: Path, holder: LockHolder | None) -> None:
+        super().__init__(running_message(folder, holder))
         self.holder = holder
 
 
-class HeldElsewhere(SessionError):
+class HeldElsewhereError(SessionError):
     """Another computer had the session last, and nobody here can see whether it still has."""
 
 
@@ -98,26 +98,26 @@ class JournalLock:
         Raises JournalLocked when an engine runs the session; HeldElsewhere when one on another computer may;
         SessionError when there is no journal, or it may not be written.
         """
-        self._note = journal.with_name(NOTE)
-        self._descriptor, locked = _take(journal)
-        before = holder_of(journal.parent)
-        trusted = locked and (before is None or before.is_here or file_system(journal) in ONE_MACHINE)
+        self._note = journal.with_name(HOLDER_FILE)
+        self._descriptor, locked = _acquire(journal)
+        before = read_holder(journal.parent)
+        trusted = locked and (before is None or before.is_this_computer or file_system(journal) in ONE_MACHINE)
         if before is not None and not trusted and not here:
             os.close(self._descriptor)
-            raise HeldElsewhere(_elsewhere_words(journal.parent, before))
-        _taken.add(self)
-        self.tell()
+            raise HeldElsewhereError(_elsewhere_message(journal.parent, before))
+        _held_locks.add(self)
+        self.write_holder()
 
-    def tell(self, socket: str = "") -> None:
+    def write_holder(self, socket: str = "") -> None:
         """Say beside the journal who has it, and where the session is reached."""
         now = datetime.now().astimezone().isoformat(timespec="seconds")
-        holder = Holder(os.getpid(), platform.node(), user(), now, socket)
-        beside = self._note.with_name(f"{NOTE}.new")
+        holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
+        beside = self._note.with_name(f"{HOLDER_FILE}.new")
         with suppress(OSError):  # a full disk, say: it can be locked all the same
             beside.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
             beside.replace(self._note)
 
-    def lock_next(self, path: Path) -> int:
+    def lock_replacement(self, path: Path) -> int:
         """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for `moved`.
 
         Raises OSError.
@@ -129,7 +129,7 @@ class JournalLock:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return descriptor
 
-    def moved(self, descriptor: int) -> None:
+    def use_replacement(self, descriptor: int) -> None:
         """That file has taken the journal's place: let go of the one before."""
         self._descriptor, before = descriptor, self._descriptor
         os.close(before)
@@ -147,16 +147,16 @@ class JournalLock:
             os.close(descriptor)
 
 
-def _let_go_in_child() -> None:
+def _close_in_child() -> None:
     """A process that was forked off would hold the lock after this one has gone."""
-    for lock in tuple(_taken):
+    for lock in tuple(_held_locks):
         lock._close()
 
 
-os.register_at_fork(after_in_child=_let_go_in_child)
+os.register_at_fork(after_in_child=_close_in_child)
 
 
-def is_locked(journal: Path) -> bool:
+def is_journal_locked(journal: Path) -> bool:
     """Whether an engine has this journal, as far as this computer can see. Does not wait."""
     try:
         descriptor = os.open(journal, os.O_RDONLY | os.O_CLOEXEC)
@@ -171,20 +171,20 @@ def is_locked(journal: Path) -> bool:
     return False
 
 
-def holder_of(folder: Path) -> Holder | None:
+def read_holder(folder: Path) -> LockHolder | None:
     """Who has a session, or had it when an engine or a computer went away; None: nobody is named."""
     try:
-        return msgspec.json.decode((folder / NOTE).read_bytes(), type=Holder)
+        return msgspec.json.decode((folder / HOLDER_FILE).read_bytes(), type=LockHolder)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
         return None
 
 
-def running_words(folder: Path, holder: Holder | None) -> str:
+def running_message(folder: Path, holder: LockHolder | None) -> str:
     """That a session runs, where, and how it is reached and ended."""
     if holder is None:
         return f"the session {folder.name} is running: another program has locked its journal"
     said = f"the session {folder.name} is running: {holder}"
-    if not holder.is_here:
+    if not holder.is_this_computer:
         return f"{said}. Attach to it and end it there"
     if not holder.socket:
         return f"{said}. It is just starting"
@@ -193,7 +193,7 @@ def running_words(folder: Path, holder: Holder | None) -> str:
 
 
 @contextmanager
-def beginning(sessions: Path) -> Iterator[None]:
+def one_at_a_time(sessions: Path) -> Iterator[None]:
     """Of engines that begin a session at once, one waits for the other, so that each sees what the other one runs.
 
     Short: only to look and to lock. Raises SessionError.
@@ -243,7 +243,7 @@ def file_system(path: Path, mounts: str | None = None) -> str:
     return kind
 
 
-def user() -> str:
+def user_name() -> str:
     """Whose process this is."""
     try:
         return getpass.getuser()
@@ -251,7 +251,7 @@ def user() -> str:
         return str(os.getuid())
 
 
-def _take(journal: Path) -> tuple[int, bool]:
+def _acquire(journal: Path) -> tuple[int, bool]:
     """A descriptor of the journal that holds its lock; False with it where nothing can be locked."""
     alone = 0
     for _ in range(TRIES):
@@ -264,7 +264,7 @@ def _take(journal: Path) -> tuple[int, bool]:
         except OSError as error:
             if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
                 raise SessionError(
-                    f"{journal} cannot be read and written: {sentence(error)}. A session that may only be read can be "
+                    f"{journal} cannot be read and written: {error_message(error)}. A session that may only be read can be "
                     "replayed and exported"
                 ) from None
             raise SessionError(f"{journal} cannot be read: {error.strerror or error}") from None
@@ -281,16 +281,16 @@ def _take(journal: Path) -> tuple[int, bool]:
                 return descriptor, False
             if error.errno not in _HELD:
                 os.close(descriptor)
-                raise SessionError(f"{journal} cannot be locked: {sentence(error)}") from None
+                raise SessionError(f"{journal} cannot be locked: {error_message(error)}") from None
         os.close(descriptor)
-        alone += is_locked(journal)
+        alone += is_journal_locked(journal)
         if alone == RUNS:
             break
         time.sleep(TRY_SECONDS)
-    raise JournalLocked(journal.parent, holder_of(journal.parent))
+    raise JournalLockedError(journal.parent, read_holder(journal.parent))
 
 
-def _elsewhere_words(folder: Path, before: Holder) -> str:
+def _elsewhere_message(folder: Path, before: LockHolder) -> str:
     return (
         f"{before} had the session {folder.name} and did not end it, and on this file system nobody here can see "
         "whether it still runs there. Look there; if it does not, say --here too, and it goes on on this computer"

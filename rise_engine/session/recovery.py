@@ -14,14 +14,14 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.kernel import Kernel
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import Disk, sentence
+from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, read_info
-from rise_engine.session.lines import header_line, record_bytes, with_checksum
+from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
+from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
 from rise_engine.session.lock import JournalLock
-from rise_engine.session.reading import Contents, Tell, read_journal
-from rise_engine.session.replay import Replay, require_inputs, session_scenario
-from rise_engine.view import View
+from rise_engine.session.replay import Replay, load_session_scenario, require_inputs
 
 CLOCK = "clock"
 BLOCK = 1_000_000
@@ -30,13 +30,13 @@ _LATEST = 1e9
 """Seconds (some 30 years): a clock file that says more is damaged."""
 
 
-class Recovered(Struct):
+class RecoveredSession(Struct):
     """What an engine needs to go on."""
 
     scenario: Scenario
     info: SessionInfo
     kernel: Kernel
-    view: View
+    view: SessionView
     t: float
     """Session time to go on from: nothing is known to have happened later."""
     timers: dict[int, float]
@@ -45,15 +45,15 @@ class Recovered(Struct):
     """How many there are; the next one has the next number."""
     size: int
     """Bytes that the journal has now, all valid."""
-    lines: bytes
+    unwritten_lines: bytes
     """Records of the last input that are not in the journal: what to append first."""
     report: list[str]
     """What was found and done, in sentences for a person."""
 
 
 def recover(
-    folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None, tell: Tell | None = None
-) -> Recovered:
+    folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None, tell: ProgressCallback | None = None
+) -> RecoveredSession:
     """Bring the unfinished session in `folder` back to where it was, and repair its journal.
 
     `disk`: what writes, for tests that let it fail. `lock`: of the journal, for who goes on with it; without it, the
@@ -75,7 +75,7 @@ def recover(
         lock.release()
 
 
-def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: Tell | None) -> Recovered:
+def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: ProgressCallback | None) -> RecoveredSession:
     path = folder / JOURNAL
     info = read_info(folder)
     contents = read_journal(path, tell)
@@ -87,48 +87,48 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: Tell | None) -> 
     if not contents.inputs:
         raise SessionError(f"{path} has no input: nothing happened in this session, so start a new one")
     report: list[str] = []
-    scenario = session_scenario(folder, info, report)
+    scenario = load_session_scenario(folder, info, report)
     kernel = Kernel(scenario, info.seed)
     done = Replay(kernel, contents, tell)
-    view = View()
+    view = SessionView()
     for made in done.steps():
         for record in made.records:
             view.apply(record)
     if done.difference is not None:
         raise SessionError(
             f"the session {folder.name} does not repeat: {done.difference}. Either the journal or session.toml was "
-            f"changed, or another version of this program wrote it ({_versions(info)}): recover it with that version. "
+            f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that version. "
             "It can be exported with this one (rise-engine export)"
         )
     again = Replay(Kernel(scenario, info.seed), contents, tell)
     try:
-        size = _Repair(contents, done, again, info, disk, lock, report).carry_out()
+        size = _JournalRepair(contents, done, again, info, disk, lock, report).carry_out()
     except OSError as error:
-        raise SessionError(f"{path} cannot be repaired: {sentence(error)}") from None
+        raise SessionError(f"{path} cannot be repaired: {error_message(error)}") from None
     if done.unwritten:
         count = len(done.unwritten)
         what = "record of the last input was" if count == 1 else "records of the last input were"
         report.append(f"{count} {what} not in the journal and {'is' if count == 1 else 'are'} added to it now.")
-    return Recovered(
+    return RecoveredSession(
         scenario=scenario,
         info=info,
         kernel=kernel,
         view=view,
-        t=max(contents.input_t, _noted_time(folder)),
+        t=max(contents.input_t, _read_clock(folder)),
         timers=done.timers,
         inputs=contents.inputs,
         size=size,
-        lines=b"".join(with_checksum(record_bytes(record)) for record in done.unwritten),
+        unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in done.unwritten),
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 
 
-class _Repair:
+class _JournalRepair:
     """Makes a journal whole that is torn or damaged."""
 
     def __init__(
         self,
-        contents: Contents,
+        contents: JournalContents,
         done: Replay,
         again: Replay,
         info: SessionInfo,
@@ -168,13 +168,13 @@ class _Repair:
         fresh = path.with_name(f"{path.name}.new")
         fresh.unlink(missing_ok=True)  # of a repair that was interrupted
         size = self._write(fresh, self._whole())
-        locked = self._lock.lock_next(fresh)
+        locked = self._lock.lock_replacement(fresh)
         try:
             os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
         except OSError:
             os.close(locked)
             raise
-        self._lock.moved(locked)
+        self._lock.use_replacement(locked)
         disk.sync_folder(path.parent)
         if self._contents.damaged:
             places = ", ".join(map(str, self._contents.damaged))
@@ -192,7 +192,7 @@ class _Repair:
         """The journal without damage: valid lines as they are, the others made again."""
         if self._contents.header is None:
             program = " ".join(("rise-tui", self._info.versions.get("rise-tui", ""))).strip()
-            yield header_line(program)
+            yield encode_header(program)
         else:
             with self._path.open("rb") as file:
                 yield file.readline()
@@ -203,7 +203,7 @@ class _Repair:
                 if written is not None:
                     yield written.text + b"\n"
                 elif record.seq not in unwritten:
-                    yield with_checksum(record_bytes(record))
+                    yield with_checksum(encode_record(record))
 
     def _keep(self, name: str, data: Iterable[bytes]) -> str:
         """Write `data` to a new file beside the journal, durably; its name."""
@@ -243,7 +243,7 @@ class _Repair:
             self._disk.close(descriptor)
 
 
-def _noted_time(folder: Path) -> float:
+def _read_clock(folder: Path) -> float:
     """The session's time as the engine last noted it; 0 when that cannot be read."""
     try:
         noted = float((folder / CLOCK).read_bytes())
@@ -252,5 +252,5 @@ def _noted_time(folder: Path) -> float:
     return noted if 0 <= noted <= _LATEST else 0.0
 
 
-def _versions(info: SessionInfo) -> str:
+def _versions_text(info: SessionInfo) -> str:
     return ", ".join(f"{name} {version}" for name, version in info.versions.items()) or "version unknown"

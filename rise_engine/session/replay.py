@@ -20,21 +20,21 @@ from rise_engine.kernel.inputs import TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_copy, read_info
-from rise_engine.session.lines import Header, InputLine, record_bytes
-from rise_engine.session.reading import Contents, Progress, Tell, read_journal
+from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info
+from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record
+from rise_engine.session.journal_reader import JournalContents, ProgressCallback, ReadingProgress, read_journal
 
 NO_RECORD = "(no record)"
 """Stands for a field when a whole record is there on one side only."""
 
 
-LOST = (
+CANNOT_REPLAY = (
     "What happened from there on cannot be worked out again, so the session cannot be recovered or replayed. "
     "Everything that can be read, before and after, can be exported (rise-engine export)"
 )
 
 
-class Difference(Struct, frozen=True):
+class ReplayDifference(Struct, frozen=True):
     """The first place where a replay is not what was recorded."""
 
     file: str
@@ -57,10 +57,10 @@ class Difference(Struct, frozen=True):
         where = f"{self.place}: record {self.seq} (of input {self.input}, kind {self.kind})"
         if self.field == NO_RECORD:
             return f"{where} is in the journal, but the replay does not give it"
-        return f"{where}: `{self.field}` is {_shown(self.recorded)}, but the replay gives {_shown(self.replayed)}"
+        return f"{where}: `{self.field}` is {_short_json(self.recorded)}, but the replay gives {_short_json(self.replayed)}"
 
 
-class Comparison(Struct, frozen=True):
+class ReplayComparison(Struct, frozen=True):
     """What came of a replay."""
 
     inputs: int
@@ -69,7 +69,7 @@ class Comparison(Struct, frozen=True):
     """How many were compared, up to the difference if there is one."""
     seconds: float
     """Session time of the last input or record."""
-    difference: Difference | None = None
+    difference: ReplayDifference | None = None
     damaged: dict[int, str] = {}
     """Lines that could not be compared because they cannot be read."""
     missing: int = 0
@@ -82,7 +82,9 @@ class Comparison(Struct, frozen=True):
         return self.difference is None and not self.damaged and not self.missing
 
 
-def compare(folder: Path, scenario: Path | None = None, tell: Tell | None = None) -> Comparison:
+def compare_replay(
+    folder: Path, scenario: Path | None = None, tell: ProgressCallback | None = None
+) -> ReplayComparison:
     """Run the recorded inputs of the session in `folder` through a fresh kernel, and compare what comes out with what
     was recorded, byte for byte.
 
@@ -99,7 +101,9 @@ def compare(folder: Path, scenario: Path | None = None, tell: Tell | None = None
     contents = read_journal(path, tell)
     require_inputs(path, contents)
     notes: list[str] = []
-    model = session_scenario(folder, info, notes) if scenario is None else _other(scenario, info, notes)
+    model = (
+        load_session_scenario(folder, info, notes) if scenario is None else _load_other_scenario(scenario, info, notes)
+    )
     if not contents.ended:
         notes.append("the session has not ended in order: it is running, or its engine went away")
     if contents.torn:
@@ -110,7 +114,7 @@ def compare(folder: Path, scenario: Path | None = None, tell: Tell | None = None
         first, last = done.unwritten[0].seq, done.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
         notes.append(f"the journal ends before {which}, which the last input caused")
-    return Comparison(
+    return ReplayComparison(
         inputs=done.inputs,
         records=done.compared,
         seconds=contents.seconds,
@@ -124,16 +128,16 @@ def compare(folder: Path, scenario: Path | None = None, tell: Tell | None = None
 # --- what recovery needs too ----------------------------------------------------------------------------------------
 
 
-def require_inputs(path: Path, contents: Contents) -> None:
+def require_inputs(path: Path, contents: JournalContents) -> None:
     """Raises SessionError when an input in the middle is not there."""
     if contents.lost_inputs:
-        raise SessionError(f"{path}: {contents.lost_inputs[0]}. {LOST}")
+        raise SessionError(f"{path}: {contents.lost_inputs[0]}. {CANNOT_REPLAY}")
 
 
-def session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
+def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
     """The scenario that the session ran: its copy, or else the scenario's own folder while that is still the same."""
     try:
-        return load_copy(folder, info)
+        return load_scenario_copy(folder, info)
     except SessionError as error:
         loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode)
         found = loaded.scenario
@@ -149,7 +153,7 @@ def session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scena
         return replace(found, title=info.title, folder=info.scenario_folder)
 
 
-class Written(Struct, frozen=True):
+class RecordedLine(Struct, frozen=True):
     """A record as it stands in the journal."""
 
     line: int
@@ -159,7 +163,7 @@ class Written(Struct, frozen=True):
     record: AnyRecord
 
 
-class MadeStep(Struct, frozen=True):
+class ReplayedStep(Struct, frozen=True):
     """A step as the replay gives it."""
 
     n: int
@@ -167,7 +171,7 @@ class MadeStep(Struct, frozen=True):
     """The input's line, without its end."""
     records: list[AnyRecord]
     """With the `wall` that was recorded, where it was."""
-    written: list[Written | None]
+    written: list[RecordedLine | None]
     """Each as it stands in the journal; None: it does not."""
 
 
@@ -177,15 +181,15 @@ class Replay:
     Iterate over it to its end; one step at a time is in memory.
     """
 
-    def __init__(self, kernel: Kernel, contents: Contents, tell: Tell | None = None) -> None:
+    def __init__(self, kernel: Kernel, contents: JournalContents, tell: ProgressCallback | None = None) -> None:
         self._kernel = kernel
         self._contents = contents
-        self._progress = Progress(tell)
+        self._progress = ReadingProgress(tell)
         self.inputs = 0
         """How many were replayed."""
         self.compared = 0
         """How many records were the same, before the difference if there is one."""
-        self.difference: Difference | None = None
+        self.difference: ReplayDifference | None = None
         self.missing = 0
         """Records that the journal does not have although later lines are there."""
         self.unwritten: list[AnyRecord] = []
@@ -199,10 +203,10 @@ class Replay:
             pass
         return self
 
-    def steps(self) -> Iterator[MadeStep]:
+    def steps(self) -> Iterator[ReplayedStep]:
         """Each step, compared by the numbers of its records. Raises SessionError."""
         contents, kernel = self._contents, self._kernel
-        tape = _Tape(contents)
+        tape = _JournalTape(contents)
         wall, line = "", 0
         while (found := tape.next_input()) is not None:
             line, text, input = found
@@ -214,7 +218,7 @@ class Replay:
             for record, there in zip(records, written, strict=True):
                 record.wall = wall if there is None else there.record.wall
                 if there is not None:
-                    self.difference = _differ(contents.path, input.n, there, record)
+                    self.difference = _first_difference(contents.path, input.n, there, record)
                     if self.difference is not None:
                         return
                     self.compared += 1
@@ -222,9 +226,9 @@ class Replay:
                     self.missing += 1
                 else:
                     self.unwritten.append(record)
-            yield MadeStep(input.n, text, records, written)
+            yield ReplayedStep(input.n, text, records, written)
             if self.inputs % 1_000 == 0:
-                self._progress.at(lambda: f"{self.compared:,} of {contents.records:,} records")
+                self._progress.report(lambda: f"{self.compared:,} of {contents.records:,} records")
         if contents.last_seq > kernel.core.seq:
             self.difference = _first_beyond(contents, tape, line)
 
@@ -248,17 +252,17 @@ class Replay:
         return records
 
 
-class _Tape:
+class _JournalTape:
     """The inputs in their order, and the records by their ascending numbers, from one way through the journal.
 
     Usually a record stands after its input. Where it does not (somebody moved lines), it is read on to it, and what
     lies between is kept.
     """
 
-    def __init__(self, contents: Contents) -> None:
+    def __init__(self, contents: JournalContents) -> None:
         self._lines = contents.lines()
         self._inputs: deque[tuple[int, bytes, InputLine]] = deque()
-        self._records: deque[Written] = deque()
+        self._records: deque[RecordedLine] = deque()
 
     def next_input(self) -> tuple[int, bytes, InputLine] | None:
         """With its line number and its line."""
@@ -267,12 +271,12 @@ class _Tape:
                 return None
         return self._inputs.popleft()
 
-    def record(self, seq: int) -> Written | None:
+    def record(self, seq: int) -> RecordedLine | None:
         """Ask for them in ascending order."""
         found = self.first_from(seq)
         return self._records.popleft() if found is not None and found.record.seq == seq else None
 
-    def first_from(self, seq: int) -> Written | None:
+    def first_from(self, seq: int) -> RecordedLine | None:
         """The first record with this number or a higher one; it stays."""
         records = self._records
         while True:
@@ -288,27 +292,27 @@ class _Tape:
             if isinstance(found, InputLine):
                 self._inputs.append((number, text, found))
                 return True
-            if not isinstance(found, Header):
-                self._records.append(Written(number, text, found))
+            if not isinstance(found, JournalHeader):
+                self._records.append(RecordedLine(number, text, found))
                 return True
         return False
 
 
-def _differ(path: Path, n: int, written: Written, replayed: AnyRecord) -> Difference | None:
-    before, after = record_bytes(written.record), record_bytes(replayed)  # not the line: another release may have
+def _first_difference(path: Path, n: int, written: RecordedLine, replayed: AnyRecord) -> ReplayDifference | None:
+    before, after = encode_record(written.record), encode_record(replayed)  # not the line: another release may have
     # written the same in other words
     if before == after:
         return None
     old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both
     for name in dict.fromkeys([*old, *new]):
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
-            return Difference(
+            return ReplayDifference(
                 path.name, written.line, written.record.seq, n, old["kind"], name, old.get(name), new.get(name)
             )
     return None
 
 
-def _first_beyond(contents: Contents, tape: _Tape, since: int) -> Difference:
+def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> ReplayDifference:
     """The first recorded record after those that the replay gives. `since`: the line of the last input.
 
     Raises SessionError when a damaged line may be the input that caused it: no number after it tells.
@@ -317,9 +321,9 @@ def _first_beyond(contents: Contents, tape: _Tape, since: int) -> Difference:
     assert written is not None
     suspects = [number for number in contents.damaged if since < number < written.line]
     if suspects:
-        raise SessionError(f"{contents.path}: line {suspects[-1]} is damaged, and it was an input. {LOST}")
-    value = msgspec.json.decode(record_bytes(written.record))
-    return Difference(
+        raise SessionError(f"{contents.path}: line {suspects[-1]} is damaged, and it was an input. {CANNOT_REPLAY}")
+    value = msgspec.json.decode(encode_record(written.record))
+    return ReplayDifference(
         contents.path.name, written.line, written.record.seq, contents.last_input, value["kind"], NO_RECORD, value, None
     )
 
@@ -327,7 +331,7 @@ def _first_beyond(contents: Contents, tape: _Tape, since: int) -> Difference:
 # --- small things --------------------------------------------------------------------------------------------------
 
 
-def _other(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
+def _load_other_scenario(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
     """A scenario that was asked for. It is compared by what it does, so it goes under the recorded one's name."""
     loaded = load(path, robot=info.robot, mode=info.mode)
     if loaded.scenario is None:
@@ -337,6 +341,6 @@ def _other(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
     return replace(loaded.scenario, title=info.title, folder=info.scenario_folder, hash=info.scenario_hash)
 
 
-def _shown(value: Any) -> str:
+def _short_json(value: Any) -> str:
     text = msgspec.json.encode(value).decode()
     return text if len(text) <= 120 else f"{text[:117]}..."

@@ -12,13 +12,13 @@ from click.shell_completion import get_completion_class
 
 from rise_engine import __version__
 from rise_engine.cli.arguments import split_ros_args
-from rise_engine.terminal import guarded
+from rise_engine.cli.terminal import clean_standard_streams
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.start import start
-from rise_tui.start.display import MOST_FRAMES, USUAL_FRAMES, Display
+from rise_tui.config.display import MOST_FRAMES, USUAL_FRAMES, DisplayOptions
 
 THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
-"""Those of `rise_tui.themes`, which is not imported before a session is on its way."""
+"""Those of `rise_tui.rendering.themes`, which is not imported before a session is on its way."""
 WEB_PORT = 8321
 
 
@@ -27,7 +27,7 @@ class _Program(click.Group):
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
-        with guarded():
+        with clean_standard_streams():
             return super().main(ours, *rest, obj=theirs, **more)
 
 
@@ -118,7 +118,7 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
         _check_alone(context)
         return
     given["wizard"] = (given["wizard"] or "").strip() or None
-    display = Display(theme or "", colors, mouse == "on", fps)
+    display = DisplayOptions(theme or "", colors, mouse == "on", fps)
     asked = CommandLine(display=display, ros_args=tuple(context.obj or ()), **given)
     _check_usage(asked)
     start(asked)
@@ -177,7 +177,7 @@ def _check_usage(asked: CommandLine) -> None:
 @_KEYS
 def keys(folder: str | None, html: str | None, keys: str | None) -> None:
     """A card with all keys: those of the scenario in DIR, then the console's. To lay beside the keyboard."""
-    from rise_tui.start.keycard import print_card  # Textual comes with it, as below
+    from rise_tui.cli.key_card import print_card  # Textual comes with it, as below
 
     sys.exit(print_card(folder, html, keys))
 
@@ -186,9 +186,9 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
 @_KEYS
 def info(keys: str | None) -> None:
     """What to send along with a report of a fault: versions, terminal, paths, sessions. Nothing secret is in it."""
-    from rise_tui.start.info import lines
+    from rise_tui.cli.info import report_lines
 
-    for line in lines(keys):
+    for line in report_lines(keys):
         click.echo(line)
 
 

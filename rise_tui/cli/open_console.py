@@ -7,25 +7,25 @@ from contextlib import suppress
 
 import click
 
-from rise_engine.link.client import Client
-from rise_engine.link.places import PlaceError, about
-from rise_engine.link.socket_client import SocketClient
-from rise_tui.app import ConsoleApp
+from rise_engine.client.socket import SocketClient
+from rise_engine.protocol.client import Client
+from rise_engine.protocol.registry import RegistryError, ask_summary
+from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.cli.options import CommandLine
+from rise_tui.cli.process_launcher import process_launcher
 from rise_tui.cli.terminal import login_name
-from rise_tui.start.display import colors, theme
-from rise_tui.start.keeper import Keeper
-from rise_tui.start.keymap import KeyFile
-from rise_tui.start.launch import Launcher
-from rise_tui.start.launch_process import process_launcher
-from rise_tui.start.paths import CONSOLE, state_folder
-from rise_tui.start.preferences import Preferences, load
-from rise_tui.start.settings import Settings
-from rise_tui.text import clean
+from rise_tui.config.display import choose_theme, detect_colors
+from rise_tui.config.keymap import KeyFile
+from rise_tui.config.launch import Launcher
+from rise_tui.config.paths import PREFERENCES_NAME, state_folder
+from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.console.app import ConsoleApp
+from rise_tui.console.ui_state import UiState
+from rise_tui.rendering.text import clean
 
 
 def on_session(
-    name: str, settings: Settings | None, asked: CommandLine, keys: KeyFile | None, *, notice: str = ""
+    name: str, settings: SessionOptions | None, asked: CommandLine, keys: KeyFile | None, *, notice: str = ""
 ) -> int:
     """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
     wizard, remark = wizard_name(asked, name)
@@ -38,7 +38,7 @@ def on_session(
 
 def on_client(
     client: Client,
-    settings: Settings | None,
+    settings: SessionOptions | None,
     launcher: Launcher,
     wizard: str,
     asked: CommandLine,
@@ -46,23 +46,23 @@ def on_client(
     notice: str = "",
 ) -> int:
     """A console on what a client shows; returns the exit status."""
-    kept, unused = (Preferences(), "") if asked.fresh else load(state_folder() / CONSOLE, Preferences)
+    kept, unused = (Preferences(), "") if asked.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     app = ConsoleApp(
         None,
         settings,
         wizard=wizard,
-        theme=theme(asked.display, colors(asked.display, os.environ), kept.theme),
+        theme=choose_theme(asked.display, detect_colors(asked.display, os.environ), kept.theme),
         launcher=launcher,
         client=client,
         told=notice,
         keys=keys,
         in_browser=asked.in_browser,
-        keeper=Keeper(kept, fresh=asked.fresh, said=unused, keeps=not asked.observe and asked.replay is None),
+        keeper=UiState(kept, fresh=asked.fresh, said=unused, keeps=not asked.observe and asked.replay is None),
     )
     app.run(mouse=asked.display.mouse)
-    if app.last_words and not app.terminal_gone:
+    if app.exit_message and not app.is_terminal_gone:
         with suppress(OSError):  # it may have gone just now
-            click.echo(app.last_words, err=True)
+            click.echo(app.exit_message, err=True)
     return app.return_code or 0
 
 
@@ -75,8 +75,8 @@ def wizard_name(asked: CommandLine, session: str) -> tuple[str, str]:
     if asked.wizard is not None or asked.observe:
         return asked.wizard or login_name(), ""
     try:
-        found = about(session)
-    except PlaceError:  # attaching says it
+        found = ask_summary(session)
+    except RegistryError:  # attaching says it
         found = None
     login = login_name()
     if found is None or found.wizard in ("", login):

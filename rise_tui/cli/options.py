@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from rise_engine.bridge import Transport, Wire
-from rise_engine.cli.arguments import places_of
-from rise_engine.link.client import Role
-from rise_tui.start.display import Display
-from rise_tui.start.settings import Settings
+from rise_engine.cli.arguments import parse_paths
+from rise_engine.ports.bridge import RosConnection, RosTransport
+from rise_engine.protocol.client import Role
+from rise_engine.protocol.session_options import SessionOptions
+from rise_tui.config.display import DisplayOptions
 
 
 class CommandLine(Struct, frozen=True, kw_only=True):
@@ -17,7 +17,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     folder: str | None = None
     robot: str | None = None
     mode: str | None = None
-    ros: Transport | None = None
+    ros: RosTransport | None = None
     ros_args: tuple[str, ...] = ()
     seed: int | None = None
     participant: str | None = None
@@ -35,7 +35,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     """None: see `open_console.wizard_name`."""
     replay: str | None = None
     speed: float = 1.0
-    display: Display = Display()
+    display: DisplayOptions = DisplayOptions()
     keys: str | None = None
     fresh: bool = False
     web: int | None = None
@@ -58,14 +58,14 @@ class CommandLine(Struct, frozen=True, kw_only=True):
         return ["--set"] * bool(self.sets) + ["--place"] * bool(self.places)
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> SessionOptions:
         """What a session is started with."""
-        return Settings(
+        return SessionOptions(
             self.folder or "",
             self.robot,
             self.mode,
-            places=places_of(self.places),
-            wire=Wire(self.ros or "auto", self.ros_args),
+            paths=parse_paths(self.places),
+            ros=RosConnection(self.ros or "auto", self.ros_args),
             participant=self.participant or "",
             condition=self.condition or "",
         )

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rise_engine.client.replay import ReplayClient
 from rise_engine.exit_status import USAGE
-from rise_engine.link.replay_client import ReplayClient
 from rise_engine.session.folder import SessionError, find_session
 from rise_tui.cli.open_console import on_client
 from rise_tui.cli.options import CommandLine
-from rise_tui.start.keymap import KeyFile
-from rise_tui.start.launch_process import process_launcher
-from rise_tui.start.settings import NothingChosenError, expanded
+from rise_tui.cli.process_launcher import process_launcher
+from rise_tui.config.keymap import KeyFile
+from rise_tui.config.settings import NothingStarted, expand_home
 
 
 def find(asked: CommandLine) -> Path:
     """The folder of the recorded session. Raises NothingChosenError."""
     try:
-        return find_session(str(expanded(asked.replay or "")))
+        return find_session(str(expand_home(asked.replay or "")))
     except SessionError as error:
-        raise NothingChosenError(USAGE, str(error)) from None
+        raise NothingStarted(USAGE, str(error)) from None
 
 
 def open_console(path: Path, asked: CommandLine, keys: KeyFile | None) -> int:

@@ -14,22 +14,24 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 from msgspec.structs import replace
 
-from rise_engine.cli.arguments import UnusableError, assignments
+from rise_engine.cli.arguments import UnusableArgument, parse_assignments
 from rise_engine.exit_status import ALREADY_RUNNING, REFUSED, USAGE
 from rise_engine.kernel.inputs import Submit
-from rise_engine.link.places import PlaceError, about, running, session_name
-from rise_engine.link.spawn import Refused, Starting, start_engine
-from rise_engine.session.folder import unfinished, whose
+from rise_engine.protocol.registry import RegistryError, ask_summary, running_names, session_name
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.server.spawn import EngineProcess, EngineRefused, start_engine
+from rise_engine.session.folder import find_unfinished, participant_text
+from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.running import reached_elsewhere, running_session
 from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
-from rise_tui.start import choose, launch
-from rise_tui.start.display import prepare_textual, settled
-from rise_tui.start.paths import key_file
-from rise_tui.start.settings import NothingChosenError, Settings, nothing_in, options, scenario_place
+from rise_tui.config import launch
+from rise_tui.config.display import prepare_textual, with_detected_colors
+from rise_tui.config.paths import key_file_path
+from rise_tui.config.settings import NothingStarted, engine_options, scenario_path, why_no_scenario
 
 if TYPE_CHECKING:
-    from rise_tui.start.keymap import KeyFile
+    from rise_tui.config.keymap import KeyFile
 
 
 def start(asked: CommandLine) -> NoReturn:
@@ -39,7 +41,7 @@ def start(asked: CommandLine) -> NoReturn:
     try:
         if asked.web is not None:
             _serve_browsers(asked)
-        asked = replace(asked, display=settled(asked.display, os.environ))
+        asked = replace(asked, display=with_detected_colors(asked.display, os.environ))
         prepare_textual(asked.display)  # before anything imports Textual
         keys = _read_keys(asked)
         if asked.replay is not None:
@@ -48,27 +50,27 @@ def start(asked: CommandLine) -> NoReturn:
             _attach(asked, keys)
         else:
             _run(asked, asked.settings, keys)
-    except NothingChosenError as nothing:
+    except NothingStarted as nothing:
         for line in nothing.lines:
             click.echo(line, err=True)
         sys.exit(nothing.code)
 
 
 def _nothing(reason: str) -> NoReturn:
-    raise NothingChosenError(USAGE, reason)
+    raise NothingStarted(USAGE, reason)
 
 
 def _read_keys(asked: CommandLine) -> KeyFile | None:
     """The user's key file; None when there is none."""
-    path = key_file(asked.keys)
+    path = key_file_path(asked.keys)
     if path is None:
         return None
-    from rise_tui.start.keyfile import read_keys
-    from rise_tui.start.keymap import refusal
+    from rise_tui.config.key_file import read_keys
+    from rise_tui.config.keymap import how_to_mend
 
     keys = read_keys(path)
-    if keys.findings:
-        raise NothingChosenError(USAGE, *map(str, keys.findings), refusal(path))
+    if keys.problems:
+        raise NothingStarted(USAGE, *map(str, keys.problems), how_to_mend(path))
     return keys
 
 
@@ -117,9 +119,9 @@ def _attach(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 def _join(name: str, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The session of the scenario that runs already, if it is what was asked for."""
-    choose.same(
+    choose_session.check_matches(
         name,
-        about(name),
+        ask_summary(name),
         new=asked.new,
         robot=asked.robot,
         mode=asked.mode,
@@ -134,57 +136,59 @@ def _join(name: str, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
 # --- new sessions -----------------------------------------------------------------------------------------------------
 
 
-def _run(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoReturn:
+def _run(asked: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
     """A session of a scenario: the one that runs, an earlier one recovered, or a new one."""
-    if problem := nothing_in(settings):
+    if problem := why_no_scenario(settings):
         _refuse([problem], settings.folder)
-    name = session_name(scenario_place(settings))
+    name = session_name(scenario_path(settings))
     try:
-        if name in running():
+        if name in running_names():
             _join(name, asked, keys)
-    except PlaceError as error:
+    except RegistryError as error:
         _nothing(str(error))
     if asked.observe:
         _observe(asked, settings, keys)
     _need_terminal_to_choose(asked, settings)
     if keys is not None:
         _check_clashes(settings, keys)
-    wanted = options(settings, asked.seed, asked.unfinished)
+    wanted = engine_options(settings, asked.seed, asked.unfinished)
     wanted = replace(wanted, wizard=asked.wizard or login_name(), here=asked.here, first=_first_inputs(asked))
-    starting = Starting(wanted)
+    starting = EngineProcess(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
     from rise_tui.cli import open_console
 
     progress = ProgressLine()
     found = starting.wait(progress.show)
     progress.clear()
-    if isinstance(found, Refused) and (found.unfinished or found.others):
-        named = whose(settings.participant, settings.condition)
-        chosen = choose.recovery(found.unfinished, PlainTerminal(), found.others, named)
+    if isinstance(found, EngineRefused) and (found.unfinished or found.others):
+        named = participant_text(settings.participant, settings.condition)
+        chosen = choose_session.choose_recovery(found.unfinished, PlainTerminal(), found.others, named)
         found = start_engine(replace(wanted, unfinished=chosen), progress.show)
         progress.clear()
-    if isinstance(found, Refused) and found.code == ALREADY_RUNNING and (found.socket or name in running()):
+    if isinstance(found, EngineRefused) and found.code == ALREADY_RUNNING and (found.socket or name in running_names()):
         _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
-    if isinstance(found, Refused):
+    if isinstance(found, EngineRefused):
         _refuse(found.lines, settings.folder, found.code)
     unused = asked.only_for_new if found.recovered else []
-    notice = launch.told_of(found) + (f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else "")
+    notice = launch.startup_notice(found) + (
+        f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else ""
+    )
     sys.exit(open_console.on_session(found.name, settings, asked, keys, notice=notice))
 
 
-def _observe(asked: CommandLine, settings: Settings, keys: KeyFile | None) -> NoReturn:
+def _observe(asked: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
     """A session that runs with another runtime folder, perhaps; none is started."""
     if elsewhere := reached_elsewhere(settings):
         _join(elsewhere, asked, keys)
     _nothing(f"no session of {settings.folder} is running, and --observe starts none")
 
 
-def _need_terminal_to_choose(asked: CommandLine, settings: Settings) -> None:
+def _need_terminal_to_choose(asked: CommandLine, settings: SessionOptions) -> None:
     """Also where somebody has to be asked about a session that did not end."""
     if PlainTerminal().interactive:
         return
-    asks = asked.unfinished == "ask" and unfinished(str(Path(scenario_place(settings)).absolute()))
-    _need_terminal(choose.WITHOUT_TERMINAL if asks else "")
+    asks = asked.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
+    _need_terminal(choose_session.WITHOUT_TERMINAL if asks else "")
 
 
 def _first_inputs(asked: CommandLine) -> tuple[Submit, ...]:
@@ -194,19 +198,19 @@ def _first_inputs(asked: CommandLine) -> tuple[Submit, ...]:
     try:
         return tuple(
             Submit(function="assignValue", behavior=behavior, source="wizard:command-line")
-            for behavior in assignments(asked.sets)
+            for behavior in parse_assignments(asked.sets)
         )
-    except UnusableError as error:
-        raise NothingChosenError(USAGE, *str(error).splitlines()) from None
+    except UnusableArgument as error:
+        raise NothingStarted(USAGE, *str(error).splitlines()) from None
 
 
-def _check_clashes(settings: Settings, keys: KeyFile) -> None:
+def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
     """Before an engine is started for a console that would then refuse to open."""
-    from rise_tui.start.keymap import refusal
+    from rise_tui.config.keymap import how_to_mend
 
-    prepared = launch.prepare(settings)
-    if not isinstance(prepared, launch.Refused) and (clashes := keys.clashes(prepared.keys)):
-        raise NothingChosenError(USAGE, *map(str, clashes), refusal(keys.path))
+    prepared = launch.load_scenario(settings)
+    if not isinstance(prepared, launch.ScenarioProblems) and (clashes := keys.clashes(prepared.keys)):
+        raise NothingStarted(USAGE, *map(str, clashes), how_to_mend(keys.path))
 
 
 def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
@@ -219,7 +223,7 @@ def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
 # --- consoles ---------------------------------------------------------------------------------------------------------
 
 
-def _open(name: str, settings: Settings | None, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+def _open(name: str, settings: SessionOptions | None, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
     from rise_tui.cli import open_console
 
     sys.exit(open_console.on_session(name, settings, asked, keys))

@@ -14,7 +14,7 @@ from rise_engine.text import clean
 
 
 class PlainTerminal:
-    """Implements `rise_tui.start.choose.Terminal`."""
+    """Implements `rise_tui.cli.choose_session.Prompter`."""
 
     @property
     def interactive(self) -> bool:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from rise_engine.link.client import Verb
-from rise_tui.actions import BY_ID, key_in_words, keys_of
+from rise_engine.protocol.client import ControlVerb
+from rise_tui.actions import BY_ID, key_name, keys_of
 from rise_tui.console.console_actions import ConsoleActions
-from rise_tui.model.control import question
-from rise_tui.screens.dialog import Answer, Dialog
+from rise_tui.model.control import control_question
+from rise_tui.screens.dialog import Dialog, DialogChoice
 
 
 class Confirmations:
@@ -29,8 +29,8 @@ class Confirmations:
             said.append("The robot has not answered yet. Look at it first.")
         said.append("After this, keys start acts and rules again.")
         keys = keys_of(BY_ID["release"])
-        said += [f"{key_in_words('release')} once more releases it."] * bool(keys)
-        dialog = Dialog("Release the stop?", said, Answer("r", "Release"), no="Stay stopped", again=keys)
+        said += [f"{key_name('release')} once more releases it."] * bool(keys)
+        dialog = Dialog("Release the stop?", said, DialogChoice("r", "Release"), no="Stay stopped", again=keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
 
@@ -38,10 +38,10 @@ class Confirmations:
         """What is to become of control, by who has it and who asks for it."""
         console = self._console
         store = console.store
-        said, ways = question(store.view.control, store.view.asked, store.me, key_in_words)
+        said, ways = control_question(store.view.control, store.view.asked, store.own_name, key_name)
         self._control_shown = self._holder_and_asker()
-        verbs: dict[str, Verb] = {way.key: way.verb for way in ways}
-        dialog = Dialog("Control", said, *(Answer(way.key, way.title) for way in ways), no="Leave it")
+        verbs: dict[str, ControlVerb] = {way.key: way.verb for way in ways}
+        dialog = Dialog("Control", said, *(DialogChoice(way.key, way.title) for way in ways), no="Leave it")
         dialog.add_class("-control")
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 

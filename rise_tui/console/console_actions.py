@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from textual.app import App
 
-from rise_engine.link.client import Verb
+from rise_engine.protocol.client import ControlVerb
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
@@ -33,5 +33,5 @@ class ConsoleActions(Protocol):
     def send(self, function: str, behavior: str = "") -> None:
         """Give a task to the engine, without waiting."""
 
-    def request_control(self, verb: Verb) -> None:
+    def request_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control, without waiting."""

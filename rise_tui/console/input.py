@@ -11,9 +11,8 @@ from time import monotonic
 from typing import Protocol
 
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.actions import BY_ID, key_in_words, keys_of, why_blocked, why_task_blocked
-from rise_tui.model.deeds import describe
-from rise_tui.model.failures import unanswered
+from rise_tui.actions import BY_ID, key_name, keys_of, why_blocked, why_task_blocked
+from rise_tui.model.failures import unanswered_failures
 from rise_tui.model.input_lock import (
     LOCKED_ACTIONS,
     STARTING_FUNCTIONS,
@@ -23,9 +22,10 @@ from rise_tui.model.input_lock import (
     toggle_safe,
 )
 from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key, start_action
-from rise_tui.model.mistakes import newest
+from rise_tui.model.mistakes import newest_markable
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
+from rise_tui.model.task_messages import task_label
 
 TOGETHER_SECONDS = 0.012
 """Two different keys nearer than this cannot come from two fingers' intent."""
@@ -161,10 +161,10 @@ class InputController:
 
     def admits_other(self, *, leaving: bool, says_why: bool) -> bool:
         """Whether anything else of the mouse and the clipboard may go on."""
-        if self._store.guard != "LOCKED" or leaving:
+        if self._store.input_mode != "LOCKED" or leaving:
             return True
         if says_why:
-            self._actions.show_notice(f"LOCKED: {key_in_words('lock')} unlocks")
+            self._actions.show_notice(f"LOCKED: {key_name('lock')} unlocks")
         return False
 
     def action_carried_out(self) -> None:
@@ -217,13 +217,13 @@ class InputController:
 
     def repeat_failed_act(self) -> None:
         """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
-        if (failed := next(iter(unanswered(self._store)), None)) is not None:
+        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None:
             self._typed = ""
             self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
-        failed = next(iter(unanswered(self._store)), None)
+        failed = next(iter(unanswered_failures(self._store)), None)
         if failed is not None and not self.pasting:
             self.send("goOn", str(failed.id))
 
@@ -231,7 +231,7 @@ class InputController:
         """Mark what the wizard did last as wrong at once, and ask for the better word."""
         if self.pasting:
             return
-        task = newest(self._store.view.tasks, self._store.person)
+        task = newest_markable(self._store.view.tasks, self._store.person)
         if task is None:
             self._actions.show_notice("you have done nothing yet: there is nothing to mark")
             return
@@ -244,16 +244,16 @@ class InputController:
 
     def switch_safe(self) -> None:
         """LIVE or SAFE."""
-        self._switch(toggle_safe(self._store.guard))
+        self._switch(toggle_safe(self._store.input_mode))
 
     def switch_lock(self) -> None:
         """LOCKED, or SAFE."""
-        self._switch(toggle_lock(self._store.guard))
+        self._switch(toggle_lock(self._store.input_mode))
 
     def _switch(self, mode: InputMode) -> None:
         self.reset()
-        self._store.guard = mode
-        self._actions.show_notice(mode_notice(mode, key_in_words))
+        self._store.input_mode = mode
+        self._actions.show_notice(mode_notice(mode, key_name))
         self._actions.show_mode()
 
     # --- which presses count ----------------------------------------------------------------------------------------
@@ -273,7 +273,7 @@ class InputController:
                 self._hold_back(action, at, HELD_KEY_SECONDS)
         elif at - last < action.debounce:
             if self._pending is None and at - last >= HELD_KEY_SECONDS:
-                what = action.behavior or describe(action.function, "")
+                what = action.behavior or task_label(action.function, "")
                 self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, taken once")
         else:
             self._hold_back(action, at, self._settle_seconds)
@@ -352,7 +352,7 @@ class InputController:
             self._actions.submit(action, self._session_time(at))
 
     def _refuse(self, action: KeyAction, reason: str) -> None:
-        what = describe(action.function, action.behavior)
+        what = task_label(action.function, action.behavior)
         starts = action.function in STARTING_FUNCTIONS
         self._actions.show_notice(f"{what} not started: {reason}" if starts else f"{what}: not now, {reason}")
 

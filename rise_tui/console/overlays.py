@@ -8,27 +8,27 @@ from textual.app import App
 from textual.geometry import Region
 from textual.screen import Screen
 
-from rise_tui.actions import Place
-from rise_tui.commands import Command, commands, theme_commands
+from rise_tui.actions import KeyScope
 from rise_tui.console.console_actions import ConsoleActions
+from rise_tui.console.layout import Layout
 from rise_tui.model.store import Store
-from rise_tui.screens.arrangement import Arrangement
+from rise_tui.rendering.text import crop
 from rise_tui.screens.help import HelpScreen
-from rise_tui.screens.jump import LETTERS, JumpScreen, Labels, label_line
+from rise_tui.screens.jump import LETTERS, JumpScreen, TitleLabels, label_line
 from rise_tui.screens.palette import Palette
-from rise_tui.screens.small import SmallScreen, too_small
+from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, theme_commands
+from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
-from rise_tui.text import crop
 
 
-def open_help(console: ConsoleActions, place: Place | None) -> None:
+def open_help(console: ConsoleActions, place: KeyScope | None) -> None:
     """Every key and word; those of the focused pane (`place`) first."""
     console.app.push_screen(HelpScreen(console.store, place))
 
 
-def open_palette(console: ConsoleActions, place: Place | None) -> None:
+def open_palette(console: ConsoleActions, place: KeyScope | None) -> None:
     """Everything that can be done, with the focused pane's actions first."""
-    found = [*commands(console.store, place, console.action_do, console.start), *_theme_commands(console)]
+    found = [*palette_commands(console.store, place, console.action_do, console.start), *_theme_commands(console)]
     _open_palette(console, found, "command, act, rule, event or theme")
 
 
@@ -37,46 +37,46 @@ def open_theme_palette(console: ConsoleActions) -> None:
     _open_palette(console, _theme_commands(console), "theme")
 
 
-def _theme_commands(console: ConsoleActions) -> list[Command]:
+def _theme_commands(console: ConsoleActions) -> list[PaletteCommand]:
     def use(name: str) -> None:
         console.app.theme = name
 
     return list(theme_commands(use))
 
 
-def _open_palette(console: ConsoleActions, found: Sequence[Command], placeholder: str) -> None:
+def _open_palette(console: ConsoleActions, found: Sequence[PaletteCommand], placeholder: str) -> None:
     def run_chosen(number: str | None) -> None:
         if not number:
             return
         command = found[int(number)]
-        if command.why_not:
-            console.show_notice(f"{command.title}: not now, {command.why_not}")
+        if command.blocked_text:
+            console.show_notice(f"{command.title}: not now, {command.blocked_text}")
         else:
             command.run()
 
     console.app.push_screen(Palette(found, placeholder=placeholder), run_chosen)
 
 
-def open_jump_mode(console: ConsoleActions, panes: Arrangement, hints: Region) -> None:
+def open_jump_mode(console: ConsoleActions, panes: Layout, hints: Region) -> None:
     """Letters over the title bars; what the letters are is said where the key hints stand."""
 
     def go(name: str | None) -> None:
         if name:
-            panes.go_to(name)
+            panes.focus_pane(name)
 
     console.app.push_screen(JumpScreen(_labels(panes), hints), go)
 
 
-def _labels(panes: Arrangement) -> Iterator[Labels]:
+def _labels(panes: Layout) -> Iterator[TitleLabels]:
     """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
-    for pane in panes.shown():
-        names = tuple(panes.panes) if panes.zoomed else tuple(name for name, _ in pane.title.tabs)
-        titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.PLACE) for name in names]
-        yield Labels(pane.title.region, crop(label_line(titles), pane.title.region.width))
+    for pane in panes.visible_panes():
+        names = tuple(panes.panes) if panes.is_zoomed else tuple(name for name, _ in pane.title.tabs)
+        titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.SCOPE) for name in names]
+        yield TitleLabels(pane.title.region, crop(label_line(titles), pane.title.region.width))
 
 
 def open_tour(
-    console: ConsoleActions, panes: Arrangement, part_of: Callable[[str], Region], seen: Callable[[], None] | None
+    console: ConsoleActions, panes: Layout, part_of: Callable[[str], Region], seen: Callable[[], None] | None
 ) -> None:
     """`part_of`: where something stands that the tour points at. `seen` is called when it has ended."""
 
@@ -90,8 +90,8 @@ def open_tour(
 
 def show_when_too_small(app: App[object], store: Store) -> None:
     """Say what is needed when the window has become too small for a console."""
-    if too_small(*app.size) and not any(isinstance(screen, SmallScreen) for screen in app.screen_stack):
-        app.push_screen(SmallScreen(store))
+    if is_too_small(*app.size) and not any(isinstance(screen, TooSmallScreen) for screen in app.screen_stack):
+        app.push_screen(TooSmallScreen(store))
 
 
 def close_all_above(console: Screen[None]) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rise_engine.scenario.model import Act
-from rise_tui.model.graph import levels
+from rise_tui.model.act_levels import action_levels
 
 _ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (False, False): "┼"}
 """Where a line meets the row of what waits for it, by: nothing is left of it, it ends here."""
@@ -40,7 +40,7 @@ def act_rows(act: Act, most: int) -> list[ActRow]:
     lanes: dict[int, int] = {}
     """Which action's line is in which lane."""
     drawn: list[tuple[int, int, bool, dict[int, str], tuple[str, ...]]] = []
-    for number, level in enumerate(levels(act), 1):
+    for number, level in enumerate(action_levels(act), 1):
         for at in level:
             cells = dict.fromkeys(lanes, "│")
             enters = sorted(lane for lane, owner in lanes.items() if owner in waits[at])

@@ -6,15 +6,27 @@ from typing import Any, NamedTuple
 
 from rich.cells import cell_len
 
+from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario import expected_seconds
-from rise_engine.scenario.model import Act, Action, Call
-from rise_engine.scenario.template import MissingValue, Template, as_text
-from rise_engine.view import ActionView, TaskView
+from rise_engine.scenario.model import Act, Action, ActionCall
+from rise_engine.scenario.template import MissingValueError, Template, spoken_text
 from rise_tui.model.act_graph import ActRow, act_rows
-from rise_tui.model.graph import call_seconds
-from rise_tui.model.states import READY, action_state, newest, progress, task_state
+from rise_tui.model.act_levels import estimate_call_seconds
+from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Row, Span, Tone, cell, clock, crop, duration, headed, seconds, wrap
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    crop,
+    fixed_span,
+    format_clock,
+    format_duration,
+    format_seconds,
+    heading_line,
+    wrap,
+)
 
 NARROW = 56
 """Below this width, sources and expected times stay out, and the graph has few lines."""
@@ -22,33 +34,33 @@ NAME = 13
 """Cells for a parameter's name."""
 
 
-class Shown(NamedTuple):
+class ShownAct(NamedTuple):
     """An act, or something said freely, and the task that a screen should show of it."""
 
     act: Act
     task: TaskView | None
 
 
-def shown(store: Store) -> Shown | None:
+def shown_act(store: Store) -> ShownAct | None:
     """What the pane shows: what started last, or the act that the wizard selected since."""
-    act = store.scenario.acts.get(store.act_shown)
+    act = store.scenario.acts.get(store.shown_act)
     if act is not None:
-        return Shown(act, newest(store, act.name))
+        return ShownAct(act, newest_task(store, act.name))
     ids = [id for id in store.view.running if store.view.tasks[id].function == "say"]
-    said = store.view.tasks.get(max(ids, default=store.said))
-    return Shown(speech(said.behavior), said) if said is not None and said.started is not None else None
+    said = store.view.tasks.get(max(ids, default=store.newest_speech))
+    return ShownAct(act_of_speech(said.behavior), said) if said is not None and said.started is not None else None
 
 
-def running(store: Store) -> str:
+def running_action(store: Store) -> str:
     """The id of the action that began last and has not ended; empty when none runs."""
-    what = shown(store)
+    what = shown_act(store)
     actions = what.task.actions if what is not None and what.task is not None else {}
     return next((id for id, action in reversed(actions.items()) if action.ended is None), "")
 
 
-def speech(text: str) -> Act:
+def act_of_speech(text: str) -> Act:
     """What is said freely, as an act of one action."""
-    return Act("say", (Action("say", (Call("Speech", {"message": Template(text, (text,))}),)),))
+    return Act("say", (Action("say", (ActionCall("Speech", {"message": Template(text, (text,))}),)),))
 
 
 class ActText:
@@ -57,12 +69,12 @@ class ActText:
     def __init__(self, store: Store) -> None:
         self._store = store
 
-    def rows(self, what: Shown, width: int) -> list[Row]:
+    def rows(self, what: ShownAct, width: int) -> list[ListRow]:
         act, task = what
-        rows = [Row("", self._head(act, task, width), selectable=False)]
+        rows = [ListRow("", self._head(act, task, width), selectable=False)]
         if task is not None and task.reason:
-            tone: Tone = "fault" if task.status == "ABORTED" else "wait"
-            rows.append(Row("", crop(((f" {task.reason}", tone),), width), selectable=False))
+            tone: TextRole = "fault" if task.status == "ABORTED" else "wait"
+            rows.append(ListRow("", crop(((f" {task.reason}", tone),), width), selectable=False))
         of = {action.id: task.actions.get(action.id) if task is not None else None for action in act.actions}
         ids = min(16, max((cell_len(action.id) for action in act.actions), default=1))
         kinds = max((cell_len(self._kind(action, of[action.id])) for action in act.actions), default=1)
@@ -70,49 +82,51 @@ class ActText:
         for row in act_rows(act, 4 if width < NARROW else 12):
             action = act.actions[row.place]
             done = of[action.id]
-            lead: Line = (
+            lead: StyledLine = (
                 (f" {row.level if row.first else '':>2} ", "muted"),
                 (row.rails, "accent" if done is not None and done.ended is None else "muted"),
                 (" ", "plain"),
             )
-            rows.append(Row(action.id, crop((*lead, *self._line(action, row, done, columns, width)), width)))
+            rows.append(ListRow(action.id, crop((*lead, *self._line(action, row, done, columns, width)), width)))
         return rows
 
-    def _head(self, act: Act, task: TaskView | None, width: int) -> Line:
+    def _head(self, act: Act, task: TaskView | None, width: int) -> StyledLine:
         state = task_state(task) if task is not None else READY
-        name: Span = (f"{state.glyph} {state.word}", state.tone)
-        typical = self._store.typical(act.name)
+        name: StyledSpan = (f"{state.glyph} {state.word}", state.tone)
+        typical = self._store.typical_seconds(act.name)
         if task is None or task.started is None:
-            usually = f"usually {duration(typical)} " if typical is not None and width >= NARROW else ""
-            return headed(act.name, name, ((usually, "muted"),), width)
+            usually = f"usually {format_duration(typical)} " if typical is not None and width >= NARROW else ""
+            return heading_line(act.name, name, ((usually, "muted"),), width)
         end = task.ended if task.ended is not None else self._store.now()
-        took = duration(end - task.started)
+        took = format_duration(end - task.started)
         if task.status == "ACTIVE" and typical is not None:
-            took = f"{took.removesuffix(' s')} of {duration(typical)}"
-        ended, all_actions = progress(act, task)
+            took = f"{took.removesuffix(' s')} of {format_duration(typical)}"
+        ended, all_actions = act_progress(act, task)
         count = f"{ended}/{all_actions}  " if task.status == "ACTIVE" and all_actions > 1 else ""
         source = f"  {task.source} " if width >= NARROW else " "
-        return headed(act.name, name, ((count, "muted"), (took, "plain"), (source, "muted")), width)
+        return heading_line(act.name, name, ((count, "muted"), (took, "plain"), (source, "muted")), width)
 
-    def _line(self, action: Action, row: ActRow, done: ActionView | None, columns: tuple[int, int], width: int) -> Line:
+    def _line(
+        self, action: Action, row: ActRow, done: ActionView | None, columns: tuple[int, int], width: int
+    ) -> StyledLine:
         state = action_state(done)
         after = ", ".join(action.wait_for if done is None else row.untold)
         wide = width >= NARROW
-        tail: Line = ((f"after {after}  ", "muted"),) if after else ()
+        tail: StyledLine = ((f"after {after}  ", "muted"),) if after else ()
         reason = done.reason if done is not None else ""
         tail = (*tail, (reason, "fault") if reason else (self._summary(action, done), "muted"))
-        head: Line = (
-            cell(action.id, columns[0], "strong" if done is not None and done.ended is None else "plain"),
+        head: StyledLine = (
+            fixed_span(action.id, columns[0], "strong" if done is not None and done.ended is None else "plain"),
             (" ", "plain"),
-            cell(self._kind(action, done), columns[1], "plain"),
+            fixed_span(self._kind(action, done), columns[1], "plain"),
             (f" {state.glyph} ", state.tone),
         )
         if done is None and after and not wide:
             return (*head, ("waits ", state.tone), (f"for {after}", "muted"))
         return (
             *head,
-            cell("waits" if done is None and action.wait_for else state.word, 9 if wide else 7, state.tone),
-            cell(self._time(action, done, wide=wide), 9 if wide else 5, "plain" if done else "muted", right=True),
+            fixed_span("waits" if done is None and action.wait_for else state.word, 9 if wide else 7, state.tone),
+            fixed_span(self._time(action, done, wide=wide), 9 if wide else 5, "plain" if done else "muted", right=True),
             ("  ", "plain"),
             *tail,
         )
@@ -127,7 +141,7 @@ class ActText:
         instead = self._instead(call)
         return f"{call.type}→{instead}" if instead else call.type
 
-    def _instead(self, call: Call) -> str:
+    def _instead(self, call: ActionCall) -> str:
         spec = self._store.scenario.robot.actions.get(call.type)
         return spec.substitute or "" if spec is not None and not spec.supported else ""
 
@@ -135,18 +149,18 @@ class ActText:
         """How long it took, `1.2/3.0` while it runs, or `~3.0` as long as it has not begun."""
         expected = self._expected(action, done)
         if done is None:
-            return f"~{seconds(expected)}" if wide and expected is not None else ""
-        took = seconds((done.ended if done.ended is not None else self._store.now()) - done.since)
-        return f"{took}/{seconds(expected)}" if wide and done.ended is None and expected is not None else took
+            return f"~{format_seconds(expected)}" if wide and expected is not None else ""
+        took = format_seconds((done.ended if done.ended is not None else self._store.now()) - done.since)
+        return f"{took}/{format_seconds(expected)}" if wide and done.ended is None and expected is not None else took
 
     def _expected(self, action: Action, done: ActionView | None) -> float | None:
         if done is None:
-            return call_seconds(self._store.scenario, action.calls[0], self._store.memory)
+            return estimate_call_seconds(self._store.scenario, action.calls[0], self._store.memory)
         spec = self._store.scenario.robot.actions.get(done.type)
         return expected_seconds(spec, done.parameters) if spec is not None else None
 
     def _summary(self, action: Action, done: ActionView | None) -> str:
-        parts = [(name, as_text(value)) for name, value in self._values(action, done)]
+        parts = [(name, spoken_text(value)) for name, value in self._values(action, done)]
         if len(parts) == 1:
             return parts[0][1]
         return "  ".join(f"{name} {value}" for name, value in parts)
@@ -159,20 +173,22 @@ class ActText:
     def _filled(self, template: Template) -> str:
         try:
             return template.fill(self._store.memory)
-        except MissingValue as missing:
+        except MissingValueError as missing:
             return f"({missing.key} is not set)"
 
-    def details(self, what: Shown, action_id: str, width: int) -> list[Line]:
+    def details(self, what: ShownAct, action_id: str, width: int) -> list[StyledLine]:
         """The parameters of one action: as they were sent, or as they would be now."""
         action = next((one for one in what.act.actions if one.id == action_id), None)
         if action is None:
             return []
         done = what.task.actions.get(action.id) if what.task is not None else None
         if done is not None:
-            lines = _titled(f"{self._kind(action, done)} {action.id}", f"sent {clock(done.since, tenths=True)}", width)
+            lines = _titled(
+                f"{self._kind(action, done)} {action.id}", f"sent {format_clock(done.since, tenths=True)}", width
+            )
             lines += _parameter("reason", done.reason, "fault", width) if done.reason else []
             for name, value in done.parameters.items():
-                lines += _parameter(name, as_text(value), "plain", width)
+                lines += _parameter(name, spoken_text(value), "plain", width)
             return lines
         lines = _titled(f"{self._kind(action, None)} {action.id}", "not sent; as it would be now", width)
         for number, call in enumerate(action.calls, 1):
@@ -187,11 +203,13 @@ class ActText:
         return lines
 
 
-def _titled(name: str, when: str, width: int) -> list[Line]:
+def _titled(name: str, when: str, width: int) -> list[StyledLine]:
     return [crop(((f" {name}  ", "strong"), (when, "muted")), width)]
 
 
-def _parameter(name: str, value: str, tone: Tone, width: int) -> list[Line]:
+def _parameter(name: str, value: str, tone: TextRole, width: int) -> list[StyledLine]:
     """A parameter and its value, over as many lines as it needs."""
     lines = wrap(value, max(10, width - NAME - 2))
-    return [(cell(f" {name if at == 0 else ''}", NAME, "muted"), (f" {line}", tone)) for at, line in enumerate(lines)]
+    return [
+        (fixed_span(f" {name if at == 0 else ''}", NAME, "muted"), (f" {line}", tone)) for at, line in enumerate(lines)
+    ]

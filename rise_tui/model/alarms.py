@@ -10,9 +10,9 @@ from time import monotonic
 from typing import NamedTuple
 
 from rise_tui.model.blocked import KeyNames
-from rise_tui.model.control import short
+from rise_tui.model.control import short_name
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Span, age, clock
+from rise_tui.rendering.text import StyledLine, StyledSpan, format_age, format_clock
 
 CUT_SECONDS = 1.0
 """A connection that is back before this is not worth an alarm that comes and goes."""
@@ -21,14 +21,14 @@ CUT_SECONDS = 1.0
 class Alarm(NamedTuple):
     """One thing that is wrong."""
 
-    head: Line
-    second: Line = ()
-    third: Line = ()
-    counts: bool = False
+    head: StyledLine
+    second: StyledLine = ()
+    third: StyledLine = ()
+    counts_seconds: bool = False
     """Whether it says for how long, so that it changes with every second."""
 
 
-def lines(found: Sequence[Alarm]) -> tuple[Line, ...]:
+def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
     """What is shown: three lines, or none."""
     if not found:
         return ()
@@ -37,25 +37,25 @@ def lines(found: Sequence[Alarm]) -> tuple[Line, ...]:
         return worst.head, worst.second, worst.third
     # Of two more lines the second tells more; but who has not confirmed a stop is in the third.
     told = worst.third if any(tone == "fault" for _, tone in worst.third) else worst.second
-    gap: Line = (("  ", "plain"),)
+    gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
     return worst.head, told, named
 
 
-def alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
+def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
     """All of them, the worst first."""
-    if store.gone:
+    if store.gone_reason:
         return [_gone(store, key_name)]
-    if store.cut is not None and (store.unstopped or monotonic() - store.cut >= CUT_SECONDS):
-        return [_cut(store, store.cut)]
+    if store.cut_since is not None and (store.stop_unsent or monotonic() - store.cut_since >= CUT_SECONDS):
+        return [_cut(store, store.cut_since)]
     return [*_stop(store, key_name), *_record(store, key_name), *_robot(store, key_name)]
 
 
 def _gone(store: Store, key_name: KeyNames) -> Alarm:
-    leave: Span = (f"   {key_name('quit')}", "key")
-    if store.over:
+    leave: StyledSpan = (f"   {key_name('quit')}", "key")
+    if store.ended_in_order:
         return Alarm(
-            ((" ■ SESSION ENDED ", "alarm"), (f"  {store.gone}", "strong")),
+            ((" ■ SESSION ENDED ", "alarm"), (f"  {store.gone_reason}", "strong")),
             (("   keys do nothing any more; what is shown is how it ended", "plain"),),
             (leave, (" leaves", "plain")),
         )
@@ -64,26 +64,26 @@ def _gone(store: Store, key_name: KeyNames) -> Alarm:
         again = "watches again once it is recovered, or leaves"
     stop = key_name("stop")
     return Alarm(
-        ((" ✗ ENGINE GONE ", "alarm"), (f"  {store.gone}", "strong")),
+        ((" ✗ ENGINE GONE ", "alarm"), (f"  {store.gone_reason}", "strong")),
         ((f"   no key reaches the robot, {stop} neither: its own switch stops it", "plain"),),
         (leave, (f" {again}; shown is the last known state", "plain")),
     )
 
 
 def _cut(store: Store, since: float) -> Alarm:
-    head = " ✗ STOP NOT SENT " if store.unstopped else " ✗ CONNECTION CUT "
+    head = " ✗ STOP NOT SENT " if store.stop_unsent else " ✗ CONNECTION CUT "
     return Alarm(
-        ((head, "alarm"), (f"  cut {age(monotonic() - since)} ago; the console is attaching again", "strong")),
+        ((head, "alarm"), (f"  cut {format_age(monotonic() - since)} ago; the console is attaching again", "strong")),
         (("   the session goes on without this console, and no key reaches it", "plain"),),
         (("   to stop the robot now, use its own switch", "strong"),),
-        counts=True,
+        counts_seconds=True,
     )
 
 
 def _stop(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     stop = store.view.stop
-    _, _, told = store.journaling.trouble.partition("; ")
-    if store.journaling.trouble and told:
+    _, _, told = store.journal_status.trouble.partition("; ")
+    if store.journal_status.trouble and told:
         # Asked for while nothing can be recorded: the engine tells it here, and records it later.
         sent, _, confirmed = told.partition(", ")
         answer = confirmed.replace("confirmed by ", "") or "the robot has not answered yet"
@@ -93,29 +93,35 @@ def _stop(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             yield Alarm(((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")))
     elif stop.status == "requested":
         yield Alarm(
-            ((" ■ STOP requested ", "alarm"), (f"  asked {clock(stop.since)} by {short(stop.source)}", "strong")),
+            (
+                (" ■ STOP requested ", "alarm"),
+                (f"  asked {format_clock(stop.since)} by {short_name(stop.source)}", "strong"),
+            ),
             (("   waiting for the robot to confirm", "plain"),),
             (("   if the robot goes on, use its own switch", "plain"),),
         )
     else:
-        release: Line = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
-        missing: Line = (("   everything asked has confirmed", "plain"),)
+        release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
+        missing: StyledLine = (("   everything asked has confirmed", "plain"),)
         if stop.unconfirmed:
             what = f"   look at the robot; {key_name('stop')} asks again"
-            missing = (("   NOT CONFIRMED  ", "fault"), (parts(stop.unconfirmed), "strong"), (what, "plain"))
+            missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"), (what, "plain"))
         yield Alarm(
             ((" ■ STOPPED ", "alarm"), ("  nothing starts until it is released", "strong"), *release),
-            (*_labelled("confirmed", parts(stop.confirmed) or "nobody"), (f"   by {short(stop.source)}", "muted")),
+            (
+                *_labelled("confirmed", group_parts(stop.confirmed) or "nobody"),
+                (f"   by {short_name(stop.source)}", "muted"),
+            ),
             missing,
         )
 
 
-def _labelled(label: str, said: str) -> Line:
+def _labelled(label: str, said: str) -> StyledLine:
     return (f"   {label:<15}", "plain"), (said, "strong")
 
 
 def _record(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
-    why = store.journaling.trouble.partition("; ")[0]
+    why = store.journal_status.trouble.partition("; ")[0]
     if why:
         yield Alarm(
             ((" ✗ NOT RECORDING ", "alarm"), (f"  {why}", "strong")),
@@ -128,7 +134,7 @@ def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     robot = store.view.robot
     if robot is None or robot.status != "lost":
         return
-    since = f"  for {age(store.now() - robot.t)}"
+    since = f"  for {format_age(store.now() - robot.t)}"
     broken = [name for name, act in store.view.acts.items() if act.last is not None and act.last.ended == robot.t]
     broken += ["the say line"] if _said(store, robot.t) else []
     until = "acts fail until the robot is back; rules and memory go on"
@@ -139,7 +145,7 @@ def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),
         ((f"   {was}{until}", "plain"),),
         ((f"   {then}", "plain"),),
-        counts=True,
+        counts_seconds=True,
     )
 
 
@@ -149,15 +155,15 @@ def _said(store: Store, at: float) -> bool:
     return latest is not None and latest.function == "say" and latest.ended == at
 
 
-def degraded(store: Store) -> str:
+def degraded_text(store: Store) -> str:
     """What is wrong with a robot that still works, or empty."""
     robot = store.view.robot
     if robot is None or robot.status != "degraded":
         return ""
-    return f"◐ robot degraded since {clock(robot.t)}: {robot.detail or 'it says no more'}"
+    return f"◐ robot degraded since {format_clock(robot.t)}: {robot.detail or 'it says no more'}"
 
 
-def parts(names: Sequence[str]) -> str:
+def group_parts(names: Sequence[str]) -> str:
     """Parts of robots, each robot named once: `pepper: arms, gaze`."""
     found: dict[str, list[str]] = {}
     for name in names:

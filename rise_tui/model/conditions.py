@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 from rise_engine.expression import EvaluationError, Expression, LanguageError
-from rise_engine.expression.nodes import Logic, explicit
+from rise_engine.expression.nodes import Logic, with_all_brackets
 
 Joint = Literal["and", "or", ""]
 
@@ -26,26 +26,26 @@ def holds(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
         return False
 
 
-class Parts(NamedTuple):
+class ConditionParts(NamedTuple):
     joint: Joint
     """What stands between them; empty for a condition of one part."""
     parts: tuple[Expression, ...]
 
 
 @lru_cache(512)
-def parts_of(condition: Expression) -> Parts:
+def parts_of(condition: Expression) -> ConditionParts:
     """The parts that `and`, or else `or`, joins at the top; `xor` is not taken apart."""
     root = condition.root
     if not isinstance(root, Logic) or root.operator not in _JOINTS:
-        return Parts("", (condition,))
+        return ConditionParts("", (condition,))
     try:
         texts = _written(condition.text, _JOINTS[root.operator])
         found = tuple(Expression.parse(text) for text in texts)
         if tuple(part.root for part in found) != root.operands:  # written in a way that is not taken apart by eye
-            found = tuple(Expression.parse(explicit(operand)) for operand in root.operands)
+            found = tuple(Expression.parse(with_all_brackets(operand)) for operand in root.operands)
     except LanguageError:
-        return Parts("", (condition,))
-    return Parts("and" if root.operator == "and" else "or", found)
+        return ConditionParts("", (condition,))
+    return ConditionParts("and" if root.operator == "and" else "or", found)
 
 
 def _written(text: str, joints: tuple[str, ...]) -> list[str]:

@@ -2,59 +2,59 @@
 
 from __future__ import annotations
 
-from rise_engine.view import CueView
-from rise_tui.text import Line, seconds
+from rise_engine.kernel.view import CueView
+from rise_tui.rendering.text import StyledLine, format_seconds
 
-LATE, VERY_LATE = 1.0, 2.0
+LATE_SECONDS, VERY_LATE_SECONDS = 1.0, 2.0
 """Seconds after which a robot that has not answered seems slow, and seems broken."""
-TENTHS = 10.0
+TENTHS_SECONDS = 10.0
 """For this long a cue is counted in tenths; then in seconds, with the clock."""
-GIVEN_UP = 60.0
+GIVEN_UP_SECONDS = 60.0
 """A cue that nobody answered for this long is not counted any more."""
-ANSWERED = 5.0
+ANSWERED_SECONDS = 5.0
 """How long it is shown how long the answer took."""
 
 
-def waiting(cue: CueView | None, now: float) -> float | None:
+def seconds_since_cue(cue: CueView | None, now: float) -> float | None:
     """Seconds since the cue, while it is counted; None when there is none, or it is answered or given up."""
     if cue is None or cue.answered is not None:
         return None
     since = max(0.0, now - cue.t)
-    return since if since < GIVEN_UP else None
+    return since if since < GIVEN_UP_SECONDS else None
 
 
-def ticks(cue: CueView | None, now: float) -> bool:
+def counts_tenths(cue: CueView | None, now: float) -> bool:
     """Whether the time changes by the tenth."""
-    since = waiting(cue, now)
-    return since is not None and since < TENTHS
+    since = seconds_since_cue(cue, now)
+    return since is not None and since < TENTHS_SECONDS
 
 
 def passed_text(since: float) -> str:
     """As exactly as it is counted."""
-    return f"{int(since)}" if since >= TENTHS else seconds(since)
+    return f"{int(since)}" if since >= TENTHS_SECONDS else format_seconds(since)
 
 
-def cue_line(cue: CueView | None, now: float, *, short: bool = False) -> Line:
+def cue_line(cue: CueView | None, now: float, *, short: bool = False) -> StyledLine:
     """`◔ cue 0.4 s`, later `◑ cue 1.4 s`, `● cue 2.3 s !`, and `✓ answered 1.3 s`; empty when nothing is counted."""
-    if cue is not None and cue.answered is not None and now - cue.answered < ANSWERED:
-        took = f"{seconds(cue.answered - cue.t)} s"
+    if cue is not None and cue.answered is not None and now - cue.answered < ANSWERED_SECONDS:
+        took = f"{format_seconds(cue.answered - cue.t)} s"
         return ((f"✓ {took}" if short else f"✓ answered {took}", "plain"),)
-    since = waiting(cue, now)
+    since = seconds_since_cue(cue, now)
     if since is None:
         return ()
     passed = passed_text(since)
-    if since < LATE:
+    if since < LATE_SECONDS:
         return (("◔ cue ", "plain"), (f"{passed} s", "plain"))
-    if since < VERY_LATE:
+    if since < VERY_LATE_SECONDS:
         return (("◑ cue ", "wait"), (f"{passed} s", "wait"))
     if short:
         return (("cue ", "call"), (f"{passed} s", "call"), (" !", "call"))
     return ((" ● cue ", "call"), (f"{passed} s", "call"), (" ! ", "call"))
 
 
-def offer_due(cue: CueView | None, now: float, offer_after: float) -> float | None:
+def filler_due(cue: CueView | None, now: float, offer_after: float) -> float | None:
     """Seconds since the cue when it is time for a filler, the next one too; None while it is not."""
-    since = waiting(cue, now)
+    since = seconds_since_cue(cue, now)
     if since is None or cue is None or offer_after <= 0:
         return None
     silent = now - (cue.t if cue.filled is None else cue.filled)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, Scenario
-from rise_engine.scenario.template import MissingValue, Slot, Template
-from rise_engine.view import ActionView, TaskView
-from rise_tui.model.act_text import speech
+from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
+from rise_tui.model.act_levels import action_levels
+from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.blocked import KeyNames, blocked_text
-from rise_tui.model.control import short
-from rise_tui.model.deeds import act_words
-from rise_tui.model.graph import levels
-from rise_tui.model.spoken import message_of, words_of
+from rise_tui.model.control import short_name
+from rise_tui.model.speech_actions import message_of, words_of
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Span, crop, spread, width_of, wrap
+from rise_tui.model.task_messages import act_label
+from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, wrap
 
 LABEL = 15
 """Cells before what was not said."""
@@ -34,29 +34,29 @@ class Unsaid(NamedTuple):
     """Of so many formulations one would have been picked; this is the first."""
 
 
-def unanswered(store: Store) -> list[TaskView]:
+def unanswered_failures(store: Store) -> list[TaskView]:
     """Failed acts that are neither done after all nor answered, the one that failed first first."""
     return [store.view.tasks[id] for id in store.view.failed if id in store.view.tasks]
 
 
-def unsaid(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[Unsaid]:
+def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[Unsaid]:
     """What a failed act was to say and did not, in the order in which it would have come."""
-    act = speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
+    act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
     if act is None:
         return []
     return [found for action in _in_order(act) if (found := _unsaid(scenario, action, task, memory)) is not None]
 
 
-def speaks(scenario: Scenario, task: TaskView) -> bool:
+def has_speech(scenario: Scenario, task: TaskView) -> bool:
     """Whether the act was to say anything at all."""
-    act = speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
+    act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
     return act is not None and any(
         message_of(scenario, call) is not None for action in act.actions for call in action.calls
     )
 
 
 def _in_order(act: Act) -> list[Action]:
-    return [act.actions[at] for level in levels(act) for at in level]
+    return [act.actions[at] for level in action_levels(act) for at in level]
 
 
 def _unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> Unsaid | None:
@@ -79,11 +79,11 @@ def _filled(template: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values as they are now; what has none stays as it is written."""
     pieces = []
     for part in template.parts:
-        if isinstance(part, Slot):
+        if isinstance(part, MemorySlot):
             alone = Template("", (part,))
             try:
                 pieces.append(alone.fill(memory))
-            except (MissingValue, OverflowError, RecursionError):
+            except (MissingValueError, OverflowError, RecursionError):
                 pieces.append(f"{{{part.key}}}")
         else:
             pieces.append(part)
@@ -93,15 +93,15 @@ def _filled(template: Template, memory: Mapping[str, Any]) -> str:
 # --- the bar ---------------------------------------------------------------------------------------------------------
 
 
-def lines(store: Store, width: int, most: int, key_name: KeyNames) -> list[Line]:
+def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> list[StyledLine]:
     """What the bar shows of the first failure, in at most `most` lines; none when there is none."""
-    failed = unanswered(store)
-    if not failed or store.gone:
+    failed = unanswered_failures(store)
+    if not failed or store.gone_reason:
         return []
     task = failed[0]
     which = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
-    head: Line = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_words(task.function, task.behavior)}", "strong"))
-    shown: list[Line] = [spread(head, ((which, "fault"),), width)]
+    head: StyledLine = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_label(task.function, task.behavior)}", "strong"))
+    shown: list[StyledLine] = [align_at_both_ends(head, ((which, "fault"),), width)]
     reasons = wrap(task.reason or "the robot gave no reason", max(20, width - 4))
     if len(reasons) > REASON_LINES:
         reasons = [*reasons[: REASON_LINES - 1], " ".join(reasons[REASON_LINES - 1 :])]
@@ -113,18 +113,18 @@ def lines(store: Store, width: int, most: int, key_name: KeyNames) -> list[Line]
     return [*shown, *texts, _keys(store, task, width, key_name)]
 
 
-def _cut(line: Line, width: int) -> Line:
+def _cut(line: StyledLine, width: int) -> StyledLine:
     """A line after which others have no room: it says so, and where they are."""
-    tail: Span = ("…  all of it: act pane" if width >= WIDE else "…", "muted")
-    return (*crop(line, width - width_of((tail,)) - 1), (" ", "plain"), tail)
+    tail: StyledSpan = ("…  all of it: act pane" if width >= WIDE else "…", "muted")
+    return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
-def _texts(store: Store, task: TaskView, width: int) -> Iterator[Line]:
+def _texts(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
     """Word for word, each over as many lines as it needs."""
     scenario = store.scenario
-    found = unsaid(scenario, task, store.memory)
+    found = unsaid_texts(scenario, task, store.memory)
     if not found:
-        said = "all of its words were said" if speaks(scenario, task) else "it has no words to say"
+        said = "all of its words were said" if has_speech(scenario, task) else "it has no words to say"
         yield ((f"   {said}", "plain"),)
     for text, begun, ways in found:
         label = "perhaps begun" if begun else "not said"
@@ -133,21 +133,23 @@ def _texts(store: Store, task: TaskView, width: int) -> Iterator[Line]:
             yield (f"   {label if at == 0 else '':<{LABEL - 3}}", "wait"), (f" {piece}", "strong")
 
 
-def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> Line:
+def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
     """What can be done about it; for who has no control, who can."""
     if store.hello.replay:
         return (("   this is a replay: it was so then", "plain"),)
-    if store.cut is not None:
+    if store.cut_since is not None:
         return (("   the connection is cut", "plain"),)
     if not store.has_control:
-        who = f"{short(store.view.control)} has control and decides" if store.view.control else "nobody has control"
+        who = (
+            f"{short_name(store.view.control)} has control and decides" if store.view.control else "nobody has control"
+        )
         return crop(((f"   {who}: repeat it, or go on without it", "plain"),), width)
-    go_on: tuple[Span, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
+    go_on: tuple[StyledSpan, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
     if why := _comes_again(store, task):
         return crop((("   ► ", "accent"), (why, "strong"), *go_on), width)
-    repeat: tuple[Span, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
+    repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
     if reason := blocked_text(store.blocked_reason("start"), key_name):
-        room = width - width_of(go_on)
+        room = width - line_width(go_on)
         return (*crop(((f"   not now: {reason}", "wait"),), room), *go_on)
     return crop((*repeat, *go_on), width)
 

@@ -19,7 +19,7 @@ import regex
 
 from rise_engine.errors import RiseError
 
-LONGEST = 500
+MOST_CHARACTERS = 500
 """Characters of a row that a regular expression sees."""
 PATIENCE = 0.004
 """Seconds that a regular expression may take for one row."""
@@ -42,7 +42,7 @@ _REASONS = (
 )
 
 
-class BrokenFilter(RiseError, ValueError):
+class InvalidFilter(RiseError, ValueError):
     """What is typed is no filter, or not yet; the message says where and why, for a person."""
 
 
@@ -74,7 +74,7 @@ class Filter:
         """Whether a row with this text is to be shown. Raises BrokenFilter for an expression that takes too long."""
         return all(term.found_in(text) == wanted for term, wanted in self._terms)
 
-    def places(self, text: str) -> list[tuple[int, int]]:
+    def match_spans(self, text: str) -> list[tuple[int, int]]:
         """Where it matches: characters from and to, in order and apart from each other. Raises as `matches`."""
         found = sorted(place for term, wanted in self._terms if wanted for place in term.places(text))
         merged: list[tuple[int, int]] = []
@@ -127,19 +127,21 @@ class _Expression:
 
     def found_in(self, text: str) -> bool:
         try:
-            return self._pattern.search(text, 0, LONGEST, timeout=PATIENCE) is not None
+            return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
         except TimeoutError:
             pass  # perhaps something else came in between: once more
         try:
-            return self._pattern.search(text, 0, LONGEST, timeout=PATIENCE) is not None
+            return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
         except TimeoutError:
-            raise BrokenFilter(TOO_LONG) from None
+            raise InvalidFilter(TOO_LONG) from None
 
     def places(self, text: str) -> Iterator[tuple[int, int]]:
         try:
-            yield from (found.span() for found in self._pattern.finditer(text, 0, LONGEST, timeout=2 * PATIENCE))
+            yield from (
+                found.span() for found in self._pattern.finditer(text, 0, MOST_CHARACTERS, timeout=2 * PATIENCE)
+            )
         except TimeoutError:
-            raise BrokenFilter(TOO_LONG) from None
+            raise InvalidFilter(TOO_LONG) from None
 
 
 def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
@@ -156,8 +158,8 @@ def _expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
             return _Expression(regex.compile(pattern, 0 if minds_capitals else regex.IGNORECASE))
     except re.error as error:
         reason = next((said for known, said in _REASONS if known in error.msg), error.msg)
-        raise BrokenFilter(f"at {at + (error.pos or 0) + 1}: {reason}") from error
+        raise InvalidFilter(f"at {at + (error.pos or 0) + 1}: {reason}") from error
     except regex.error as error:  # what only `re` takes
-        raise BrokenFilter(str(error)) from error
+        raise InvalidFilter(str(error)) from error
     except (OverflowError, RecursionError, MemoryError) as error:
-        raise BrokenFilter("this regular expression is too large") from error
+        raise InvalidFilter("this regular expression is too large") from error

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.states import EXPECTED, RUNNING, SENT
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import ACT, RULE, StudyKeys, title_of
-from rise_tui.text import Line, Span, cells, clean, fit
+from rise_tui.model.study_keys import ACT, RULE, StudyKeys, key_title
+from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, fit
 
 TITLE, TITLE_NARROW = 24, 16
 """Cells for what a key is called."""
@@ -22,7 +22,7 @@ TALL = 30
 MOST = 2
 
 
-class Piece(NamedTuple):
+class KeyStripPiece(NamedTuple):
     """A key in the strip, and where: line, first cell, cell after the last. Without a key: how many more there are."""
 
     key: KeyBinding | None
@@ -31,45 +31,45 @@ class Piece(NamedTuple):
     end: int
 
 
-class Strip(NamedTuple):
-    lines: tuple[Line, ...]
-    pieces: tuple[Piece, ...]
+class KeyStripLines(NamedTuple):
+    lines: tuple[StyledLine, ...]
+    pieces: tuple[KeyStripPiece, ...]
 
 
-def strip_rows(scenario: Scenario, keys: StudyKeys, width: int, height: int) -> int:
+def key_strip_height(scenario: Scenario, keys: StudyKeys, width: int, height: int) -> int:
     """As many lines as all keys but those of acts need, at most two; in a tall terminal two where acts have keys."""
     if not scenario.keys:
         return 0
-    every = [*keys.answers, *keys.others]
+    every = [*keys.answer_keys, *keys.other_keys]
     if height >= TALL or not every:
-        every += keys.acts
+        every += keys.act_keys
     return 1 if len(_placed(every, width, 1)) == len(every) else MOST
 
 
-def strip(store: Store, width: int, rows: int) -> Strip:
+def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
     """The keys in `rows` lines of `width` cells."""
-    keys, awaited = store.study_keys, store.awaited_keys()
+    keys, awaited = store.study_keys, store.expected_keys()
     ordered = [
-        *(key for key in keys.answers if key.key in awaited),
-        *(key for key in keys.acts if key.key in awaited and _idle(store, key)),
-        *(key for key in keys.answers if key.key not in awaited),
-        *keys.others,
+        *(key for key in keys.answer_keys if key.key in awaited),
+        *(key for key in keys.act_keys if key.key in awaited and _idle(store, key)),
+        *(key for key in keys.answer_keys if key.key not in awaited),
+        *keys.other_keys,
     ]
-    ordered += [key for key in keys.acts if key not in ordered]
+    ordered += [key for key in keys.act_keys if key not in ordered]
     places = _placed(ordered, width, rows)
-    lines: list[list[Span]] = [[] for _ in range(rows)]
+    lines: list[list[StyledSpan]] = [[] for _ in range(rows)]
     pieces = []
     for key, (line, start) in zip(ordered, places, strict=False):
         spans = _spans(key, store, width, key.key in awaited)
         lines[line] += spans
-        pieces.append(Piece(key, line, start, start + _width(key, width)))
+        pieces.append(KeyStripPiece(key, line, start, start + _width(key, width)))
     if rows and (left := len(ordered) - len(places)):
         text = _more(left)
-        start = sum(cells(text) for text, _ in lines[-1])
-        gap = max(0, width - start - cells(text) - 1)
+        start = sum(cell_width(text) for text, _ in lines[-1])
+        gap = max(0, width - start - cell_width(text) - 1)
         lines[-1] += [(" " * gap, "plain"), (text[:-1], "muted"), ("?", "key")]
-        pieces.append(Piece(None, rows - 1, start + gap, start + gap + cells(text)))
-    return Strip(tuple(tuple(line) for line in lines), tuple(pieces))
+        pieces.append(KeyStripPiece(None, rows - 1, start + gap, start + gap + cell_width(text)))
+    return KeyStripLines(tuple(tuple(line) for line in lines), tuple(pieces))
 
 
 def _more(left: int) -> str:
@@ -83,10 +83,10 @@ def _placed(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int
     for at, key in enumerate(keys):
         needed = _width(key, width)
         last = at == len(keys) - 1
-        room = width - (cells(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
+        room = width - (cell_width(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
         if column + needed > room:
             line, column = line + 1, 0
-            room = width - (cells(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
+            room = width - (cell_width(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
             if line >= rows or needed > room:
                 break
         places.append((line, column))
@@ -95,19 +95,19 @@ def _placed(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int
 
 
 def _title(key: KeyBinding, width: int) -> str:
-    text = clean(title_of(key))
-    return fit(text, min(cells(text), TITLE_NARROW if width < NARROW else TITLE)).rstrip()
+    text = clean(key_title(key))
+    return fit(text, min(cell_width(text), TITLE_NARROW if width < NARROW else TITLE)).rstrip()
 
 
 def _width(key: KeyBinding, width: int) -> int:
-    return 1 + cells(key.label) + 1 + cells(_title(key, width)) + 1
+    return 1 + cell_width(key.label) + 1 + cell_width(_title(key, width)) + 1
 
 
-def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[Span]:
+def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[StyledSpan]:
     off = store.task_blocked(key.function) is not None
     title = _title(key, width)
     if store.is_sent((key.function,), key.behavior):
-        mark: Span = (SENT.glyph, SENT.tone)
+        mark: StyledSpan = (SENT.glyph, SENT.tone)
     elif key.function in (ACT, RULE) and _runs(store, key):
         mark = (RUNNING.glyph, RUNNING.tone)
     elif awaited:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.view import RemarkView, TaskView, View
+from rise_engine.kernel.view import RemarkView, SessionView, TaskView
 
-STEP = 1 << 12
+ROWS_PER_TASK = 1 << 12
 """Row numbers for each task: its own, and those of remarks before the next task."""
 ACTS = frozenset({"startCommunicationRobotAct", "say", "nextFiller"})
 BY_RULE = "rule:"
@@ -21,15 +21,15 @@ NOTE, ROBOT, FAULT = "note", "robot", "fault"
 
 def row_of(task: int) -> int:
     """The row of a task."""
-    return task * STEP
+    return task * ROWS_PER_TASK
 
 
 def task_of(row: int) -> int | None:
     """The task of a row; None when the row is none."""
-    return None if row % STEP else row // STEP
+    return None if row % ROWS_PER_TASK else row // ROWS_PER_TASK
 
 
-def is_own(task: TaskView | TaskRecord) -> bool:
+def is_rules_own(task: TaskView | TaskRecord) -> bool:
     """Whether this is something that a rule did for itself: an event, a value, another rule. What failed is not."""
     quiet = task.status not in ("REJECTED", "ABORTED")
     return task.source.startswith(BY_RULE) and task.function not in ACTS and quiet
@@ -45,27 +45,27 @@ class LogRows:
         self._remarks: dict[int, TaskView] = {}
 
     @property
-    def own(self) -> int:
+    def own_count(self) -> int:
         """How many rows are the rules' own."""
         return len(self.all) - len(self.main)
 
-    def take_in(self, view: View) -> None:
+    def rebuild(self, view: SessionView) -> None:
         """Begin anew with what a session has so far."""
         self._remarks.clear()
         self.all = [row_of(id) for id in view.tasks]
-        self.main = [row_of(id) for id, task in view.tasks.items() if not is_own(task)]
+        self.main = [row_of(id) for id, task in view.tasks.items() if not is_rules_own(task)]
         for remark in view.remarks:
-            self.remark(remark, in_order=False)
+            self.add_remark(remark, in_order=False)
         self.all.sort()
         self.main.sort()
 
-    def task(self, record: TaskRecord) -> None:
+    def add_task(self, record: TaskRecord) -> None:
         """A task has arrived."""
         self.all.append(row_of(record.id))
-        if not is_own(record):
+        if not is_rules_own(record):
             self.main.append(row_of(record.id))
 
-    def surface(self, task: int) -> None:
+    def show_own_row(self, task: int) -> None:
         """A row of a rule's own matters after all: it failed, or nobody was waiting for its event."""
         row = row_of(task)
         place = bisect_left(self.main, row)
@@ -75,12 +75,12 @@ class LogRows:
             self.main = list(self.main)
             insort(self.main, row)
 
-    def remark(self, remark: RemarkView, *, in_order: bool = True) -> None:
+    def add_remark(self, remark: RemarkView, *, in_order: bool = True) -> None:
         """A note, or something else to be read among the tasks."""
         row = row_of(remark.after) + 1
         while row in self._remarks:
             row += 1
-        if row % STEP == 0:
+        if row % ROWS_PER_TASK == 0:
             return  # more than anybody writes between two tasks
         self._remarks[row] = _shown(remark)
         for rows in (self.all, self.main):
@@ -89,7 +89,7 @@ class LogRows:
             else:
                 insort(rows, row)
 
-    def find(self, row: int, view: View) -> TaskView | None:
+    def task_at(self, row: int, view: SessionView) -> TaskView | None:
         """What a row shows, in the form of a task; None for what is in the journal only."""
         task = task_of(row)
         return view.tasks.get(task) if task is not None else self._remarks.get(row)

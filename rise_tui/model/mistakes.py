@@ -4,31 +4,31 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rise_engine.kernel.wizard import UNMARKED
+from rise_engine.kernel.view import TaskView
+from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.scenario.model import KeyBinding
-from rise_engine.view import TaskView
-from rise_tui.model.deeds import act_words, describe, done
+from rise_tui.model.task_messages import act_label, completion_message, task_label
 
 ACTS = frozenset({"startCommunicationRobotAct", "say"})
 
 
-class Choice(NamedTuple):
+class MistakeMark(NamedTuple):
     key: str
     mark: str
     """As the engine calls it."""
     word: str
 
 
-CHOICES = (
-    Choice("w", "wrong", "wrong"),
-    Choice("l", "late", "late"),
-    Choice("e", "early", "early"),
-    Choice("d", "double", "double"),
-    Choice("u", "none", "undo"),
+MISTAKE_MARKS = (
+    MistakeMark("w", "wrong", "wrong"),
+    MistakeMark("l", "late", "late"),
+    MistakeMark("e", "early", "early"),
+    MistakeMark("d", "double", "double"),
+    MistakeMark("u", "none", "undo"),
 )
 
 
-def newest(tasks: dict[int, TaskView], me: str) -> TaskView | None:
+def newest_markable(tasks: dict[int, TaskView], me: str) -> TaskView | None:
     """What this wizard did last, whatever it was. Of one who has done nothing yet, the act that a rule started last.
 
     Not what others or programs did, what was refused, and not the marks themselves.
@@ -36,7 +36,7 @@ def newest(tasks: dict[int, TaskView], me: str) -> TaskView | None:
     by_rule: TaskView | None = None
     for id in reversed(tasks):
         task = tasks[id]
-        if task.status == "REJECTED" or task.function in UNMARKED:
+        if task.status == "REJECTED" or task.function in UNMARKABLE:
             continue
         if task.source == me:
             return task
@@ -45,9 +45,9 @@ def newest(tasks: dict[int, TaskView], me: str) -> TaskView | None:
     return by_rule
 
 
-def name_of(task: TaskView, key: KeyBinding | None) -> str:
+def markable_name(task: TaskView, key: KeyBinding | None) -> str:
     """An act by its name, speech by its words, all else by its key and what the author calls that, or what it does."""
     if task.function in ACTS:
-        return act_words(task.function, task.behavior)
-    words = done(task.function, task.behavior) or describe(task.function, task.behavior)
+        return act_label(task.function, task.behavior)
+    words = completion_message(task.function, task.behavior) or task_label(task.function, task.behavior)
     return f"{key.label}: {key.title or words}" if key is not None else words

@@ -10,12 +10,25 @@ from typing import Any, NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.blocked import KeyNames
-from rise_tui.model.coming import Coming, Knows, Step, coming
-from rise_tui.model.reasons import whose
-from rise_tui.model.saying import Saying, longest_sentence, still_to_say
+from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, still_to_say
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import RULE, name_title, title_of
-from rise_tui.text import Line, Span, Tone, age, cells, clean, crop, duration, fit, spread, width_of, wrap
+from rise_tui.model.study_keys import RULE, key_title, short_title
+from rise_tui.model.upcoming import Upcoming, UpcomingContext, UpcomingStep, find_upcoming
+from rise_tui.model.wait_explanations import key_owner
+from rise_tui.rendering.text import (
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    align_at_both_ends,
+    cell_width,
+    clean,
+    crop,
+    fit,
+    format_age,
+    format_duration,
+    line_width,
+    wrap,
+)
 
 GLYPH = 3
 """Cells before a sentence."""
@@ -29,9 +42,9 @@ WIDEST = 130
 LEAST_SENTENCE = 20
 """Cells that are left of a sentence beside what else comes next."""
 LABEL = " next  "
-GAP: Span = ("  ·  ", "muted")
+GAP: StyledSpan = ("  ·  ", "muted")
 GLYPHS = {"nothing": "·", "sent": "↑", "says": "►", "said": "✓", "unsaid": "✗", "unknown": "✗"}
-TONES: dict[str, Tone] = {
+TONES: dict[str, TextRole] = {
     "nothing": "muted",
     "sent": "wait",
     "says": "strong",
@@ -41,7 +54,7 @@ TONES: dict[str, Tone] = {
 }
 
 
-def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
+def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
     """Lines for a sentence. Where there is room for it at least two, so that a short one leaves one for the next."""
     most = MOST_TALL if height >= TALL else MOST
     longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
@@ -50,21 +63,21 @@ def sentence_rows(scenario: Scenario, memory: Mapping[str, Any], width: int, hei
     return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
 
 
-def band(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[Line, ...]:
+def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[StyledLine, ...]:
     """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
-    saying = store.saying()
+    saying = store.current_sentence()
     rest = [] if _nothing(store, key_name) else still_to_say(store.scenario, store.view, store.memory)
     lines = _sentence(saying, store, min(width, WIDEST), rows)
     told = len(lines) < rows and bool(rest)
     if told:
         lines.append(crop((("   then  ", "muted"), *_joined(rest)), width))
     lines += [()] * (rows - len(lines))
-    return (*lines, next_line(store, [] if told else rest, width, key_name))
+    return (*lines, upcoming_line(store, [] if told else rest, width, key_name))
 
 
-def counts(store: Store) -> bool:
+def changes_by_tenths(store: Store) -> bool:
     """Whether something in it changes by tenths of a second."""
-    if store.gone or store.cut is not None:
+    if store.gone_reason or store.cut_since is not None:
         return False
     return bool(store.view.running) or any(step.when in ("timer", "filler") for step in _coming(store).steps)
 
@@ -72,51 +85,51 @@ def counts(store: Store) -> bool:
 # --- the sentence --------------------------------------------------------------------------------------------------
 
 
-def _sentence(saying: Saying, store: Store, width: int, rows: int) -> list[Line]:
+def _sentence(saying: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
     tone, note = TONES[saying.kind], _note(saying, store)
     if saying.kind == "nothing":
-        return [spread(((" · the robot has said nothing yet", "muted"),), (), width)]
-    if store.gone and saying.kind in ("says", "sent"):
+        return [align_at_both_ends(((" · the robot has said nothing yet", "muted"),), (), width)]
+    if store.gone_reason and saying.kind in ("says", "sent"):
         tone, note = "fault", ("not known", "fault")
     lead = _lead(saying, store)
-    more = f" and {saying.more} more" if saying.more and saying.kind in ("unsaid", "unknown") else ""
+    more = f" and {saying.others} more" if saying.others and saying.kind in ("unsaid", "unknown") else ""
     text = f"{lead}{_quoted(saying.text)}{more}"
     shown, first = _wrapped(text, width), 0
     if len(shown) > rows:
         shown, first = _window(text, width, rows, saying.share)
-    lines: list[Line] = []
+    lines: list[StyledLine] = []
     for at, text in enumerate(shown):
         glyph = f" {GLYPHS[saying.kind]} " if at == 0 and first == 0 else " … " if at == 0 else "   "
-        line: Line = ((glyph, "accent" if saying.kind == "says" else tone), (text, tone))
-        lines.append(spread(line, (note, (" ", "plain")), width) if at == 0 else line)
+        line: StyledLine = ((glyph, "accent" if saying.kind == "says" else tone), (text, tone))
+        lines.append(align_at_both_ends(line, (note, (" ", "plain")), width) if at == 0 else line)
     return lines
 
 
-def _lead(saying: Saying, store: Store) -> str:
+def _lead(saying: CurrentSentence, store: Store) -> str:
     if saying.kind == "unsaid":
         return "NOT SAID TO THE END: " if saying.seconds else "NOT SAID: "
     return "PERHAPS NOT SAID: " if saying.kind == "unknown" else ""
 
 
-def _note(saying: Saying, store: Store) -> Span:
+def _note(saying: CurrentSentence, store: Store) -> StyledSpan:
     """How it stands, in at most NOTE cells."""
-    more = f" +{saying.more}" if saying.more else ""
+    more = f" +{saying.others}" if saying.others else ""
     match saying.kind:
         case "sent":
             return f"sent{more}", "wait"
         case "says":
-            if saying.instead:
-                return fit(f"by {saying.instead}", NOTE - 1).strip(), "wait"
+            if saying.replaced_by:
+                return fit(f"by {saying.replaced_by}", NOTE - 1).strip(), "wait"
             if saying.seconds is None:
                 return f"says it{more}", "accent"
             if saying.seconds < 0:
-                return f"{duration(-saying.seconds)} over{more}", "wait"
-            return f"{duration(saying.seconds)} left{more}", "accent"
+                return f"{format_duration(-saying.seconds)} over{more}", "wait"
+            return f"{format_duration(saying.seconds)} left{more}", "accent"
         case "said":
             ago = saying.seconds or 0.0
-            return f"said {age(ago)} ago" if ago >= 1 else "said just now", "muted"
+            return f"said {format_age(ago)} ago" if ago >= 1 else "said just now", "muted"
         case "unsaid" | "unknown":
-            return f"after {duration(saying.seconds)}" if saying.seconds else "", "fault"
+            return f"after {format_duration(saying.seconds)}" if saying.seconds else "", "fault"
         case _:
             return "", "muted"
 
@@ -145,7 +158,7 @@ def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], 
     return shown, first
 
 
-def _joined(texts: Sequence[str]) -> Line:
+def _joined(texts: Sequence[str]) -> StyledLine:
     return tuple((f"{'  ' if at else ''}{_quoted(text)}", "muted") for at, text in enumerate(texts))
 
 
@@ -155,30 +168,30 @@ def _joined(texts: Sequence[str]) -> Line:
 class _Piece(NamedTuple):
     """A part of the line."""
 
-    line: Line
+    line: StyledLine
     least: int | None = None
     """To so many cells it can be cut where there is no room; None: it stays whole, or is left out."""
 
 
-def next_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> Line:
+def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
     """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
     pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
-    room = width - cells(LABEL)
+    room = width - cell_width(LABEL)
     return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store, room, key_name)], room)), width)
 
 
-def _laid(pieces: Sequence[_Piece], width: int) -> Line:
+def _laid(pieces: Sequence[_Piece], width: int) -> StyledLine:
     """Side by side; what comes last is left out first, so that nothing but a sentence is cut."""
     kept = list(pieces)
-    while len(kept) > 1 and _needed([piece.least or width_of(piece.line) for piece in kept]) > width:
+    while len(kept) > 1 and _needed([piece.least or line_width(piece.line) for piece in kept]) > width:
         kept.pop()
-    over = _needed([width_of(piece.line) for piece in kept]) - width
-    line: list[Span] = []
+    over = _needed([line_width(piece.line) for piece in kept]) - width
+    line: list[StyledSpan] = []
     for at, piece in enumerate(kept):
         if at:
             line.append(GAP)
         if piece.least is not None and over > 0:
-            room = max(piece.least, width_of(piece.line) - over)
+            room = max(piece.least, line_width(piece.line) - over)
             line += crop(piece.line, room)
         else:
             line += piece.line
@@ -186,12 +199,12 @@ def _laid(pieces: Sequence[_Piece], width: int) -> Line:
 
 
 def _needed(widths: Sequence[int]) -> int:
-    return sum(widths) + cells(GAP[0]) * (len(widths) - 1)
+    return sum(widths) + cell_width(GAP[0]) * (len(widths) - 1)
 
 
-def _coming(store: Store) -> Coming:
-    known = Knows(store.scenario, store.view, store.memory, store.study_keys, store.now())
-    return coming(known, _left(store))
+def _coming(store: Store) -> Upcoming:
+    known = UpcomingContext(store.scenario, store.view, store.memory, store.study_keys, store.now())
+    return find_upcoming(known, _left(store))
 
 
 def _left(store: Store) -> float | None:
@@ -200,9 +213,9 @@ def _left(store: Store) -> float | None:
     for id in store.view.running:
         task = store.view.tasks[id]
         if task.function == "say":
-            left = store.saying().seconds
+            left = store.current_sentence().seconds
         else:
-            usual = store.typical(task.behavior)
+            usual = store.typical_seconds(task.behavior)
             left = None if usual is None or task.started is None else usual - (store.now() - task.started)
         if left is None:
             return None
@@ -216,62 +229,64 @@ def _by_rules(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
     found = _coming(store)
     pieces = [_Piece(_step(step, store)) for step in found.steps]
     if found.keys:  # behind what comes first: what comes later matters less
-        word = "then" if found.then else "or" if found.steps else "waits for"
-        pieces.insert(1, _Piece(_keys(found.keys, f"{word} {whose(store)}: ", room)))
-    elif found.other:
-        pieces.append(_Piece(((f"{'then ' if found.then else ''}waits for {clean(found.other)}", "plain"),)))
+        word = "then" if found.after_first else "or" if found.steps else "waits for"
+        pieces.insert(1, _Piece(_keys(found.keys, f"{word} {key_owner(store)}: ", room)))
+    elif found.waits_for:
+        pieces.append(_Piece(((f"{'then ' if found.after_first else ''}waits for {clean(found.waits_for)}", "plain"),)))
     if pieces:
         return pieces
-    if found.rules:
+    if found.any_rule_runs:
         return [_Piece((("nothing by itself", "muted"),))]
-    nothing: Line = (("nothing by itself: no rule runs", "muted"),)
+    nothing: StyledLine = (("nothing by itself: no rule runs", "muted"),)
     first = next((key for key in store.scenario.keys.values() if key.function == RULE), None)
     if first is None or store.view.running:
         return [_Piece(nothing)]
-    return [_Piece(nothing), _Piece(_keys((first,), f"{whose(store)}: ", room))]
+    return [_Piece(nothing), _Piece(_keys((first,), f"{key_owner(store)}: ", room))]
 
 
-def _nothing(store: Store, key_name: KeyNames) -> Line:
+def _nothing(store: Store, key_name: KeyNames) -> StyledLine:
     """Why nothing will come, whatever the rules say; empty when that is not so."""
-    if store.gone:
-        return (("nothing: the session is over" if store.over else "nothing: the engine has gone", "muted"),)
-    if store.cut is not None:
+    if store.gone_reason:
+        return (("nothing: the session is over" if store.ended_in_order else "nothing: the engine has gone", "muted"),)
+    if store.cut_since is not None:
         return (("not known: the connection is cut", "wait"),)
-    if store.state == "STOPPED":
+    if store.key_state == "STOPPED":
         return (("nothing until the stop is released: ", "muted"), (key_name("release"), "key"))
-    if store.journaling.trouble:
+    if store.journal_status.trouble:
         return (("nothing: the session is paused, because it is not recorded", "wait"),)
     return ()
 
 
-def _step(step: Step, store: Store) -> Line:
+def _step(step: UpcomingStep, store: Store) -> StyledLine:
     if step.when == "turn":
         more = f" and {len(step.starts) - 1} more" if len(step.starts) > 1 else ""
-        return ((name_title(step.starts[0]), "plain"), (f" (waits{more})", "muted"))
-    when = f"in {duration(step.seconds)}: " if step.when in ("timer", "filler") and step.seconds is not None else ""
-    spans: list[Span] = [(when, "wait")] if when else []
+        return ((short_title(step.starts[0]), "plain"), (f" (waits{more})", "muted"))
+    when = (
+        f"in {format_duration(step.seconds)}: " if step.when in ("timer", "filler") and step.seconds is not None else ""
+    )
+    spans: list[StyledSpan] = [(when, "wait")] if when else []
     if step.condition:
         spans.append((f"if {clean(step.condition)}: ", "muted"))
     if step.target:
         spans.append((f"→ {clean(step.target)}", "plain"))
-    acts = [*map(name_title, step.starts), *(f"perhaps {name_title(name)}" for name in step.perhaps)]
+    acts = [*map(short_title, step.starts), *(f"perhaps {short_title(name)}" for name in step.may_start)]
     if acts:
         spans.append((f"{': ' if step.target else ''}{', '.join(acts)}", "plain" if step.starts else "muted"))
-    if step.ends:
+    if step.ends_rule:
         spans.append((f", and {clean(step.rule)} ends", "muted"))
-    if not (step.target or acts or step.ends):
+    if not (step.target or acts or step.ends_rule):
         spans.append((f"{clean(step.rule)} goes on where it is", "muted"))
     return tuple(spans)
 
 
-def _keys(keys: Sequence[KeyBinding], lead: str, room: int) -> Line:
+def _keys(keys: Sequence[KeyBinding], lead: str, room: int) -> StyledLine:
     """As many as there is room for, and how many more there are."""
-    spans: list[Span] = [(lead, "muted")]
+    spans: list[StyledSpan] = [(lead, "muted")]
     for at, key in enumerate(keys):
-        more: list[Span] = [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(title_of(key)), "plain")]
+        more: list[StyledSpan] = [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(key_title(key)), "plain")]
         rest = f"  +{len(keys) - at}"
         last = at == len(keys) - 1
-        if at and width_of((*spans, *more)) + (0 if last else cells(rest)) > room:
+        if at and line_width((*spans, *more)) + (0 if last else cell_width(rest)) > room:
             spans.append((rest, "muted"))
             break
         spans += more

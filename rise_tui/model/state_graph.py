@@ -15,8 +15,8 @@ from typing import Literal, NamedTuple, TypeAlias
 from rich.cells import cell_len
 
 from rise_engine.scenario.model import Rule
-from rise_tui.model.explain import label_of
-from rise_tui.model.state_order import Order, order_of
+from rise_tui.model.rule_text import transition_label
+from rise_tui.model.state_order import StateOrder, find_state_order
 
 Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
 """How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state anew."""
@@ -29,7 +29,7 @@ MARKS = 12
 """Cells kept free behind a name for what becomes of a state: `  may follow`."""
 
 
-class Edge(NamedTuple):
+class GraphEdge(NamedTuple):
     """One transition, as it is drawn."""
 
     source: str
@@ -50,7 +50,7 @@ class GraphRow(NamedTuple):
     state: str
     """Of a way's row: the state that it leaves."""
     is_state: bool
-    edge: Edge | None
+    edge: GraphEdge | None
     rails: str
     """What stands left of the node."""
     node: str
@@ -59,9 +59,9 @@ class GraphRow(NamedTuple):
     """What holds for a state at any time: `start`, `end`, `never reached`."""
 
 
-class Layout(NamedTuple):
+class GraphLayout(NamedTuple):
     rows: tuple[GraphRow, ...]
-    edges: dict[tuple[str, int], Edge]
+    edges: dict[tuple[str, int], GraphEdge]
     """By state and index."""
     row_of: dict[str, int]
     gutter: int
@@ -81,9 +81,9 @@ class _Rail(NamedTuple):
     sources: tuple[int, ...]
 
 
-def lay_out(rule: Rule, width: int) -> Layout:
+def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
     """The drawing of a rule in `width` cells."""
-    order = order_of(rule)
+    order = find_state_order(rule)
     most = most_lanes(width)
     compact = sum(1 + len(state.transitions) for state in rule.states.values()) > LONG
     compact = compact and width - 2 * most - 3 >= ROOM_FOR_BOTH
@@ -98,7 +98,7 @@ def lay_out(rule: Rule, width: int) -> Layout:
             edges[key] = edge._replace(lane=lane, way="rail" if lane >= 0 else "word")
     lanes = max((rail.lane + 1 for rail in rails), default=0)
     names = max(map(cell_len, rule.states)) + MARKS if compact else 0
-    return Layout(
+    return GraphLayout(
         tuple(_rows(rule, order, plan, edges, [_gutter(row, rails, lanes) for row in range(len(plan))])),
         edges,
         row_of,
@@ -108,7 +108,7 @@ def lay_out(rule: Rule, width: int) -> Layout:
     )
 
 
-def path(layout: Layout, edge: Edge) -> Iterator[tuple[int, int]]:
+def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]:
     """The cells, row and column, of a way's rail from its label to the arrow; none without a rail."""
     if edge.way != "rail" or edge.target is None:
         return
@@ -132,11 +132,11 @@ class _Place(NamedTuple):
 
     state: str
     is_state: bool
-    edge: Edge | None
+    edge: GraphEdge | None
 
 
 def _rows(
-    rule: Rule, order: Order, plan: list[_Place], edges: dict[tuple[str, int], Edge], gutters: list[str]
+    rule: Rule, order: StateOrder, plan: list[_Place], edges: dict[tuple[str, int], GraphEdge], gutters: list[str]
 ) -> Iterator[GraphRow]:
     reached = set(order.states[: order.reached])
     falling = {edge.source for edge in edges.values() if edge.way == "down"}
@@ -154,12 +154,12 @@ def _rows(
             yield GraphRow(place.state, False, edge, gutters[row], _node(edge, last=last))
 
 
-def _plan(rule: Rule, order: Order, compact: bool) -> list[_Place]:
+def _plan(rule: Rule, order: StateOrder, compact: bool) -> list[_Place]:
     plan: list[_Place] = []
     for place, name in enumerate(order.states):
         below = order.states[place + 1] if place + 1 < len(order.states) else None
-        down: list[Edge] = []
-        other: list[Edge] = []
+        down: list[GraphEdge] = []
+        other: list[GraphEdge] = []
         for index, transition in enumerate(rule.states[name].transitions):
             target = transition.target
             way: Way = (
@@ -169,10 +169,10 @@ def _plan(rule: Rule, order: Order, compact: bool) -> list[_Place]:
                 else "rail" if target in rule.states
                 else "word"
             )  # fmt: skip
-            label = label_of(transition)
+            label = transition_label(transition)
             if transition.condition is not None and (transition.event is not None or transition.after is not None):
                 label = f"{label} if {transition.condition.text}"
-            (down if way == "down" else other).append(Edge(name, index, target, label, way, 0))
+            (down if way == "down" else other).append(GraphEdge(name, index, target, label, way, 0))
         beside = down.pop(0)._replace(row=len(plan)) if compact and down else None
         plan.append(_Place(name, True, beside))
         for edge in (*other, *down):
@@ -180,7 +180,7 @@ def _plan(rule: Rule, order: Order, compact: bool) -> list[_Place]:
     return plan
 
 
-def _rails(edges: list[Edge], row_of: dict[str, int], most: int) -> list[_Rail]:
+def _rails(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
     """One rail for each target. Short ways come first: where there is no room, the farthest have none."""
     rails: dict[str, _Rail] = {}
     for edge in sorted(edges, key=lambda each: (abs(each.row - row_of[each.target or ""]), each.row)):
@@ -221,7 +221,7 @@ def _gutter(row: int, rails: list[_Rail], lanes: int) -> str:
     return "".join(cells)
 
 
-def _node(edge: Edge, *, last: bool) -> str:
+def _node(edge: GraphEdge, *, last: bool) -> str:
     match edge.way:
         case "down":
             return "↓"

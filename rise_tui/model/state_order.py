@@ -11,7 +11,7 @@ Ways = Mapping[str, Sequence[str]]
 """For every state the states that it can go to, in the file's order, each once."""
 
 
-class Order(NamedTuple):
+class StateOrder(NamedTuple):
     """All states of a rule, each once."""
 
     states: tuple[str, ...]
@@ -19,7 +19,7 @@ class Order(NamedTuple):
     """How many of them, from the first on, some course of the rule can reach; the others stand behind them."""
 
 
-def order_of(rule: Rule) -> Order:
+def find_state_order(rule: Rule) -> StateOrder:
     """The rule's states: what follows stands below, its first way first, and an end behind what goes on.
 
     Depends on the rule alone, so that a state never changes its place.
@@ -31,7 +31,7 @@ def order_of(rule: Rule) -> Order:
     first = [rule.initial] if rule.initial in ways else []
     course = _course(first, ways)
     rest = _course((name for name in ways if name not in set(course)), ways, frozenset(course))
-    return Order((*course, *rest), len(course))
+    return StateOrder((*course, *rest), len(course))
 
 
 def _course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset()) -> list[str]:

@@ -5,55 +5,55 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rise_engine.kernel.records import ENDINGS
+from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Act
-from rise_engine.view import ActionView, TaskView
 from rise_tui.model.store import Store
-from rise_tui.text import Tone
+from rise_tui.rendering.text import TextRole
 
 
-class State(NamedTuple):
+class StateLabel(NamedTuple):
     glyph: str
     word: str
-    tone: Tone
+    tone: TextRole
 
 
-READY = State("·", "ready", "muted")
-SENT = State("↑", "sent", "wait")
-ARMED = State("!", "again?", "wait")
-EXPECTED = State("◇", "expected", "key")
+READY = StateLabel("·", "ready", "muted")
+SENT = StateLabel("↑", "sent", "wait")
+ARMED = StateLabel("!", "again?", "wait")
+EXPECTED = StateLabel("◇", "expected", "key")
 """An act or rule for which the present state of a running rule waits."""
-RUNNING = State("►", "running", "accent")
-WAITING = State("○", "waiting", "wait")
-NOT_TAKEN = State("-", "not taken", "wait")
+RUNNING = StateLabel("►", "running", "accent")
+WAITING = StateLabel("○", "waiting", "wait")
+NOT_TAKEN = StateLabel("-", "not taken", "wait")
 """A raised event for which nobody was waiting."""
 
 TASK_STATES = {
     "PENDING": WAITING,
     "ACTIVE": RUNNING,
-    "SUCCEEDED": State("✓", "done", "muted"),
-    "ABORTED": State("✗", "failed", "fault"),
-    "CANCELED": State("■", "stopped", "muted"),
-    "REJECTED": State("✗", "rejected", "wait"),
+    "SUCCEEDED": StateLabel("✓", "done", "muted"),
+    "ABORTED": StateLabel("✗", "failed", "fault"),
+    "CANCELED": StateLabel("■", "stopped", "muted"),
+    "REJECTED": StateLabel("✗", "rejected", "wait"),
 }
 
 REMARK_STATES = {
-    "note": State("·", "", "plain"),
-    "connected": State("●", "connected", "plain"),
-    "degraded": State("◐", "degraded", "wait"),
-    "lost": State("✗", "lost", "fault"),
-    "fault": State("✗", "faulted", "fault"),
+    "note": StateLabel("·", "", "plain"),
+    "connected": StateLabel("●", "connected", "plain"),
+    "degraded": StateLabel("◐", "degraded", "wait"),
+    "lost": StateLabel("✗", "lost", "fault"),
+    "fault": StateLabel("✗", "faulted", "fault"),
 }
 """Rows of the log that are no tasks: by what they are, or by the robot's link."""
 
 ACTION_STATES = {
-    "started": State("►", "started", "accent"),
-    "accepted": State("►", "running", "accent"),
-    "succeeded": State("✓", "done", "muted"),
-    "failed": State("✗", "failed", "fault"),
-    "canceled": State("■", "stopped", "muted"),
-    "timed-out": State("✗", "timed out", "fault"),
-    "lost": State("✗", "lost", "fault"),
-    "skipped": State("-", "skipped", "muted"),
+    "started": StateLabel("►", "started", "accent"),
+    "accepted": StateLabel("►", "running", "accent"),
+    "succeeded": StateLabel("✓", "done", "muted"),
+    "failed": StateLabel("✗", "failed", "fault"),
+    "canceled": StateLabel("■", "stopped", "muted"),
+    "timed-out": StateLabel("✗", "timed out", "fault"),
+    "lost": StateLabel("✗", "lost", "fault"),
+    "skipped": StateLabel("-", "skipped", "muted"),
 }
 
 RULE_STATES = {
@@ -61,15 +61,15 @@ RULE_STATES = {
     "started": RUNNING,
     "entered": RUNNING,
     "stayed": RUNNING,
-    "ended": State("✓", "ended", "muted"),
-    "stopped": State("■", "stopped", "muted"),
-    "faulted": State("✗", "faulted", "fault"),
+    "ended": StateLabel("✓", "ended", "muted"),
+    "stopped": StateLabel("■", "stopped", "muted"),
+    "faulted": StateLabel("✗", "faulted", "fault"),
 }
 
 
-def act_state(store: Store, name: str) -> State:
+def act_state(store: Store, name: str) -> StateLabel:
     act = store.act(name)
-    if store.armed == name:
+    if store.armed_act == name:
         return ARMED
     if act.running:
         return RUNNING
@@ -80,26 +80,26 @@ def act_state(store: Store, name: str) -> State:
     return task_state(act.last) if act.last is not None else READY
 
 
-def rule_state(store: Store, name: str) -> State:
+def rule_state(store: Store, name: str) -> StateLabel:
     if store.is_sent(("startInteractionRule", "stopInteractionRule"), name):
         return SENT
     return RULE_STATES.get(store.rule(name).status, READY)
 
 
-def task_state(task: TaskView) -> State:
+def task_state(task: TaskView) -> StateLabel:
     if not task.id:  # a row of the log that is no task
         what = task.behavior if task.function == "robot" else task.function
-        return REMARK_STATES.get(what, State("·", "", "plain"))
-    return TASK_STATES.get(task.status, State("?", task.status.lower(), "plain"))
+        return REMARK_STATES.get(what, StateLabel("·", "", "plain"))
+    return TASK_STATES.get(task.status, StateLabel("?", task.status.lower(), "plain"))
 
 
-def action_state(action: ActionView | None) -> State:
+def action_state(action: ActionView | None) -> StateLabel:
     if action is None:
         return READY
-    return ACTION_STATES.get(action.status, State("?", action.status, "plain"))
+    return ACTION_STATES.get(action.status, StateLabel("?", action.status, "plain"))
 
 
-def newest(store: Store, name: str) -> TaskView | None:
+def newest_task(store: Store, name: str) -> TaskView | None:
     """The task of an act that a screen should show: running, else waiting, else the last."""
     act = store.act(name)
     for ids in (act.running[-1:], act.waiting[:1]):
@@ -109,6 +109,6 @@ def newest(store: Store, name: str) -> TaskView | None:
     return act.last
 
 
-def progress(act: Act, task: TaskView) -> tuple[int, int]:
+def act_progress(act: Act, task: TaskView) -> tuple[int, int]:
     """Actions that have ended, and all."""
     return sum(action.status in ENDINGS for action in task.actions.values()), len(act.actions)

@@ -27,28 +27,28 @@ from rise_engine.kernel.records import (
     TaskRecord,
     TimingRecord,
 )
-from rise_engine.link.client import Arrival, Hello, Journaling, Pulse, Resync
+from rise_engine.kernel.view import ActView, RuleView, SessionView
+from rise_engine.protocol.client import AttachReply, Heartbeat, JournalStatus, Resync, UpdateOrResync
 from rise_engine.scenario.model import KeyBinding, Scenario
-from rise_engine.view import ActView, RuleView, View
 from rise_tui.model import control
-from rise_tui.model.awaited import Awaited, Waits
+from rise_tui.model.act_levels import estimate_act_seconds
 from rise_tui.model.blocked import BlockedReason, Deed
-from rise_tui.model.deeds import done, news
-from rise_tui.model.graph import estimate
+from rise_tui.model.expected_inputs import ExpectedInputFinder, ExpectedInputs
 from rise_tui.model.input_lock import STARTING_FUNCTIONS, InputMode
 from rise_tui.model.log_rows import LogRows
 from rise_tui.model.notice import Notice
-from rise_tui.model.saying import Saying, Speeches
+from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
 from rise_tui.model.study_keys import StudyKeys
+from rise_tui.model.task_messages import completion_message, record_notice
 from rise_tui.model.undo import UndoStack
-from rise_tui.model.unheard import Unheard
+from rise_tui.model.unhandled_events import UnhandledEvents
 
-Topic: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"]
+StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"]
 """What a batch of records changed; a pane says which of these it shows."""
 
-EVERYTHING: frozenset[Topic] = frozenset({"acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"})
+ALL_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"})
 
-_TOPICS: dict[type, frozenset[Topic]] = {
+_TOPICS: dict[type, frozenset[StorePart]] = {
     MemoryRecord: frozenset({"memory"}),
     RuleRecord: frozenset({"rules"}),
     StopRecord: frozenset({"stop", "status"}),
@@ -63,22 +63,24 @@ _TOPICS: dict[type, frozenset[Topic]] = {
     TimingRecord: frozenset(),
 }
 """Of tasks, and of events that nobody took, `apply` finds it out."""
-_NOTHING: frozenset[Topic] = frozenset()
-_LISTS: frozenset[Topic] = frozenset({"acts", "rules", "memory", "tasks"})
+_NOTHING: frozenset[StorePart] = frozenset()
+_LISTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
 """Whatever may show that something was sent."""
-_TASK: dict[str, frozenset[Topic]] = {
+_TASK: dict[str, frozenset[StorePart]] = {
     "startCommunicationRobotAct": frozenset({"tasks", "acts"}),
     "say": frozenset({"tasks", "acts"}),
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
-_OTHER_TASK: frozenset[Topic] = frozenset({"tasks"})
+_OTHER_TASK: frozenset[StorePart] = frozenset({"tasks"})
 
-LEFT_OUT = "so much happens at once that this console leaves some of it out; what it shows is the state as it is"
-LEFT_OUT_AGAIN = 10.0
+RECORDS_LEFT_OUT = (
+    "so much happens at once that this console leaves some of it out; what it shows is the state as it is"
+)
+LEFT_OUT_SECONDS = 10.0
 """Seconds before that is said again."""
 
 
-class Sent(Struct, frozen=True):
+class SentTask(Struct, frozen=True):
     """Something asked for, until the engine's record of it arrives (console.md 3.1)."""
 
     function: str
@@ -90,96 +92,99 @@ class Sent(Struct, frozen=True):
 class Store:
     """One console's knowledge of one session."""
 
-    hello: Hello
+    hello: AttachReply
     wizard: str
     now: Callable[[], float]
     """Session time in seconds."""
     in_browser: bool = False
     """This console is shown by `rise-tui --web`."""
-    view: View = field(init=False)
-    refs: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
+    view: SessionView = field(init=False)
+    reference_prefix: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
     """How this console's own references begin; a second console of the same wizard has others."""
-    sent: dict[str, Sent] = field(default_factory=dict)
+    sent: dict[str, SentTask] = field(default_factory=dict)
     """By the console's own reference."""
     log: LogRows = field(default_factory=LogRows)
     """The rows of the log, in order of arrival; other lists whenever the view has forgotten some."""
     notice: Notice | None = None
-    gone: str = ""
+    gone_reason: str = ""
     """Why the session is over or the engine has gone; empty while it lives."""
-    over: bool = False
+    ended_in_order: bool = False
     """The session came to its end in order. With `gone` and not this, the engine has gone without one."""
-    cut: float | None = None
+    cut_since: float | None = None
     """Since when this connection has been cut, on a clock of the console's own; None while it holds."""
-    unstopped: bool = False
+    stop_unsent: bool = False
     """The stop key was pressed while it could not be sent."""
-    journaling: Journaling = field(init=False)
-    pulse: Pulse = field(default_factory=Pulse)
+    journal_status: JournalStatus = field(init=False)
+    heartbeat: Heartbeat = field(default_factory=Heartbeat)
     """The last sign of life of the robot and the engine."""
-    guard: InputMode = "LIVE"
+    input_mode: InputMode = "LIVE"
     """Whether this console's keys start anything, as far as its wizard is concerned."""
-    taken: control.Taken | None = None
+    control_lost: control.ControlLost | None = None
     """Control was taken from this console, and the wizard has pressed no key since that showed."""
-    reclaims: bool = False
+    reclaims_control: bool = False
     """It had control when the connection was cut, and nobody else has it now, but perhaps its own cut connection."""
-    attached: int = 0
+    attach_count: int = 0
     """How often this console has attached again; lists that were built step by step start anew."""
-    trimmed: int = 0
+    trim_count: int = 0
     """How often the oldest tasks were forgotten; lists that were built step by step start anew then, too."""
-    armed: str = ""
+    armed_act: str = ""
     """The act whose first of two keys was pressed."""
-    said: int = 0
+    newest_speech: int = 0
     """The id of the latest task of free speech."""
-    act_shown: str = ""
+    shown_act: str = ""
     """The act that started last, or the one that the wizard selected since; empty while free speech is the newest."""
-    rule_shown: str = ""
-    deleted: tuple[str, Any] | None = None
+    shown_rule: str = ""
+    last_deletion: tuple[str, Any] | None = None
     """The memory key that the wizard deleted last, and its value."""
 
-    marked: list[int] = field(default_factory=list)
+    marked_tasks: list[int] = field(default_factory=list)
     """Tasks whose mistake mark was set or taken back since this console has attached."""
-    changes: UndoStack = field(default_factory=UndoStack)
+    undo_stack: UndoStack = field(default_factory=UndoStack)
     """The memory changes of this console, which it can take back."""
-    missed: list[int] = field(default_factory=list)
+    unhandled_tasks: list[int] = field(default_factory=list)
     """Tasks that raised an event for which nobody was waiting, in the order in which that came out."""
 
     study_keys: StudyKeys = field(init=False)
-    speeches: Speeches = field(init=False)
-    _unheard: Unheard = field(init=False)
-    _waits: Waits = field(init=False)
+    sentences: SentenceTracker = field(init=False)
+    _unhandled_events: UnhandledEvents = field(init=False)
+    _expected_input_finder: ExpectedInputFinder = field(init=False)
     _keys: dict[tuple[str, str], KeyBinding] = field(default_factory=dict)
     _estimates: dict[str, float] = field(default_factory=dict)
-    _left_out: float = -LEFT_OUT_AGAIN
+    _left_out_at: float = -LEFT_OUT_SECONDS
     """Session time at which it was said that records are left out."""
 
     def __post_init__(self) -> None:
-        self._unheard, self._waits = Unheard(self.missed), Waits(self.scenario)
-        self.study_keys, self.speeches = StudyKeys(self.scenario), Speeches(self.scenario)
+        self._unhandled_events, self._expected_input_finder = (
+            UnhandledEvents(self.unhandled_tasks),
+            ExpectedInputFinder(self.scenario),
+        )
+        self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
         for key in reversed(self.scenario.keys.values()):  # of several, the first of the file
             self._keys[key.function, key.behavior.strip().lstrip("/")] = key
-        self._take_in(self.hello)
-        self.act_shown = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
-        self.rule_shown = next(iter(self.view.stack()), "")
+        self._rebuild(self.hello)
+        self.shown_act = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
+        self.shown_rule = next(iter(self.view.running_rules()), "")
 
-    def attach_again(self, hello: Hello) -> None:
+    def reattach(self, hello: AttachReply) -> None:
         """The connection was cut and is back: the truth is in the new snapshot."""
-        had, self.cut, self.unstopped = self.has_control, None, False
-        ghost = self.me
+        had, self.cut_since, self.stop_unsent = self.has_control, None, False
+        ghost = self.own_name
         self.sent.clear()
-        self.attached += 1
-        self._take_in(hello)
-        self.reclaims = had and not self.has_control and self.view.control in (None, ghost)
-        if had and not self.has_control and not self.reclaims:
-            self.taken = control.Taken(self.view.control, None)
+        self.attach_count += 1
+        self._rebuild(hello)
+        self.reclaims_control = had and not self.has_control and self.view.control in (None, ghost)
+        if had and not self.has_control and not self.reclaims_control:
+            self.control_lost = control.ControlLost(self.view.control, None)
 
-    def _take_in(self, hello: Hello) -> None:
-        self.hello, self.view, self.journaling = hello, hello.view, hello.journaling
-        self.log.take_in(self.view)
-        self.said = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
-        self.missed.clear()
-        self.marked.clear()
-        self.changes.forget()
-        self._unheard.forget()
-        self.speeches.take_in(self.view)
+    def _rebuild(self, hello: AttachReply) -> None:
+        self.hello, self.view, self.journal_status = hello, hello.view, hello.journaling
+        self.log.rebuild(self.view)
+        self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
+        self.unhandled_tasks.clear()
+        self.marked_tasks.clear()
+        self.undo_stack.clear()
+        self._unhandled_events.clear()
+        self.sentences.rebuild(self.view)
 
     @property
     def scenario(self) -> Scenario:
@@ -196,19 +201,19 @@ class Store:
         return any(sent.function == "stopAll" for sent in self.sent.values())
 
     @property
-    def state(self) -> InputMode | Literal["STOPPED"]:
+    def key_state(self) -> InputMode | Literal["STOPPED"]:
         """Whether keys start anything. A stop comes before what the wizard has chosen."""
-        return "STOPPED" if self.view.stop.latched or self.stopping else self.guard
+        return "STOPPED" if self.view.stop.latched or self.stopping else self.input_mode
 
     @property
-    def me(self) -> str:
+    def own_name(self) -> str:
         """How the session calls this console."""
         return self.hello.you or f"wizard:{self.wizard}"
 
     @property
     def person(self) -> str:
         """Who sits here, as the record names what they do: a second console is no second person."""
-        return self.me.partition("#")[0]
+        return self.own_name.partition("#")[0]
 
     @property
     def has_control(self) -> bool:
@@ -218,25 +223,25 @@ class Store:
     @property
     def asker(self) -> str | None:
         """Who waits for this console's answer to the question for control."""
-        return self.view.asked if self.has_control and self.view.asked != self.me else None
+        return self.view.asked if self.has_control and self.view.asked != self.own_name else None
 
     def blocked_reason(self, deed: Deed) -> BlockedReason | None:
         """What stands in the way of such a deed from this console now; None when nothing does."""
-        if self.gone:
-            return BlockedReason("over" if self.over else "gone", self.gone)
-        if self.cut is not None:
+        if self.gone_reason:
+            return BlockedReason("over" if self.ended_in_order else "gone", self.gone_reason)
+        if self.cut_since is not None:
             return BlockedReason("cut")
         if deed != "reach" and self.hello.replay:
             return BlockedReason("replay")
         if deed in ("change", "start") and not self.has_control:
             watches = self.hello.role == "observer"
-            return BlockedReason("control", holder=control.short(self.view.control), watches=watches)
+            return BlockedReason("control", holder=control.short_name(self.view.control), watches=watches)
         return self._start_blocked() if deed == "start" else None
 
     def _start_blocked(self) -> BlockedReason | None:
-        if self.journaling.trouble:
-            return BlockedReason("not-recording", self.journaling.trouble)
-        match self.state:
+        if self.journal_status.trouble:
+            return BlockedReason("not-recording", self.journal_status.trouble)
+        match self.key_state:
             case "STOPPED":
                 return BlockedReason("stopped")
             case "SAFE":
@@ -250,30 +255,30 @@ class Store:
         """What stands in the way of a task with this function."""
         return self.blocked_reason("start" if function in STARTING_FUNCTIONS else "change")
 
-    def saying(self) -> Saying:
+    def current_sentence(self) -> CurrentSentence:
         """What the robot says, or said last."""
-        return self.speeches.now(self.view, self.now())
+        return self.sentences.current(self.view, self.now())
 
-    def awaited_keys(self) -> frozenset[str]:
+    def expected_keys(self) -> frozenset[str]:
         """The study's keys that a running rule waits for, as Textual spells them."""
         states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
         busy = (self.view.tasks[id].behavior for id in (*self.view.running, *self.view.waiting))
-        return self.study_keys.awaited(states, self.memory, busy) if states else frozenset()
+        return self.study_keys.expected_keys(states, self.memory, busy) if states else frozenset()
 
-    def awaited(self) -> Awaited:
+    def expected_inputs(self) -> ExpectedInputs:
         """What the running rules wait for now."""
         states = {name: rule.state for name, rule in self.view.rules.items() if rule.running}
-        return self._waits.now(states, self.memory) if states else Awaited()
+        return self._expected_input_finder.find(states, self.memory) if states else ExpectedInputs()
 
     def act(self, name: str) -> ActView:
         return self.view.acts.get(name) or ActView()
 
-    def typical(self, name: str) -> float | None:
+    def typical_seconds(self, name: str) -> float | None:
         """How long an act takes: the mean of its runs so far, or an estimate before the first."""
         measured = self.act(name).typical
         if measured is None and name in self.scenario.acts:
             if name not in self._estimates:
-                self._estimates[name] = estimate(self.scenario, self.scenario.acts[name])
+                self._estimates[name] = estimate_act_seconds(self.scenario, self.scenario.acts[name])
             return self._estimates[name]
         return measured
 
@@ -287,119 +292,119 @@ class Store:
     def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
 
-    def apply(self, updates: Sequence[Arrival]) -> set[Topic]:
+    def apply(self, updates: Sequence[UpdateOrResync]) -> set[StorePart]:
         """Take a batch in; returns what changed."""
-        changed: set[Topic] = set()
+        changed: set[StorePart] = set()
         noticed = self.notice
         for record in updates:
-            if isinstance(record, Journaling):
-                changed |= self._journaling(record)
+            if isinstance(record, JournalStatus):
+                changed |= self._take_journal_status(record)
                 continue
-            if isinstance(record, Pulse):
-                self.pulse = record  # the clock's next second shows it
+            if isinstance(record, Heartbeat):
+                self.heartbeat = record  # the clock's next second shows it
                 continue
             if isinstance(record, Resync):
-                self._renew(record)
-                changed |= EVERYTHING
+                self._resync(record)
+                changed |= ALL_PARTS
                 continue
             if isinstance(record, TaskRecord):
-                changed |= self._task(record)
+                changed |= self._take_task(record)
             holder, remarks = self.view.control, self.view.remarks[-1] if self.view.remarks else None
             forgotten = self.view.forgotten
             self.view.apply(record)
             if self.view.forgotten != forgotten:
                 self._trim()
             if self.view.remarks and self.view.remarks[-1] is not remarks:
-                self.log.remark(self.view.remarks[-1])
+                self.log.add_remark(self.view.remarks[-1])
                 changed.add("tasks")
             if not (isinstance(record, TaskRecord) and record.id in self.view.failed):  # the bar about it says it
-                self.notice = news(record) or self.notice
+                self.notice = record_notice(record) or self.notice
             if isinstance(record, StopRecord) and record.status == "released":
-                live = f": {self.guard}" if self.has_control or self.guard != "LIVE" else ""
+                live = f": {self.input_mode}" if self.has_control or self.input_mode != "LIVE" else ""
                 self.notice = Notice(f"the stop is released{live}")
             if isinstance(record, ControlRecord) and self.hello.you:
-                notice, taken = control.told(record, holder, self.hello.you)
+                notice, taken = control.control_notice(record, holder, self.hello.you)
                 # A sentence about who had control before would now be wrong.
                 self.notice = notice or (None if taken else self.notice)
-                self.taken = taken or (None if self.has_control else self.taken)
+                self.control_lost = taken or (None if self.has_control else self.control_lost)
             if isinstance(record, EventRecord):
-                known = len(self.missed)
-                told = self._unheard.came(record, self.view)
+                known = len(self.unhandled_tasks)
+                told = self._unhandled_events.record_outcome(record, self.view)
                 self.notice = told or self.notice
-                if len(self.missed) > known:
+                if len(self.unhandled_tasks) > known:
                     changed.add("tasks")
                     if told is not None:
-                        self.log.surface(self.missed[-1])
-            elif isinstance(record, MemoryRecord) and record.source == self.me:
-                self.changes.took(record)
+                        self.log.show_own_row(self.unhandled_tasks[-1])
+            elif isinstance(record, MemoryRecord) and record.source == self.own_name:
+                self.undo_stack.record_change(record)
             elif isinstance(record, ActionRecord):
-                self.speeches.ended(record, self.view)
+                self.sentences.record_action(record, self.view)
             elif isinstance(record, MistakeRecord):
-                self.marked.append(record.task)
+                self.marked_tasks.append(record.task)
             changed |= _TOPICS.get(type(record), _NOTHING)
         if self.notice is not noticed:
             changed.add("notice")
         return changed
 
     @property
-    def older(self) -> str:
+    def forgotten_text(self) -> str:
         """That the oldest tasks are in the record only, for whoever looks for one; empty while all are here."""
         count = self.view.forgotten
         return f"{count:,} older {'task is' if count == 1 else 'tasks are'} in the record only" if count else ""
 
-    def _renew(self, anew: Resync) -> None:
+    def _resync(self, anew: Resync) -> None:
         """This console lay so far behind that records were left out: the truth is in the new state."""
         had = self.has_control
-        self.view.renew(anew.view, anew.tasks)
+        self.view.merge_resync(anew.view, anew.tasks)
         for task in anew.view.tasks.values():
             if task.ref is not None:
                 self.sent.pop(task.ref, None)
-        self.said = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
-        self.changes.forget()
-        self._unheard.forget()
-        self.speeches.take_in(self.view)
+        self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
+        self.undo_stack.clear()
+        self._unhandled_events.clear()
+        self.sentences.rebuild(self.view)
         if had and not self.has_control:
-            self.taken = control.Taken(self.view.control, None)
+            self.control_lost = control.ControlLost(self.view.control, None)
         self._trim()
-        if self.view.t > self._left_out + LEFT_OUT_AGAIN:
-            self._left_out = self.view.t
-            self.notice = Notice(LEFT_OUT, "wait")
+        if self.view.t > self._left_out_at + LEFT_OUT_SECONDS:
+            self._left_out_at = self.view.t
+            self.notice = Notice(RECORDS_LEFT_OUT, "wait")
 
     def _trim(self) -> None:
         """The view has forgotten its oldest tasks."""
         tasks = self.view.tasks
-        for ids in (self.missed, self.marked):
+        for ids in (self.unhandled_tasks, self.marked_tasks):
             ids[:] = [id for id in ids if id in tasks]
-        self.log.take_in(self.view)
-        for id in self.missed:
-            self.log.surface(id)
-        self.trimmed += 1
+        self.log.rebuild(self.view)
+        for id in self.unhandled_tasks:
+            self.log.show_own_row(id)
+        self.trim_count += 1
 
-    def _journaling(self, now: Journaling) -> frozenset[Topic]:
+    def _take_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
         """How the record stands; nothing is painted for what nobody would see."""
-        before, self.journaling = self.journaling, now
+        before, self.journal_status = self.journal_status, now
         if before.trouble and not now.trouble:
             self.notice = Notice("the disk takes records again: the session goes on")
         shown = before.trouble != now.trouble or int(before.behind) != int(now.behind)
         return frozenset({"status"}) if shown else frozenset()
 
-    def _task(self, record: TaskRecord) -> frozenset[Topic]:
+    def _take_task(self, record: TaskRecord) -> frozenset[StorePart]:
         changed = _TASK.get(record.function, _OTHER_TASK)
         if record.id not in self.view.tasks:
-            self.log.task(record)
-            self.said = record.id if record.function == "say" else self.said
+            self.log.add_task(record)
+            self.newest_speech = record.id if record.function == "say" else self.newest_speech
         elif record.status in ("REJECTED", "ABORTED"):
-            self.log.surface(record.id)
+            self.log.show_own_row(record.id)
         if record.ref is not None:
             if self.sent.pop(record.ref, None) is not None:
                 changed = _LISTS
-            own = record.ref.startswith(self.refs)
-            if own and record.status == "SUCCEEDED" and (text := done(record.function, record.behavior)):
+            own = record.ref.startswith(self.reference_prefix)
+            if own and record.status == "SUCCEEDED" and (text := completion_message(record.function, record.behavior)):
                 self.notice = Notice(text)
         if record.status == "SUCCEEDED" and record.function == "raiseEventTopic":
-            self._unheard.raised(record)
+            self._unhandled_events.expect(record)
         if record.status == "ACTIVE" and record.function in ("startCommunicationRobotAct", "say"):
-            self.act_shown = "" if record.function == "say" else record.behavior
-        elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.rule_shown:
-            self.rule_shown = record.behavior
+            self.shown_act = "" if record.function == "say" else record.behavior
+        elif record.status == "ACTIVE" and record.function == "startInteractionRule" and not self.shown_rule:
+            self.shown_rule = record.behavior
         return changed

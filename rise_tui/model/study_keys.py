@@ -6,18 +6,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from rise_engine.expression import Assignment, Env, EvaluationError, Expression, LanguageError, store
+from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError, assigned_entry
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, Transition, normal_topic
 from rise_tui.model.conditions import holds
-from rise_tui.model.explain import engine_event, functions_of, raised_by_rule
-from rise_tui.text import value_text
+from rise_tui.model.rule_text import events_raised_by, functions_of_rule, parse_engine_event
+from rise_tui.rendering.text import format_value
 
 ACT, RULE, EVENT, SET = "startCommunicationRobotAct", "startInteractionRule", "raiseEventTopic", "assignValue"
 _STARTS = {"_end", "_succeeded"}
 """Endings that somebody brings about by starting the act; nobody starts one so that it fails."""
 
 
-def title_of(binding: KeyBinding) -> str:
+def key_title(binding: KeyBinding) -> str:
     """What a key is called: the author's label, or a word that is made of what it does."""
     if binding.title:
         return binding.title
@@ -28,12 +28,12 @@ def title_of(binding: KeyBinding) -> str:
         case "raiseEventTopic":
             return normal_topic(name).replace("_", " ").replace("/", " ")
         case "stopCommunicationRobotAct" | "stopInteractionRule":
-            return f"stop {name_title(name)}"
+            return f"stop {short_title(name)}"
         case _:
-            return name_title(name)
+            return short_title(name)
 
 
-def name_title(name: str) -> str:
+def short_title(name: str) -> str:
     """The name of an act or a rule as one reads it: `R_Task1_Intro` is `Task1 Intro`."""
     return name.removeprefix("R_").replace("_", " ") or name
 
@@ -44,14 +44,14 @@ def _set_title(text: str) -> str:
     if assignment is None:
         return text
     try:
-        value = assignment.evaluate(Env({}), frozenset())
+        value = assignment.evaluate(Environment({}), frozenset())
     except EvaluationError:
         return text
     name = assignment.key.replace("_", " ")
     if assignment.keys and assignment.bare_word is None:
         return text
     if not isinstance(value, bool):
-        return f"{name} {value_text(value)}"
+        return f"{name} {format_value(value)}"
     return name if value else f"not {name}"
 
 
@@ -60,7 +60,7 @@ class StudyKeys:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._raised = {name: raised_by_rule(rule) for name, rule in scenario.rules.items()}
+        self._raised = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
         self._by_topic: dict[str, list[KeyBinding]] = {}
         """Keys that raise a topic: themselves, or by a rule that they start."""
         self._starts: dict[tuple[str, str], KeyBinding] = {}
@@ -76,32 +76,32 @@ class StudyKeys:
                 self._sets.append(key)
         answers = self._answers()
         keys = list(scenario.keys.values())
-        self.answers = tuple(key for key in keys if key.key in answers)
+        self.answer_keys = tuple(key for key in keys if key.key in answers)
         """Those that some state of a rule may wait for, in the order of the file."""
-        self.others = tuple(key for key in keys if key.key not in answers and key.function != ACT)
+        self.other_keys = tuple(key for key in keys if key.key not in answers and key.function != ACT)
         """The other keys that start no act."""
-        self.acts = tuple(key for key in keys if key.key not in answers and key.function == ACT)
+        self.act_keys = tuple(key for key in keys if key.key not in answers and key.function == ACT)
 
-    def of(
+    def keys_for(
         self, transition: Transition, memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> Iterator[KeyBinding]:
         """The keys that would make a rule take this way now. `running`: acts and rules that run or wait already."""
         if transition.event is None:
             if transition.after is None and transition.condition is not None:
-                yield from self.setting(transition.condition, memory)
+                yield from self.keys_setting(transition.condition, memory)
             return
         if not holds(transition.condition, memory):
             return
         for key in self._by_topic.get(transition.event, ()):
             if key.function != RULE or key.behavior not in running:
                 yield key
-        found = engine_event(self._scenario, transition.event)
+        found = parse_engine_event(self._scenario, transition.event)
         if found is not None and found[1] in _STARTS and found[0] not in running:
             for function in (ACT, RULE):
                 if (starter := self._starts.get((function, found[0]))) is not None:
                     yield starter
 
-    def setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
+    def keys_setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
         """The keys that set a value with which a condition holds that does not hold now."""
         if holds(condition, memory):
             return
@@ -111,14 +111,14 @@ class StudyKeys:
             if assignment is None or assignment.key.partition(".")[0] not in heads:
                 continue
             try:
-                value = assignment.evaluate(Env(memory), self._scenario.known_keys)
-                changed, value = store(memory, assignment.key, value)
+                value = assignment.evaluate(Environment(memory), self._scenario.known_keys)
+                changed, value = assigned_entry(memory, assignment.key, value)
                 if condition.as_condition({**memory, changed: value}):
                     yield key
             except EvaluationError:
                 continue
 
-    def awaited(
+    def expected_keys(
         self, states: Mapping[str, str | None], memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> frozenset[str]:
         """The keys (as Textual spells them) that a running rule waits for. `states`: each rule's state."""
@@ -127,7 +127,7 @@ class StudyKeys:
             key.key
             for name, state in states.items()
             for transition in transitions_of(self._scenario, name, state)
-            for key in self.of(transition, memory, busy)
+            for key in self.keys_for(transition, memory, busy)
         )
 
     def _answers(self) -> set[str]:
@@ -144,7 +144,7 @@ class StudyKeys:
         if transition.event is not None:
             raising = self._by_topic.get(transition.event, ())
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)
-            found = engine_event(self._scenario, transition.event)
+            found = parse_engine_event(self._scenario, transition.event)
             starter = self._starts.get((ACT, found[0])) if found is not None and found[1] in _STARTS else None
             if starter is not None and starter.behavior not in started:
                 yield starter
@@ -164,7 +164,7 @@ def transitions_of(scenario: Scenario, rule: str, state: str | None) -> tuple[Tr
 
 
 def _acts_started(rule: Rule) -> Iterator[str]:
-    return (function.argument for function in functions_of(rule) if function.name == ACT)
+    return (function.argument for function in functions_of_rule(rule) if function.name == ACT)
 
 
 @lru_cache(256)

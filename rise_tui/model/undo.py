@@ -9,14 +9,14 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.view import MemoryView
-from rise_tui.text import value_text
+from rise_engine.kernel.view import MemoryView
+from rise_tui.rendering.text import format_value
 
 MOST = 200
 """Changes that are remembered."""
 
 
-class Change(Struct, frozen=True):
+class MemoryChange(Struct, frozen=True):
     """One change of one key."""
 
     key: str
@@ -26,7 +26,7 @@ class Change(Struct, frozen=True):
     deleted: bool = False
 
 
-class Undone(Struct, frozen=True):
+class UndoStep(Struct, frozen=True):
     """What one press of undo comes to."""
 
     kind: Literal["do", "ask", "nothing"]
@@ -39,33 +39,33 @@ class UndoStack:
     """The changes, newest last, and the one that is just being taken back."""
 
     def __init__(self) -> None:
-        self._changes: list[Change] = []
-        self._undoing: Change | None = None
-        self._warned: tuple[Change, Any] | None = None
+        self._changes: list[MemoryChange] = []
+        self._undoing: MemoryChange | None = None
+        self._warned: tuple[MemoryChange, Any] | None = None
         """A change that somebody else has changed since, and to what: undoing it was asked about."""
 
     def __len__(self) -> int:
         return len(self._changes)
 
-    def took(self, record: MemoryRecord) -> None:
+    def record_change(self, record: MemoryRecord) -> None:
         """A change that this console asked for has become true: a new one, or one that takes the last one back."""
         undoing = self._undoing
         if undoing is not None and record.key == undoing.key and _restores(record, undoing):
             self._undoing = None
             self._changes = [change for change in self._changes if change is not undoing]
             return
-        self._changes.append(Change(record.key, record.old, record.value, record.created, record.deleted))
+        self._changes.append(MemoryChange(record.key, record.old, record.value, record.created, record.deleted))
         del self._changes[:-MOST]
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """What happened meanwhile is not known: nothing can be taken back any more."""
         self._changes.clear()
         self._undoing = self._warned = None
 
-    def next(self, memory: Mapping[str, MemoryView]) -> Undone:
+    def next_step(self, memory: Mapping[str, MemoryView]) -> UndoStep:
         """What to do for undo now. A value that somebody else has changed since is not overwritten without asking."""
         if not self._changes:
-            return Undone("nothing", "nothing to undo")
+            return UndoStep("nothing", "nothing to undo")
         change = self._changes[-1]
         entry = memory.get(change.key)
         present = (entry.value,) if entry is not None else ()
@@ -73,21 +73,21 @@ class UndoStack:
         asked = self._warned is not None and self._warned[0] is change and _same(self._warned[1], present)
         if not asked and not _same(present, expected):
             self._warned = change, present
-            now = f"{value_text(entry.value)}, by {entry.source}" if entry is not None else "deleted"
-            back = "deletes it" if change.created else f"makes it {value_text(change.before)} again"
-            return Undone("ask", f"{change.key} has changed since, to {now}: undo again {back}, or leave it")
+            now = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
+            back = "deletes it" if change.created else f"makes it {format_value(change.before)} again"
+            return UndoStep("ask", f"{change.key} has changed since, to {now}: undo again {back}, or leave it")
         self._warned, self._undoing = None, change
         if change.created:
             if entry is None:
                 self._changes.pop()
-                return Undone("nothing", f"{change.key} is gone already")
-            return Undone("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
-        was = "deleted" if change.deleted else value_text(change.after)
-        said = f"undoing: {change.key} is {value_text(change.before)} again, was {was}"
-        return Undone("do", said, "assignValue", json.dumps({change.key: change.before}, ensure_ascii=False))
+                return UndoStep("nothing", f"{change.key} is gone already")
+            return UndoStep("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
+        was = "deleted" if change.deleted else format_value(change.after)
+        said = f"undoing: {change.key} is {format_value(change.before)} again, was {was}"
+        return UndoStep("do", said, "assignValue", json.dumps({change.key: change.before}, ensure_ascii=False))
 
 
-def _restores(record: MemoryRecord, change: Change) -> bool:
+def _restores(record: MemoryRecord, change: MemoryChange) -> bool:
     return record.deleted if change.created else not record.deleted and _same(record.value, change.before)
 
 

@@ -10,20 +10,28 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.widget import Widget
 
-from rise_tui.actions import BY_ID, Place
-from rise_tui.messages import PaneAsked, Told
-from rise_tui.model.filtering import BrokenFilter, Filter
-from rise_tui.model.store import Store, Topic
-from rise_tui.text import Line, Row, Span, marked, plain, spread, width_of
-from rise_tui.widgets.ask import AskBar
-from rise_tui.widgets.line import Lines
-from rise_tui.widgets.rows import RowList, RowView
+from rise_tui.actions import BY_ID, KeyScope
+from rise_tui.messages import FocusPane, ShowNotice
+from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.store import Store, StorePart
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    align_at_both_ends,
+    highlight_matches,
+    line_width,
+    plain_text,
+)
+from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.static_lines import StaticLines
 
-Tab = tuple[str, str]
+PaneTab = tuple[str, str]
 """A pane's id and its title."""
 
 
-class TitleBar(Lines):
+class TitleBar(StaticLines):
     """A pane's title, or the tabs of its group; brighter while the pane has the focus."""
 
     DEFAULT_CSS = """
@@ -33,18 +41,18 @@ class TitleBar(Lines):
 
     def __init__(self, pane: str, title: str) -> None:
         super().__init__(id=f"{pane}-title")
-        self.tabs: tuple[Tab, ...] = ((pane, title),)
+        self.tabs: tuple[PaneTab, ...] = ((pane, title),)
         self._pane = pane
-        self._right: Line = ()
+        self._right: StyledLine = ()
         self._places: list[tuple[int, int, str]] = []
 
-    def show_tabs(self, tabs: tuple[Tab, ...]) -> None:
+    def show_tabs(self, tabs: tuple[PaneTab, ...]) -> None:
         self.tabs = tabs
-        self.draw(self._right)
+        self.show_note(self._right)
 
-    def draw(self, right: Line) -> None:
+    def show_note(self, right: StyledLine) -> None:
         self._right = right
-        spans: list[Span] = []
+        spans: list[StyledSpan] = []
         self._places.clear()
         column = 0
         for pane, title in self.tabs:
@@ -53,29 +61,31 @@ class TitleBar(Lines):
             spans.append((text, "accent" if own else "muted"))
             self._places.append((column, column + len(text), pane))
             column += len(text)
-        note: Line = (*right, (" ", "plain")) if right else ()
-        if width_of(spans) + width_of(note) > self.size.width:  # tabs before notes, but not before what must be seen
+        note: StyledLine = (*right, (" ", "plain")) if right else ()
+        if (
+            line_width(spans) + line_width(note) > self.size.width
+        ):  # tabs before notes, but not before what must be seen
             if any(tone == "wait" for _, tone in right):
                 spans, self._places = [span for span in spans if span[1] == "accent"], []
             else:
                 note = ()
-        self.show(spread(tuple(spans), note, self.size.width))
+        self.show(align_at_both_ends(tuple(spans), note, self.size.width))
 
     def on_resize(self, event: events.Resize) -> None:
-        self.draw(self._right)
+        self.show_note(self._right)
 
     def on_click(self, event: events.Click) -> None:
         for start, end, pane in self._places:
             if start <= event.x < end:
-                self.post_message(PaneAsked(pane))
+                self.post_message(FocusPane(pane))
 
 
 class Pane(Vertical):
     """A list or pane of the console."""
 
-    PLACE: ClassVar[Place]
+    SCOPE: ClassVar[KeyScope]
     TITLE: ClassVar[str]
-    TOPICS: ClassVar[frozenset[Topic]]
+    PARTS: ClassVar[frozenset[StorePart]]
     """What in the store it shows."""
     EMPTY: ClassVar[str] = ""
     """What it says when there is nothing to show."""
@@ -85,18 +95,18 @@ class Pane(Vertical):
     """
 
     def __init__(self, store: Store) -> None:
-        super().__init__(id=self.PLACE)
+        super().__init__(id=self.SCOPE)
         self.store = store
         self.filter: Filter | None = None
         """The last one that could be used; None when every row is shown."""
-        self.problem = ""
+        self.filter_problem = ""
         """Why what is typed now cannot be used as a filter."""
-        self.title = TitleBar(self.PLACE, self.TITLE)
+        self.title = TitleBar(self.SCOPE, self.TITLE)
         self._filled = False
-        self.filter_bar = AskBar("find ", "words, !not, /regular expression; esc clears")
+        self.filter_bar = PromptBar("find ", "words, !not, /regular expression; esc clears")
 
     @property
-    def rows(self) -> RowView:
+    def row_view(self) -> RowView:
         """The list that takes the pane's focus."""
         raise NotImplementedError
 
@@ -105,7 +115,7 @@ class Pane(Vertical):
             self._filled = True
             yield from self._contents()
 
-    def fill(self) -> None:
+    def mount_contents(self) -> None:
         """Make what it consists of, unless that has been done: a pane that nobody sees at the start does without."""
         if not self._filled:
             self._filled = True
@@ -113,31 +123,31 @@ class Pane(Vertical):
 
     def _contents(self) -> Iterator[Widget]:
         yield self.title
-        yield from self.body()
+        yield from self.body_widgets()
 
-    def body(self) -> Sequence[Widget]:
-        return [self.rows]
+    def body_widgets(self) -> Sequence[Widget]:
+        return [self.row_view]
 
-    def looks_different(self, changed: set[Topic]) -> bool:
+    def is_affected_by(self, changed: set[StorePart]) -> bool:
         """Whether it may have to be repainted after this has changed."""
-        return bool(changed & self.TOPICS)
+        return bool(changed & self.PARTS)
 
     def repaint(self) -> None:
         """Make the pane's rows anew from the store; only what differs reaches the terminal."""
         raise NotImplementedError
 
-    def do(self, action: str) -> None:
+    def carry_out(self, action: str) -> None:
         """Carry out one of the pane's actions from the registry."""
         raise NotImplementedError
 
     def action_do(self, action: str) -> None:
         """As `do`, but what ends or deletes something waits until the wizard can have seen which row it would hit."""
-        if self.rows.just_fell and "delete" in BY_ID[action].keys:
-            self.post_message(Told("the list has just changed; press again"))
+        if self.row_view.was_just_displaced and "delete" in BY_ID[action].keys:
+            self.post_message(ShowNotice("the list has just changed; press again"))
         else:
-            self.do(action)
+            self.carry_out(action)
 
-    def escape(self) -> bool:
+    def leave_transient(self) -> bool:
         """Esc: leave the pane's transient state. False when there is none."""
         if self.filter is not None or self.filter_bar.is_open:
             self.close_filter(keep=False)
@@ -161,26 +171,26 @@ class Pane(Vertical):
         """Filter by what was typed, now or in an earlier session. When it cannot be used, the last one stays."""
         try:
             found = Filter(text)
-        except BrokenFilter as broken:
-            self.problem = str(broken)
+        except InvalidFilter as broken:
+            self.filter_problem = str(broken)
         else:
-            self.problem, self.filter = "", found or None
+            self.filter_problem, self.filter = "", found or None
         self.repaint()
 
-    def refuse_filter(self, broken: BrokenFilter, before: Filter | None) -> None:
+    def refuse_filter(self, broken: InvalidFilter, before: Filter | None) -> None:
         """The filter has turned out to be unusable while it was used."""
-        self.problem, self.filter = str(broken), before
+        self.filter_problem, self.filter = str(broken), before
 
-    def filter_note(self, shown: int, total: int, more: str = "") -> Line:
+    def filter_note(self, shown: int, total: int, more: str = "") -> StyledLine:
         """What the title says about the filter: `find word  3 of 12`; `more` follows the numbers."""
-        if self.problem:
-            return ((f"{self.problem}  ", "wait"), (f"{shown} of {total}{more}", "wait"))
+        if self.filter_problem:
+            return ((f"{self.filter_problem}  ", "wait"), (f"{shown} of {total}{more}", "wait"))
         return ((f"find {self.filter_text}  {shown} of {total}{more}", "wait"),)
 
     def open_filter(self) -> None:
-        self.ask(self.filter_bar, self.filter_text)
+        self.open_bar(self.filter_bar, self.filter_text)
 
-    def ask(self, bar: AskBar, text: str = "") -> None:
+    def open_bar(self, bar: PromptBar, text: str = "") -> None:
         """Open a bar at the pane's foot, beginning with `text`."""
         if not bar.is_attached:
             self.mount(bar)
@@ -188,29 +198,29 @@ class Pane(Vertical):
 
     def close_filter(self, *, keep: bool) -> None:
         self.filter_bar.close()
-        self.problem = ""
+        self.filter_problem = ""
         if not keep:
             self.filter = None
-        self.screen.set_focus(self.rows)
+        self.screen.set_focus(self.row_view)
         self.repaint()
 
-    @on(AskBar.Typed)
-    def _filter_typed(self, event: AskBar.Typed) -> None:
+    @on(PromptBar.Edited)
+    def _filter_typed(self, event: PromptBar.Edited) -> None:
         if event.bar is self.filter_bar:
             event.stop()
             self.set_filter(event.bar.text)
 
-    @on(AskBar.Taken)
-    def _filter_taken(self, event: AskBar.Taken) -> None:
+    @on(PromptBar.Accepted)
+    def _filter_taken(self, event: PromptBar.Accepted) -> None:
         if event.bar is self.filter_bar:
             event.stop()
-            if self.problem:
-                self.post_message(Told(f"this is no filter yet: {self.problem}"))
+            if self.filter_problem:
+                self.post_message(ShowNotice(f"this is no filter yet: {self.filter_problem}"))
             else:
                 self.close_filter(keep=True)
 
-    @on(AskBar.Left)
-    def _filter_left(self, event: AskBar.Left) -> None:
+    @on(PromptBar.Cancelled)
+    def _filter_left(self, event: PromptBar.Cancelled) -> None:
         if event.bar is self.filter_bar:
             event.stop()
             self.close_filter(keep=False)
@@ -226,48 +236,51 @@ class ListPane(Pane):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self.list = RowList(id=f"{self.PLACE}-rows")
+        self.row_list = RowList(id=f"{self.SCOPE}-rows")
 
     @property
-    def rows(self) -> RowList:
-        return self.list
+    def row_view(self) -> RowList:
+        return self.row_list
 
-    def make_rows(self, width: int) -> list[Row]:
+    def make_rows(self, width: int) -> list[ListRow]:
         """The rows in `width` cells."""
         raise NotImplementedError
 
-    def subtitle(self) -> Line:
+    def subtitle(self) -> StyledLine:
         """What stands at the right of the title."""
         return ()
 
     def repaint(self) -> None:
-        width = self.list.row_width
+        width = self.row_list.row_width
         if width <= 0:
             return
         made = self.make_rows(width)
-        rows = self.narrowed(made)
-        if self.filter is not None or self.problem:
-            self.title.draw(self.filter_note(len(rows), sum(row.selectable for row in made)))
+        rows = self.filter_rows(made)
+        if self.filter is not None or self.filter_problem:
+            self.title.show_note(self.filter_note(len(rows), sum(row.selectable for row in made)))
         else:
-            self.title.draw(self.subtitle())
+            self.title.show_note(self.subtitle())
         if not rows:
             empty = "nothing matches; esc clears the filter" if self.filter is not None else self.EMPTY
-            rows = [Row("", ((f" {empty}", "muted"),), selectable=False)]
-        self.list.show(rows)
+            rows = [ListRow("", ((f" {empty}", "muted"),), selectable=False)]
+        self.row_list.show(rows)
 
-    def narrowed(self, rows: list[Row]) -> list[Row]:
+    def filter_rows(self, rows: list[ListRow]) -> list[ListRow]:
         """The rows that the filter lets through, with what it found marked."""
         if self.filter is None:
             return rows
         try:
-            kept = [row for row in rows if row.selectable and self.filter.matches(row.full or plain(row.line))]
-            return self.marked(kept)
-        except BrokenFilter as broken:
+            kept = [row for row in rows if row.selectable and self.filter.matches(row.full or plain_text(row.line))]
+            return self.mark_matches(kept)
+        except InvalidFilter as broken:
             self.refuse_filter(broken, None)
             return rows
 
-    def marked(self, rows: list[Row]) -> list[Row]:
+    def mark_matches(self, rows: list[ListRow]) -> list[ListRow]:
         """All the rows, with what the filter finds in them marked: for a picture, which would be none with gaps."""
         if self.filter is None:
             return rows
-        return [row._replace(line=marked(row.line, self.filter.places(plain(row.line)))) for row in rows]
+        return [
+            row._replace(line=highlight_matches(row.line, self.filter.match_spans(plain_text(row.line))))
+            for row in rows
+        ]

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 
 from textual.widget import Widget
 
+from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
-from rise_engine.view import RuleView
-from rise_tui.actions import bindings
-from rise_tui.messages import StartAsked, Told
-from rise_tui.model.explain import raised_by_engine
+from rise_tui.actions import bindings_in
+from rise_tui.messages import RequestStart, ShowNotice
 from rise_tui.model.key_action import KeyAction
-from rise_tui.model.reasons import Reasons, whose
-from rise_tui.model.state_drawing import HERE, Now, draw
-from rise_tui.model.state_graph import Layout, lay_out
+from rise_tui.model.rule_text import engine_raises_text
+from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
+from rise_tui.model.state_graph import GraphLayout, lay_out_graph
 from rise_tui.model.states import rule_state
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import RULE
+from rise_tui.model.wait_explanations import WaitExplanations, key_owner
 from rise_tui.panes.pane import ListPane
-from rise_tui.text import Line, Row, clock, crop, headed
-from rise_tui.widgets.rows import RowList
+from rise_tui.rendering.text import ListRow, StyledLine, crop, format_clock, heading_line
+from rise_tui.widgets.row_list import RowList
 
 TICK = 1.0
 """Seconds between two looks at what the clock alone changes."""
@@ -39,10 +39,10 @@ GAP = 12
 class RulePane(ListPane):
     """The rule that the wizard selected, or the top one of the stack."""
 
-    PLACE = "rule"
-    BINDINGS = bindings("rule")
+    SCOPE = "rule"
+    BINDINGS = bindings_in("rule")
     TITLE = "Rule"
-    TOPICS = frozenset({"rules", "memory", "acts"})
+    PARTS = frozenset({"rules", "memory", "acts"})
     EMPTY = "select a rule in the list of rules"
     DEFAULT_CSS = """
     RulePane > #rule-rows { height: 3; }
@@ -51,14 +51,14 @@ class RulePane(ListPane):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self._reasons = Reasons(store)
+        self._reasons = WaitExplanations(store)
         self.graph = RowList(id="rule-graph")
         self.graph.can_focus = False
-        self.list.beyond = self.graph
-        self._layout_made: tuple[Rule, Layout] | None = None
+        self.row_list.continuation = self.graph
+        self._layout_made: tuple[Rule, GraphLayout] | None = None
         self._usual: tuple[Rule, int, int] | None = None
         """The rule and the width for which it was counted, and the rows that the reasons of most states need."""
-        self._drawn: tuple[Layout, Now, str] | None = None
+        self._drawn: tuple[GraphLayout, GraphPosition, str] | None = None
         self._brought: tuple[str, str | None] | None = None
         """The rule and state that was last brought into view; after that the wizard may scroll."""
 
@@ -66,12 +66,12 @@ class RulePane(ListPane):
     def _rule(self) -> Rule | None:
         """Before any has run, and as long as none is selected: the one that the study's first key for a rule starts."""
         rules = self.store.scenario.rules
-        name = self.store.rule_shown or next(iter(self.store.view.stack()), "")
+        name = self.store.shown_rule or next(iter(self.store.view.running_rules()), "")
         first = next((key.behavior for key in self.store.scenario.keys.values() if key.function == RULE), "")
         return rules.get(name) or rules.get(first) or next(iter(rules.values()), None)
 
-    def body(self) -> Sequence[Widget]:
-        return [self.list, self.graph]
+    def body_widgets(self) -> Sequence[Widget]:
+        return [self.row_list, self.graph]
 
     def on_mount(self) -> None:
         self.set_interval(TICK, self._count)
@@ -79,14 +79,14 @@ class RulePane(ListPane):
     def _count(self) -> None:
         """Repaint what the clock alone changes, when it is to be seen and there is such a thing."""
         rule = self._rule
-        if rule is None or not self.display or not self.size.height or self.store.gone:
+        if rule is None or not self.display or not self.size.height or self.store.gone_reason:
             return
         view = self.store.rule(rule.name)
         state = rule.states.get(view.state or "") if view.running else None
-        if state is not None and self._reasons.counts(state):
+        if state is not None and self._reasons.changes_with_time(state):
             self.repaint()
 
-    def make_rows(self, width: int) -> list[Row]:
+    def make_rows(self, width: int) -> list[ListRow]:
         """What must always be in view: where the rule stands, and why it stays there."""
         rule = self._rule
         if rule is None:
@@ -100,7 +100,7 @@ class RulePane(ListPane):
     def repaint(self) -> None:
         super().repaint()
         rule = self._rule
-        width = self.graph.row_width or self.list.row_width
+        width = self.graph.row_width or self.row_list.row_width
         if rule is None or width <= 0:
             return
         self._share_room(rule)
@@ -111,11 +111,15 @@ class RulePane(ListPane):
             self._brought = stands
             self._bring_into_view()
 
-    def _head(self, rule: Rule, view: RuleView, width: int) -> list[Row]:
+    def _head(self, rule: Rule, view: RuleView, width: int) -> list[ListRow]:
         state = rule_state(self.store, rule.name)
-        when: Line = ((f"since {clock(view.since)} ", "muted"),) if view.status else ()
-        rows = [Row("", headed(rule.name, (f"{state.glyph} {state.word}", state.tone), when, width), selectable=False)]
-        line: Line = ()
+        when: StyledLine = ((f"since {format_clock(view.since)} ", "muted"),) if view.status else ()
+        rows = [
+            ListRow(
+                "", heading_line(rule.name, (f"{state.glyph} {state.word}", state.tone), when, width), selectable=False
+            )
+        ]
+        line: StyledLine = ()
         if view.running:
             line = ((" in ", "muted"), (view.state or "", "accent"))
             if view.previous:
@@ -126,22 +130,22 @@ class RulePane(ListPane):
             if view.reason:
                 line = ((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),)
             key = self.store.key_of("startInteractionRule", rule.name)
-            if key is not None and not self.store.gone:
-                line = (*line, (f"  {whose(self.store)}: ", "muted"), (key.label, "key"), (" starts it", "muted"))
-        return [*rows, Row("", crop(line, width), selectable=False)] if line else rows
+            if key is not None and not self.store.gone_reason:
+                line = (*line, (f"  {key_owner(self.store)}: ", "muted"), (key.label, "key"), (" starts it", "muted"))
+        return [*rows, ListRow("", crop(line, width), selectable=False)] if line else rows
 
     # --- the graph --------------------------------------------------------------------------------------------------
 
     def _show_graph(self, rule: Rule, view: RuleView, width: int) -> None:
         """Draw it when its marks, its width or the filter have changed; only rows that differ are repainted."""
         if self._layout_made is None or self._layout_made[0] is not rule or self._layout_made[1].width != width:
-            self._layout_made = rule, lay_out(rule, width)
+            self._layout_made = rule, lay_out_graph(rule, width)
         layout = self._layout_made[1]
         last = (view.previous, view.transition) if view.previous is not None and view.transition is not None else None
-        now = Now(view.state if view.running else None, last if view.status else None)
+        now = GraphPosition(view.state if view.running else None, last if view.status else None)
         if (layout, now, self.filter_text) != self._drawn:
             self._drawn = layout, now, self.filter_text
-            self.graph.show(self.marked(draw(layout, now)))
+            self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
 
     def _bring_into_view(self) -> None:
         """Scroll only when the present state, or what may follow right below it, would be out of sight."""
@@ -155,34 +159,34 @@ class RulePane(ListPane):
         """Give the reasons the rows that most states of this rule need, so that the graph seldom moves."""
         room = self.size.height - 1
         gap = int(room > GAP)
-        need = max(self._usual_rows(rule), self.list.count)
+        need = max(self._usual_rows(rule), self.row_list.count)
         share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH * (room > TINY)
         rows = max(1, min(need, share))
-        if self.list.styles.height is None or self.list.styles.height.value != rows:
-            self.list.styles.height = rows
+        if self.row_list.styles.height is None or self.row_list.styles.height.value != rows:
+            self.row_list.styles.height = rows
         if self.graph.styles.margin.top != gap:
             self.graph.styles.margin = (gap, 0, 0, 0)
 
     def _usual_rows(self, rule: Rule) -> int:
-        width = self.list.row_width
+        width = self.row_list.row_width
         if self._usual is None or self._usual[:2] != (rule, width):
             view = RuleView(running=True)
             needs = sorted(len(self._reasons.rows(rule, state, view, width)) for state in rule.states.values())
             self._usual = rule, width, 2 + needs[int((len(needs) - 1) * USUAL)]
         return self._usual[2]
 
-    def do(self, action: str) -> None:
-        kind, _, index = self.list.current.partition(":")
+    def carry_out(self, action: str) -> None:
+        kind, _, index = self.row_list.current_id.partition(":")
         rule = self._rule
         if rule is None or kind != "now":
-            self.post_message(Told("no transition is selected"))
+            self.post_message(ShowNotice("no transition is selected"))
             return
         view = self.store.rule(rule.name)
         transitions = rule.states[view.state].transitions if view.state in rule.states else ()
         event = transitions[int(index)].event if int(index) < len(transitions) else None
         if event is None:
-            self.post_message(Told("this transition waits for no event"))
-        elif by_engine := raised_by_engine(self.store.scenario, event):
-            self.post_message(Told(by_engine))
+            self.post_message(ShowNotice("this transition waits for no event"))
+        elif by_engine := engine_raises_text(self.store.scenario, event):
+            self.post_message(ShowNotice(by_engine))
         else:
-            self.post_message(StartAsked(KeyAction("raiseEventTopic", event)))
+            self.post_message(RequestStart(KeyAction("raiseEventTopic", event)))

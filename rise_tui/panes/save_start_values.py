@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_tui.messages import Told
+from rise_tui.config.initial_memory import MemoryNotWritable, describe_changes, memory_file_path, save_memory
+from rise_tui.messages import ShowNotice
 from rise_tui.panes.pane import Pane
-from rise_tui.screens.dialog import Answer, Dialog
-from rise_tui.start_values import NotWritable, changes, file_of, write
-from rise_tui.text import clean, crop, plain
+from rise_tui.rendering.text import clean, crop, plain_text
+from rise_tui.screens.dialog import Dialog, DialogChoice
 
 MOST_NAMED = 8
 """Changes that the question names."""
@@ -21,17 +21,17 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     """Ask over `pane` whether later sessions are to begin with the memory as it is now; then write it."""
     scenario = pane.store.scenario
     try:
-        path = await asyncio.to_thread(file_of, scenario)
-    except NotWritable as why:
-        pane.post_message(Told(f"not saved: {why}"))
+        path = await asyncio.to_thread(memory_file_path, scenario)
+    except MemoryNotWritable as why:
+        pane.post_message(ShowNotice(f"not saved: {why}"))
         return
     memory = {key: entry.value for key, entry in pane.store.view.memory.items()}
-    differing = changes(scenario.memory, memory)
+    differing = describe_changes(scenario.memory, memory)
     if not differing:
-        pane.post_message(Told("the memory is as it was at the start: nothing to save"))
+        pane.post_message(ShowNotice("the memory is as it was at the start: nothing to save"))
         return
     said = ["Later sessions of this scenario begin with:"]
-    said += [f"  {plain(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
+    said += [f"  {plain_text(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
     said += [f"  and {len(differing) - MOST_NAMED} more"] if len(differing) > MOST_NAMED else []
     said += [
         "",
@@ -43,14 +43,14 @@ async def ask_to_save_start_values(pane: Pane) -> None:
         if key == "s":
             pane.run_worker(_save(pane, path, scenario.memory, memory, len(differing)), group="keep")
 
-    pane.app.push_screen(Dialog("Save the memory as start values?", said, Answer("s", "Save")), answered)
+    pane.app.push_screen(Dialog("Save the memory as start values?", said, DialogChoice("s", "Save")), answered)
 
 
 async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: dict[str, Any], changed: int) -> None:
     try:
-        await asyncio.to_thread(write, path, before, memory)
-    except NotWritable as why:
-        pane.post_message(Told(f"not saved: {why}"))
+        await asyncio.to_thread(save_memory, path, before, memory)
+    except MemoryNotWritable as why:
+        pane.post_message(ShowNotice(f"not saved: {why}"))
         return
     what = "1 start value" if changed == 1 else f"{changed} start values"
-    pane.post_message(Told(f"saved {what} in {path.name}; the rest of it is as it was"))
+    pane.post_message(ShowNotice(f"saved {what} in {path.name}; the rest of it is as it was"))

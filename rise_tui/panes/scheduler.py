@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from rise_engine.view import TaskView
-from rise_tui.actions import bindings
-from rise_tui.messages import TaskAsked, Told
-from rise_tui.model.expected import Turn, starts
-from rise_tui.model.states import SENT, progress, task_state
+from rise_engine.kernel.view import TaskView
+from rise_tui.actions import bindings_in
+from rise_tui.messages import ShowNotice, SubmitTask
+from rise_tui.model.queue_estimate import QueuedTask, estimate_starts
+from rise_tui.model.states import SENT, act_progress, task_state
 from rise_tui.model.task_text import task_rows
 from rise_tui.panes.pane import ListPane
-from rise_tui.screens.reading import Reading
-from rise_tui.text import Line, Row, Span, cell, duration, seconds
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, fixed_span, format_duration, format_seconds
+from rise_tui.screens.detail import DetailScreen
 
 NARROW = 56
 """Below this width, only what is left of a running task's time."""
@@ -21,44 +21,44 @@ WIDE = 74
 class SchedulerPane(ListPane):
     """Running acts, then waiting ones, next first."""
 
-    PLACE = "scheduler"
-    BINDINGS = bindings("scheduler")
+    SCOPE = "scheduler"
+    BINDINGS = bindings_in("scheduler")
     TITLE = "Scheduler"
-    TOPICS = frozenset({"acts"})
+    PARTS = frozenset({"acts"})
     EMPTY = "nothing runs, nothing waits"
 
-    def subtitle(self) -> Line:
+    def subtitle(self) -> StyledLine:
         view = self.store.view
         return ((f"{len(view.running)} running, {len(view.waiting)} waiting", "muted"),)
 
-    def make_rows(self, width: int) -> list[Row]:
+    def make_rows(self, width: int) -> list[ListRow]:
         view = self.store.view
         running = [view.tasks[id] for id in view.running if id in view.tasks]
         waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
-        expected = starts(map(self._turn, running), [self._turn(task) for task in waiting])
+        expected = estimate_starts(map(self._turn, running), [self._turn(task) for task in waiting])
         rows = [self._row(task, "now", self._left(task), width) for task in running]
         for place, (task, at) in enumerate(zip(waiting, expected, strict=True)):
             rows.append(self._row(task, "next" if place == 0 else f"{place + 1}.", self._until(at, place), width))
         return rows
 
-    def _turn(self, task: TaskView) -> Turn:
+    def _turn(self, task: TaskView) -> QueuedTask:
         elapsed = self.store.now() - task.started if task.started is not None else 0.0
-        return Turn(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
+        return QueuedTask(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
 
     def _typical(self, task: TaskView) -> float | None:
-        return None if task.function == "say" else self.store.typical(task.behavior)
+        return None if task.function == "say" else self.store.typical_seconds(task.behavior)
 
-    def _left(self, task: TaskView) -> Span:
+    def _left(self, task: TaskView) -> StyledSpan:
         """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
         turn = self._turn(task)
-        if turn.typical is None or turn.left is None:
-            return f"for {duration(turn.elapsed)}", "plain"
-        of = f"{seconds(turn.elapsed)} of {duration(turn.typical)}"
-        if turn.left >= 0:
-            return f"{of}, {duration(turn.left)} left", "plain"
-        return f"{of}, {duration(-turn.left)} over", "wait"
+        if turn.typical_seconds is None or turn.seconds_left is None:
+            return f"for {format_duration(turn.elapsed_seconds)}", "plain"
+        of = f"{format_seconds(turn.elapsed_seconds)} of {format_duration(turn.typical_seconds)}"
+        if turn.seconds_left >= 0:
+            return f"{of}, {format_duration(turn.seconds_left)} left", "plain"
+        return f"{of}, {format_duration(-turn.seconds_left)} over", "wait"
 
-    def _until(self, at: float | None, place: int) -> Span:
+    def _until(self, at: float | None, place: int) -> StyledSpan:
         """For a waiting task: when it will probably start."""
         if at is None:
             return "not known", "muted"
@@ -66,56 +66,58 @@ class SchedulerPane(ListPane):
             return "any moment" if place == 0 else "soon", "muted"
         return f"in ~{at:.0f} s" if at < 90 else f"in ~{at / 60:.0f} min", "muted"
 
-    def _row(self, task: TaskView, place: str, when: Span, width: int) -> Row:
+    def _row(self, task: TaskView, place: str, when: StyledSpan, width: int) -> ListRow:
         glyph, word, tone = SENT if self._asked(task.id) else task_state(task)
         now = task.started is not None
-        lead = cell(f" {place:<4}" if not place[0].isdigit() else f" {place:>4}", 6, "accent" if now else "muted")
+        lead = fixed_span(f" {place:<4}" if not place[0].isdigit() else f" {place:>4}", 6, "accent" if now else "muted")
         act = self.store.scenario.acts.get(task.behavior) if task.function != "say" else None
-        done = "{}/{}".format(*progress(act, task)) if act is not None and now else ""
+        done = "{}/{}".format(*act_progress(act, task)) if act is not None and now else ""
         source = min(18, width // 5) if width >= WIDE else 0
         narrow = width < NARROW
         room = 11 if narrow else 28
         text = when[0] if not narrow else when[0].rpartition(", ")[2]
         name = width - 6 - 11 - (0 if narrow else 5) - room - (source + 2 if source else 0) - 1
         said = f"“{task.behavior}”" if task.function == "say" else task.behavior
-        line: Line = (
+        line: StyledLine = (
             lead,
-            cell(said, name, "strong" if now else "plain"),
+            fixed_span(said, name, "strong" if now else "plain"),
             (f" {glyph} ", tone),
-            cell(word, 8, tone),
-            cell(done, 0 if narrow else 5, "muted", right=True),
-            cell(text, room, when[1], right=True),
+            fixed_span(word, 8, tone),
+            fixed_span(done, 0 if narrow else 5, "muted", right=True),
+            fixed_span(text, room, when[1], right=True),
         )
         if source:
-            line = (*line, ("  ", "plain"), cell(task.source, source, "muted"))
-        return Row(str(task.id), line, full=f"{place} {said} {word} {task.source}")
+            line = (*line, ("  ", "plain"), fixed_span(task.source, source, "muted"))
+        return ListRow(str(task.id), line, full=f"{place} {said} {word} {task.source}")
 
     def _asked(self, id: int) -> bool:
         asked = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
         return any(sent.behavior.split(" ")[0] == str(id) for sent in asked)
 
-    def do(self, action: str) -> None:
-        if not self.list.current:
-            self.post_message(Told("nothing runs or waits"))
+    def carry_out(self, action: str) -> None:
+        if not self.row_list.current_id:
+            self.post_message(ShowNotice("nothing runs or waits"))
             return
-        task, waiting = int(self.list.current), self.store.view.waiting
+        task, waiting = int(self.row_list.current_id), self.store.view.waiting
         if action == "scheduler.details":
             self._details(task)
         elif action == "scheduler.cancel":
-            self.post_message(TaskAsked("cancelTask", str(task)))
+            self.post_message(SubmitTask("cancelTask", str(task)))
         elif task not in waiting:
-            self.post_message(Told("this task runs already; only waiting ones can be moved"))
+            self.post_message(ShowNotice("this task runs already; only waiting ones can be moved"))
         else:
             here = waiting.index(task)
             place = {"scheduler.earlier": here - 1, "scheduler.later": here + 1}.get(action, 0)
             if 0 <= place < len(waiting) and place != here:
-                self.post_message(TaskAsked("moveTask", f"{task} {place}"))
+                self.post_message(SubmitTask("moveTask", f"{task} {place}"))
             else:
-                self.post_message(Told("it is the last one already" if place > here else "it starts next already"))
+                self.post_message(
+                    ShowNotice("it is the last one already" if place > here else "it starts next already")
+                )
 
     def _details(self, id: int) -> None:
-        def rows(width: int) -> list[Row]:
+        def rows(width: int) -> list[ListRow]:
             task = self.store.view.tasks.get(id)
             return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []
 
-        self.app.push_screen(Reading("Task", rows))
+        self.app.push_screen(DetailScreen("Task", rows))

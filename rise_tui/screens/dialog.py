@@ -16,7 +16,7 @@ from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.rendering.modal import SingleDismissModal
 
 
-class Answer(NamedTuple):
+class DialogChoice(NamedTuple):
     """One thing that can be answered."""
 
     key: str
@@ -47,7 +47,7 @@ class Dialog(SingleDismissModal[str]):
         self,
         title: str,
         said: Sequence[str],
-        *answers: Answer,
+        *answers: DialogChoice,
         no: str = "Cancel",
         first: str = "",
         again: Sequence[str] = (),

@@ -6,61 +6,71 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import PLACES, Action, Place, at, key_for, key_in_words, key_label, keys_of, why_task_blocked
-from rise_tui.model.deeds import describe
-from rise_tui.model.filtering import BrokenFilter, Filter
+from rise_tui.actions import (
+    KEY_SCOPES,
+    ConsoleAction,
+    KeyScope,
+    actions_in,
+    key_label,
+    key_name,
+    key_text,
+    keys_of,
+    why_task_blocked,
+)
+from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
-from rise_tui.screens.finder import Finder
-from rise_tui.text import Line, Row, cell, crop, marked, plain, wrap
+from rise_tui.model.task_messages import task_label
+from rise_tui.rendering.text import ListRow, StyledLine, crop, fixed_span, highlight_matches, plain_text, wrap
+from rise_tui.screens.search_dialog import SearchDialog
 
 WIDE = 90
 """From this width on keys and titles have room to breathe."""
 
-COMMON: tuple[Place, ...] = ("everywhere", "console")
+COMMON: tuple[KeyScope, ...] = ("everywhere", "console")
 SCENARIO, IDEAS = "Keys of this scenario", "How it works"
 
 
-class Entry(NamedTuple):
+class HelpEntry(NamedTuple):
     """One thing to know. However many lines it takes, it is found and shown as a whole."""
 
     group: str
     keys: str
     title: str
     text: str
-    off: bool = False
+    is_blocked: bool = False
     """It cannot be used now; the text says why."""
 
 
-def entries(store: Store, place: Place | None = None) -> Iterator[Entry]:
+def help_entries(store: Store, place: KeyScope | None = None) -> Iterator[HelpEntry]:
     """All of them: the focused pane's first, then what works everywhere, the ideas, the scenario's keys, the rest."""
-    titles = dict(PLACES)
+    titles = dict(KEY_SCOPES)
     if place is not None:
-        yield from (_of_action(action, f"Here: {titles[place]}", store) for action in at(place))
+        yield from (_of_action(action, f"Here: {titles[place]}", store) for action in actions_in(place))
     for common in COMMON:
-        yield from (_of_action(action, titles[common], store) for action in at(common))
-    yield from (Entry(IDEAS, word, "", text) for word, text in ideas())
+        yield from (_of_action(action, titles[common], store) for action in actions_in(common))
+    yield from (HelpEntry(IDEAS, word, "", text) for word, text in concepts())
     for key in store.scenario.keys.values():
-        why, what = why_task_blocked(store, key.function), describe(key.function, key.behavior)
+        why, what = why_task_blocked(store, key.function), task_label(key.function, key.behavior)
         act = "CommunicationRobotAct" in key.function
         hold = "hold: needs a second key. " if act and store.scenario.settings_of(key.behavior).hold else ""
         text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"
-        yield Entry(SCENARIO, key.label, key.title or what, text, bool(why))
-    for other, title in PLACES:
+        yield HelpEntry(SCENARIO, key.label, key.title or what, text, bool(why))
+    for other, title in KEY_SCOPES:
         if other != place and other not in COMMON:
-            yield from (_of_action(action, title, store) for action in at(other))
+            yield from (_of_action(action, title, store) for action in actions_in(other))
 
 
-def _of_action(action: Action, group: str, store: Store) -> Entry:
-    why = action.unavailable(store)
+def _of_action(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
+    why = action.why_unavailable(store)
     text = f"{action.help} Not now: {why}." if why else action.help
-    keys = " ".join(key_label(key) for key in keys_of(action)) or key_for("palette")
-    return Entry(group, keys, action.title, text, bool(why))
+    keys = " ".join(key_label(key) for key in keys_of(action)) or key_text("palette")
+    return HelpEntry(group, keys, action.title, text, bool(why))
 
 
-def ideas() -> Iterator[tuple[str, str]]:
+def concepts() -> Iterator[tuple[str, str]]:
     """What no single key explains: a word that stands on the screen, and what it means."""
-    safe, lock, release = key_in_words("safe"), key_in_words("lock"), key_in_words("release")
-    cue, filler, mistake, control = (key_in_words(id) for id in ("cue", "filler", "mistake", "control"))
+    safe, lock, release = key_name("safe"), key_name("lock"), key_name("release")
+    cue, filler, mistake, control = (key_name(id) for id in ("cue", "filler", "mistake", "control"))
     yield "^X", "Hold ctrl and press X. Written so where there is little room."
     yield "LIVE", "Keys start acts and rules. The word stands in the top line, and is about this console only."
     yield "SAFE", f"Look around and start nothing by mistake: {safe}, and again. Cue, marks, notes and stop work."
@@ -80,60 +90,60 @@ def ideas() -> Iterator[tuple[str, str]]:
     yield "control", f"Of several consoles one may act. {control} takes it, asks for it, gives or releases it."
 
 
-class HelpScreen(Finder):
+class HelpScreen(SearchDialog):
     """Opens over the console; Esc closes it."""
 
-    def __init__(self, store: Store, place: Place | None = None) -> None:
+    def __init__(self, store: Store, place: KeyScope | None = None) -> None:
         super().__init__("Help", "type to search · ↑↓ scroll · esc closes", "search keys, actions and words")
-        self._entries = list(entries(store, place))
+        self._entries = list(help_entries(store, place))
 
     def draw(self) -> None:
-        wanted = self.wanted()
-        found = [entry for entry in self._entries if self.finds(wanted, searched(entry))]
-        self.list.show(rows(found, self.list.row_width, wanted))
+        wanted = self.typed_filter()
+        found = [entry for entry in self._entries if self.is_found(wanted, searched_text(entry))]
+        self.list.show(help_rows(found, self.list.row_width, wanted))
         self.list.scroll_to(y=0, animate=False)
 
-    def key_taken(self, key: str) -> bool:
+    def take_key(self, key: str) -> bool:
         moves = {"up": -1, "down": 1, "pageup": 1 - self.list.size.height, "pagedown": self.list.size.height - 1}
         if key in moves:
             self.list.scroll_relative(y=moves[key], animate=False)
         return key in moves
 
 
-def searched(entry: Entry) -> str:
+def searched_text(entry: HelpEntry) -> str:
     """What of an entry a search looks at: all of it."""
     return f"{entry.keys} {entry.title} {entry.group} {entry.text}"
 
 
-def rows(found: Sequence[Entry], width: int, wanted: Filter | None = None) -> list[Row]:
+def help_rows(found: Sequence[HelpEntry], width: int, wanted: Filter | None = None) -> list[ListRow]:
     """Groups under their titles, and each entry over as many lines as it needs."""
-    made: list[Row] = []
+    made: list[ListRow] = []
     for group, members in groupby(found, key=lambda entry: entry.group):
         if made:
-            made.append(Row("", (), selectable=False))
-        made.append(Row("", ((f" {group}", "accent"),), selectable=False))
+            made.append(ListRow("", (), selectable=False))
+        made.append(ListRow("", ((f" {group}", "accent"),), selectable=False))
         for entry in members:
-            made += [Row(entry.title, line, selectable=False) for line in _lines(entry, width, wanted)]
-    return made or [Row("", ((" nothing found; esc closes", "muted"),), selectable=False)]
+            made += [ListRow(entry.title, line, selectable=False) for line in _lines(entry, width, wanted)]
+    return made or [ListRow("", ((" nothing found; esc closes", "muted"),), selectable=False)]
 
 
-def _lines(entry: Entry, width: int, wanted: Filter | None) -> Iterator[Line]:
+def _lines(entry: HelpEntry, width: int, wanted: Filter | None) -> Iterator[StyledLine]:
     keys, title = (12, 28) if width >= WIDE else (11, 25)
     title = title if entry.title else 0
     lead = keys + title
     texts = wrap(entry.text, max(20, width - lead - 1))
-    head: Line = (
-        cell(f"  {entry.keys}", keys, "muted" if entry.off else "key" if entry.title else "strong"),
-        cell(entry.title, max(0, title - 1), "muted" if entry.off else "plain"),
+    head: StyledLine = (
+        fixed_span(f"  {entry.keys}", keys, "muted" if entry.is_blocked else "key" if entry.title else "strong"),
+        fixed_span(entry.title, max(0, title - 1), "muted" if entry.is_blocked else "plain"),
         (" " * min(1, title), "plain"),
     )
     for at_line, text in enumerate(texts):
-        line: Line = (*(head if at_line == 0 else ((" " * lead, "plain"),)), (text, "muted"))
+        line: StyledLine = (*(head if at_line == 0 else ((" " * lead, "plain"),)), (text, "muted"))
         yield _marked(crop(line, width), wanted)
 
 
-def _marked(line: Line, wanted: Filter | None) -> Line:
+def _marked(line: StyledLine, wanted: Filter | None) -> StyledLine:
     try:
-        return line if wanted is None else marked(line, wanted.places(plain(line)))
-    except BrokenFilter:
+        return line if wanted is None else highlight_matches(line, wanted.match_spans(plain_text(line)))
+    except InvalidFilter:
         return line

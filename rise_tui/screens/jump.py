@@ -10,23 +10,23 @@ from textual.app import ComposeResult
 from textual.geometry import Region
 
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.text import Line, Span, crop
-from rise_tui.widgets.line import Lines
+from rise_tui.rendering.text import StyledLine, StyledSpan, crop
+from rise_tui.widgets.static_lines import StaticLines
 
 LETTERS = {"acts": "a", "rules": "r", "rule": "u", "act": "c", "memory": "m", "log": "l", "scheduler": "s"}
 """Always the same ones, so that fingers learn them."""
 
 
-class Labels(NamedTuple):
+class TitleLabels(NamedTuple):
     """What is written over one title bar."""
 
     region: Region
-    line: Line
+    line: StyledLine
 
 
-def label_line(titles: Sequence[tuple[str, str, bool]]) -> Line:
+def label_line(titles: Sequence[tuple[str, str, bool]]) -> StyledLine:
     """Letter, title and whether it is the one in front, for each tab. A letter takes one cell more than its spaces."""
-    spans: list[Span] = []
+    spans: list[StyledSpan] = []
     for letter, title, front in titles:
         spans += [(f"[{letter}]", "key"), (title.upper() if front else title.lower(), "strong" if front else "muted")]
     return tuple(spans)
@@ -37,18 +37,18 @@ class JumpScreen(SingleDismissModal[str]):
 
     DEFAULT_CSS = """
     JumpScreen { background: transparent; }
-    JumpScreen Lines { position: absolute; background: $rise-bar-focused; }
+    JumpScreen StaticLines { position: absolute; background: $rise-bar-focused; }
     """
 
-    def __init__(self, labels: Iterable[Labels], foot: Region) -> None:
+    def __init__(self, labels: Iterable[TitleLabels], foot: Region) -> None:
         """`labels`: one for each title bar. `foot`: where the key hints stand; it is said there what this is."""
         super().__init__()
-        said: Line = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
-        self._labels = [*labels, Labels(foot, crop(said, foot.width))]
+        said: StyledLine = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
+        self._labels = [*labels, TitleLabels(foot, crop(said, foot.width))]
 
     def compose(self) -> ComposeResult:
         for region, line in self._labels:
-            bar = Lines()
+            bar = StaticLines()
             bar.styles.width, bar.styles.height = region.width, 1
             bar.styles.offset = region.offset
             bar.show(line)

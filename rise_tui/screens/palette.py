@@ -4,27 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rise_tui.commands import Command, Hit, found
-from rise_tui.screens.finder import Finder
-from rise_tui.text import Line, Row, Span, cell, crop, marked, spread, width_of
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    align_at_both_ends,
+    crop,
+    fixed_span,
+    highlight_matches,
+    line_width,
+)
+from rise_tui.screens.palette_commands import PaletteCommand, PaletteHit, search_commands
+from rise_tui.screens.search_dialog import SearchDialog
 
 TITLE_WIDTH = 30
 KEY_WIDTH = 7
 """The longest are `space` and `bksp`."""
 
 
-class Palette(Finder):
+class Palette(SearchDialog):
     """Moving over a theme shows it; Esc leaves everything as it was."""
 
     DEFAULT_CSS = """
     Palette #box { max-width: 92; height: auto; }
-    Palette Found { height: 16; }
+    Palette FoundList { height: 16; }
     """
 
-    def __init__(self, commands: Sequence[Command], *, placeholder: str = "command, act, rule, event or theme") -> None:
+    def __init__(
+        self, commands: Sequence[PaletteCommand], *, placeholder: str = "command, act, rule, event or theme"
+    ) -> None:
         super().__init__("Command", "↑↓ choose · enter does it · esc closes", placeholder)
         self._commands = commands
-        self._hits: list[Hit] = []
+        self._hits: list[PaletteHit] = []
         self._theme_before = ""
 
     def on_mount(self) -> None:
@@ -32,15 +43,15 @@ class Palette(Finder):
         self._theme_before = self.app.theme
 
     def draw(self) -> None:
-        self._hits = found(self._commands, self.search.value)
+        self._hits = search_commands(self._commands, self.search.value)
         width = self.list.row_width
-        rows = [Row(f"{at}", _line(hit, width)) for at, hit in enumerate(self._hits)]
-        self.list.show(rows or [Row("", ((" nothing found", "muted"),), selectable=False)])
-        self.list.move_to(0 if rows else -1, by_wizard=False)
+        rows = [ListRow(f"{at}", _line(hit, width)) for at, hit in enumerate(self._hits)]
+        self.list.show(rows or [ListRow("", ((" nothing found", "muted"),), selectable=False)])
+        self.list.move_cursor(0 if rows else -1, by_wizard=False)
         self.list.scroll_to(y=0, animate=False)
         self._preview()
 
-    def key_taken(self, key: str) -> bool:
+    def take_key(self, key: str) -> bool:
         moves: dict[str, Callable[[], None]] = {
             "up": lambda: self.list.action_step(-1),
             "down": lambda: self.list.action_step(1),
@@ -57,7 +68,7 @@ class Palette(Finder):
         return True
 
     @property
-    def current(self) -> Command | None:
+    def current(self) -> PaletteCommand | None:
         """What Enter would do."""
         return self._hits[self.list.cursor].command if 0 <= self.list.cursor < len(self._hits) else None
 
@@ -78,16 +89,18 @@ class Palette(Finder):
             self.app.theme = self._theme_before
 
 
-def _line(hit: Hit, width: int) -> Line:
+def _line(hit: PaletteHit, width: int) -> StyledLine:
     command = hit.command
-    off = bool(command.why_not)
-    title: Line = marked((cell(command.title, TITLE_WIDTH, "muted" if off else "plain"),), _shown(hit.places))
-    key: Span = cell(command.key, KEY_WIDTH, "muted" if off else "key")
-    said: Span = (f"not now: {command.why_not}", "wait") if off else (command.help, "muted")
-    kind: Line = ((f" {command.kind} ", "muted"),) if command.kind else ()
-    left: Line = ((" ", "plain"), *title, (" ", "plain"), key, said)
-    room = width - width_of(kind)
-    return spread(crop(left, room - 1), kind, width)
+    off = bool(command.blocked_text)
+    title: StyledLine = highlight_matches(
+        (fixed_span(command.title, TITLE_WIDTH, "muted" if off else "plain"),), _shown(hit.places)
+    )
+    key: StyledSpan = fixed_span(command.key, KEY_WIDTH, "muted" if off else "key")
+    said: StyledSpan = (f"not now: {command.blocked_text}", "wait") if off else (command.help, "muted")
+    kind: StyledLine = ((f" {command.kind} ", "muted"),) if command.kind else ()
+    left: StyledLine = ((" ", "plain"), *title, (" ", "plain"), key, said)
+    room = width - line_width(kind)
+    return align_at_both_ends(crop(left, room - 1), kind, width)
 
 
 def _shown(places: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

@@ -12,26 +12,27 @@ from textual.message import Message
 from textual.widgets import Button, Input, Label, Static
 from textual.worker import Worker
 
+from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem, conditions
-from rise_tui.model.running import whose
+from rise_engine.scenario.study import condition_problem, study_conditions
+from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
+from rise_tui.config.settings import expand_home
+from rise_tui.model.session_summary import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.screens.ending import question_of_end
-from rise_tui.start.launch import Launcher, Refused, Shown, robots, shown
-from rise_tui.start.settings import Settings, expanded
-from rise_tui.text import clean
-from rise_tui.widgets.editor import Field
+from rise_tui.rendering.text import clean
+from rise_tui.screens.end_session import end_session_dialog
+from rise_tui.widgets.memory_editor import TextField
 
 PLACES = ("acts", "rules", "memory")
 MODES = ("debug", "real")
 
 
-class Choice(Horizontal, can_focus=True):
+class ChoiceField(Horizontal, can_focus=True):
     """One of a few words, and one stop for the tab key: left and right choose, a click too; Enter chooses nothing."""
 
     DEFAULT_CSS = """
-    Choice {
+    ChoiceField {
         height: 1; width: 1fr;
         Button { min-width: 5; margin: 0 1 0 0; background: $surface; color: $rise-muted; }
         Button.-chosen { background: $rise-cursor; color: $foreground; text-style: bold; }
@@ -56,7 +57,7 @@ class Choice(Horizontal, can_focus=True):
     def _label(self, word: str) -> str:
         return f"{'●' if word == self.value else '○'} {word}"
 
-    def offer(self, words: Sequence[str], chosen: str) -> None:
+    def set_words(self, words: Sequence[str], chosen: str) -> None:
         """Other words."""
         if (tuple(words), chosen) != (self._words, self.value):
             self._words, self.value = tuple(words), chosen
@@ -86,7 +87,7 @@ class Choice(Horizontal, can_focus=True):
         self.post_message(self.Changed())
 
 
-class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
+class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None]):
     """Answers with a scenario that loads, once the wizard has confirmed to start anew with it."""
 
     DEFAULT_CSS = """
@@ -96,8 +97,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
                background: $panel; border: round $primary; border-title-style: bold; }
         .row { height: 1; }
         Label { width: 12; color: $rise-muted; }
-        Field, Field:focus { background: $surface; width: 1fr; }
-        Field:focus { background: $rise-cursor; }
+        TextField, TextField:focus { background: $surface; width: 1fr; }
+        TextField:focus { background: $rise-cursor; }
         #told { height: auto; max-height: 9; margin: 1 0 0 0; }
         #told Static { width: 100%; height: auto; }
         #buttons { height: 1; margin: 1 0 0 0; align-horizontal: right; }
@@ -105,13 +106,13 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
     }
     """
 
-    def __init__(self, settings: Settings, store: Store, launcher: Launcher) -> None:
+    def __init__(self, settings: SessionOptions, store: Store, launcher: Launcher) -> None:
         super().__init__()
         scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
         self._settings, self._store, self._launcher = settings, store, launcher
-        names = robots(settings.folder)
-        places = {place: settings.places.get(place) or scenario.paths.get(place, "") for place in PLACES}
-        self._first = Shown(names if robot in names else [*names, robot], robot, mode, places)
+        names = list_robots(settings.folder)
+        places = {place: settings.paths.get(place) or scenario.paths.get(place, "") for place in PLACES}
+        self._first = ScenarioSummary(names if robot in names else [*names, robot], robot, mode, places)
         """What runs now."""
         self._shown = self._first
         """What the fields said before anybody changed them, for the folder that is in its field."""
@@ -126,15 +127,15 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
         box.border_title = " Settings "
         box.border_subtitle = " tab: next · ← →: choose · esc leaves, and nothing changes "
         with box:
-            yield from self._row("folder", Field(self._settings.folder, id="folder", select_on_focus=False))
+            yield from self._row("folder", TextField(self._settings.folder, id="folder", select_on_focus=False))
             for place in PLACES:
-                yield from self._row(place, Field(self._first.places[place], id=place, select_on_focus=False))
-            yield from self._row("robot", Choice(tuple(self._first.robots), self._first.robot, id="robot"))
-            yield from self._row("mode", Choice(MODES, self._first.mode, id="mode"))
+                yield from self._row(place, TextField(self._first.places[place], id=place, select_on_focus=False))
+            yield from self._row("robot", ChoiceField(tuple(self._first.robots), self._first.robot, id="robot"))
+            yield from self._row("mode", ChoiceField(MODES, self._first.mode, id="mode"))
             yield from self._row(
                 "participant", self._for_whom("participant", "who takes part next; empty: nobody named")
             )
-            known = conditions(self._store.scenario)
+            known = study_conditions(self._store.scenario)
             yield from self._row("condition", self._for_whom("condition", " or ".join(known) or "of the new session"))
             with VerticalScroll(id="told", can_focus=False):
                 yield self.changes
@@ -143,65 +144,65 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
                 yield Button("Leave (esc)", id="leave", compact=True)
                 yield Button("Apply", id="apply", compact=True)
 
-    def _row(self, label: str, widget: Field | Choice) -> ComposeResult:
+    def _row(self, label: str, widget: TextField | ChoiceField) -> ComposeResult:
         with Horizontal(classes="row"):
             yield Label(label)
             yield widget
 
     @staticmethod
-    def _for_whom(name: str, placeholder: str) -> Field:
+    def _for_whom(name: str, placeholder: str) -> TextField:
         """Empty: the memory of a new session begins anew, so the label of the one before would be wrong."""
-        return Field(placeholder=placeholder, id=name, select_on_focus=False)
+        return TextField(placeholder=placeholder, id=name, select_on_focus=False)
 
     def on_mount(self) -> None:
         self._tell_changes()
 
     @on(Input.Changed)
-    @on(Choice.Changed)
+    @on(ChoiceField.Changed)
     def _tell_changes(self) -> None:
         """What applying would do, as long as nothing is applied."""
         chosen = self.chosen()
         said = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
-        of = whose(self._store)
+        of = participant_text(self._store)
         ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
         who = " · ".join(filter(None, (chosen.participant, chosen.condition))) or "nobody named"
         begins = f"for {who}; its memory begins with the start values."
         head = "Nothing is changed yet." if not said else "Not applied yet:"
         self.changes.update("\n".join([head, *said, f"{ends} {begins}"]))
 
-    def _differences(self, chosen: Settings) -> list[tuple[str, str, str]]:
+    def _differences(self, chosen: SessionOptions) -> list[tuple[str, str, str]]:
         """What is chosen that is not so now: name, now, then."""
         pairs = [("folder", self._settings.folder, self._folder)]
         if self._is_first(self._folder):
             pairs = []
-        fields = {place: self.query_one(f"#{place}", Field).value.strip() for place in PLACES}
+        fields = {place: self.query_one(f"#{place}", TextField).value.strip() for place in PLACES}
         pairs += [(place, self._first.places[place], fields[place]) for place in PLACES]
         pairs += [("robot", self._first.robot, chosen.robot or ""), ("mode", self._first.mode, chosen.mode or "")]
         return [(what, clean(before), clean(after)) for what, before, after in pairs if before != after]
 
     @property
     def _folder(self) -> str:
-        return self.query_one("#folder", Field).value.strip()
+        return self.query_one("#folder", TextField).value.strip()
 
     def _is_first(self, folder: str) -> bool:
-        return bool(folder) and expanded(folder) == expanded(self._settings.folder)
+        return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
-    def chosen(self) -> Settings:
+    def chosen(self) -> SessionOptions:
         """What the fields say: exactly what is shown runs. Places as the scenario has them stay the scenario's."""
         folder = self._folder
-        places = {place: self.query_one(f"#{place}", Field).value.strip() for place in PLACES}
-        before = self._settings.places if self._is_first(folder) else {}
+        places = {place: self.query_one(f"#{place}", TextField).value.strip() for place in PLACES}
+        before = self._settings.paths if self._is_first(folder) else {}
         places = {
             place: value for place, value in places.items() if value != self._shown.places[place] or place in before
         }
         return replace(
             self._settings,
-            folder=str(expanded(folder)),
-            robot=self.query_one("#robot", Choice).value,
-            mode=self.query_one("#mode", Choice).value,
+            folder=str(expand_home(folder)),
+            robot=self.query_one("#robot", ChoiceField).value,
+            mode=self.query_one("#mode", ChoiceField).value,
             places={place: value for place, value in places.items() if value},
-            participant=self.query_one("#participant", Field).value.strip(),
-            condition=self.query_one("#condition", Field).value.strip(),
+            participant=self.query_one("#participant", TextField).value.strip(),
+            condition=self.query_one("#condition", TextField).value.strip(),
             seed=None,
         )
 
@@ -210,12 +211,14 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
         folder = self._folder
         self._apply_next = False
         if folder != self._read:
-            self.run_worker(lambda: (folder, self._say(folder)), thread=True, exclusive=True, group="say", name="say")
+            self.run_worker(
+                lambda: (folder, self._read_folder(folder)), thread=True, exclusive=True, group="say", name="say"
+            )
 
-    def _say(self, folder: str) -> Shown | None:
-        return self._first if self._is_first(folder) else shown(folder)
+    def _read_folder(self, folder: str) -> ScenarioSummary | None:
+        return self._first if self._is_first(folder) else read_summary(folder)
 
-    def _show(self, folder: str, found: Shown | None) -> None:
+    def _fill_fields(self, folder: str, found: ScenarioSummary | None) -> None:
         """Another scenario has its own places, robot and mode."""
         if folder != self._folder:
             return  # it has changed again
@@ -223,9 +226,9 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
         if found is not None:
             self._shown = found
             for place in PLACES:
-                self.query_one(f"#{place}", Field).value = found.places[place]
-            self.query_one("#robot", Choice).offer(found.robots, found.robot)
-            self.query_one("#mode", Choice).offer(MODES, found.mode)
+                self.query_one(f"#{place}", TextField).value = found.places[place]
+            self.query_one("#robot", ChoiceField).set_words(found.robots, found.robot)
+            self.query_one("#mode", ChoiceField).set_words(MODES, found.mode)
         if self._apply_next:
             self._apply()
 
@@ -248,7 +251,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
         self.findings.update("reading …")
         if not self._apply_next:
             settings = self._asked = self.chosen()
-            self.run_worker(lambda: self._launcher.prepare(settings), thread=True, exclusive=True, name="prepare")
+            self.run_worker(lambda: self._launcher.load_scenario(settings), thread=True, exclusive=True, name="prepare")
 
     def on_worker_state_changed(self, event: Worker.StateChanged) -> None:
         if event.worker.name not in ("prepare", "say") or not event.worker.is_finished:
@@ -256,8 +259,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
         event.stop()
         result = event.worker.result
         if isinstance(result, tuple):
-            self._show(*result)
-        elif isinstance(result, Refused):
+            self._fill_fields(*result)
+        elif isinstance(result, ScenarioProblems):
             self.findings.update("\n".join(["refused; nothing has changed:", *result.lines]))
         elif isinstance(result, Scenario) and (problem := condition_problem(result, self._asked.condition)):
             self.findings.update(f"refused; nothing has changed:\n{problem}")
@@ -265,11 +268,11 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, Settings] | None]):
             self.findings.update("")
             self._confirm(result, self._asked)
 
-    def _confirm(self, scenario: Scenario, settings: Settings) -> None:
+    def _confirm(self, scenario: Scenario, settings: SessionOptions) -> None:
         who = " · ".join(filter(None, (settings.participant, settings.condition))) or "nobody named"
         robot = scenario.robot.title or scenario.robot.name
         then = f"Then a new one starts for {who}: {scenario.title} · {scenario.mode.upper()} · robot {robot}"
-        question = question_of_end(self._store, clean(then))
+        question = end_session_dialog(self._store, clean(then))
 
         def answered(yes: bool | None) -> None:
             if yes:

@@ -9,11 +9,11 @@ from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Offset, Region, Size
 
-from rise_tui.actions import key_in_words
+from rise_tui.actions import key_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.text import Line, cell, wrap
-from rise_tui.widgets.line import Lines
+from rise_tui.rendering.text import StyledLine, fixed_span, wrap
+from rise_tui.widgets.static_lines import StaticLines
 
 FRESH_SECONDS = 60.0
 WIDTH = 60
@@ -21,7 +21,7 @@ FOLLOW_SECONDS = 0.5
 """How soon a box follows what it points at, when an alarm moves that."""
 
 
-STEPS = (
+STEP_TEXTS = (
     (
         "status",
         "The top line",
@@ -58,7 +58,7 @@ STEPS = (
 """Part of the screen, title, and text with the keys of actions."""
 
 
-class Step(NamedTuple):
+class TourStep(NamedTuple):
     """One box, and the id of the part of the screen at which it points."""
 
     part: str
@@ -66,16 +66,16 @@ class Step(NamedTuple):
     text: str
 
 
-def steps() -> tuple[Step, ...]:
+def tour_steps() -> tuple[TourStep, ...]:
     """In the order of a wizard's questions."""
-    keys = {id: key_in_words(id) for id in ("cue", "safe", "lock", "stop", "release", "next-pane", "jump", "help")}
-    keys |= {id: key_in_words(id) for id in ("palette", "quit")}
-    return tuple(Step(part, title, text.format_map(keys)) for part, title, text in STEPS)
+    keys = {id: key_name(id) for id in ("cue", "safe", "lock", "stop", "release", "next-pane", "jump", "help")}
+    keys |= {id: key_name(id) for id in ("palette", "quit")}
+    return tuple(TourStep(part, title, text.format_map(keys)) for part, title, text in STEP_TEXTS)
 
 
-def offered(store: Store) -> bool:
+def is_tour_due(store: Store) -> bool:
     """Whether a first run is the moment for it: a wizard's own session that has only just begun."""
-    quiet = not (store.gone or store.hello.replay or store.view.tasks or store.view.stop.latched)
+    quiet = not (store.gone_reason or store.hello.replay or store.view.tasks or store.view.stop.latched)
     return quiet and store.has_control and store.hello.role == "wizard" and store.now() <= FRESH_SECONDS
 
 
@@ -84,15 +84,15 @@ class TourScreen(SingleDismissModal[None]):
 
     DEFAULT_CSS = """
     TourScreen { background: transparent; }
-    TourScreen Lines { position: absolute; background: $rise-bar-focused; }
+    TourScreen StaticLines { position: absolute; background: $rise-bar-focused; }
     """
 
     def __init__(self, part_of: Callable[[str], Region], room: Callable[[], Region]) -> None:
         """`part_of`: where a part stands on the screen. `room`: where a box may stand; an alarm is never covered."""
         super().__init__()
         self._part_of, self._room = part_of, room
-        self._steps, self._at = steps(), 0
-        self._box, self._pointer = Lines(), Lines()
+        self._steps, self._at = tour_steps(), 0
+        self._box, self._pointer = StaticLines(), StaticLines()
 
     def compose(self) -> ComposeResult:
         yield self._box
@@ -111,9 +111,9 @@ class TourScreen(SingleDismissModal[None]):
     def _place(self) -> None:
         step = self._steps[self._at]
         part, room = self._part_of(step.part), self._room()
-        lines = box(step, self._at + 1, len(self._steps), min(WIDTH, room.width))
+        lines = box_lines(step, self._at + 1, len(self._steps), min(WIDTH, room.width))
         size = Size(min(WIDTH, room.width), len(lines))
-        at, pointer, arrow = placed(part, size, room)
+        at, pointer, arrow = place_box(part, size, room)
         self._box.styles.width, self._box.styles.height = size
         self._box.styles.offset, self._pointer.styles.offset = at, pointer
         self._box.show(*lines)
@@ -132,20 +132,23 @@ class TourScreen(SingleDismissModal[None]):
         self._place()
 
 
-def box(step: Step, number: int, of: int, width: int) -> tuple[Line, ...]:
+def box_lines(step: TourStep, number: int, of: int, width: int) -> tuple[StyledLine, ...]:
     """Title, text, and what the keys do, in a frame."""
     inner = width - 4
     keys = "enter next · ← back · esc ends the tour" if number < of else "enter ends the tour · ← back"
-    title: Line = (cell(step.title, inner - 7, "accent"), cell(f"{number} of {of}", 7, "muted", right=True))
-    empty: Line = ((" " * inner, "plain"),)
-    texts: list[Line] = [(cell(text, inner),) for text in wrap(step.text, inner)]
-    foot: Line = (cell(keys, inner, "muted"),)
+    title: StyledLine = (
+        fixed_span(step.title, inner - 7, "accent"),
+        fixed_span(f"{number} of {of}", 7, "muted", right=True),
+    )
+    empty: StyledLine = ((" " * inner, "plain"),)
+    texts: list[StyledLine] = [(fixed_span(text, inner),) for text in wrap(step.text, inner)]
+    foot: StyledLine = (fixed_span(keys, inner, "muted"),)
     framed = [(("│ ", "key"), *line, (" │", "key")) for line in (title, empty, *texts, empty, foot)]
     edge = "─" * (width - 2)
     return (((f"╭{edge}╮", "key"),), *framed, ((f"╰{edge}╯", "key"),))
 
 
-def placed(part: Region, size: Size, room: Region) -> tuple[Offset, Offset, str]:
+def place_box(part: Region, size: Size, room: Region) -> tuple[Offset, Offset, str]:
     """Where the box stands, where its pointer, and which way that points. Both stay within the room.
 
     Under a part that stands above the room, over one below it, and otherwise beside it or within it.

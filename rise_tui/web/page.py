@@ -43,12 +43,12 @@ _WELCOME = """<!DOCTYPE html>
 """
 
 
-def page(title: str, host: str, font_size: int) -> str:
+def console_page(title: str, host: str, font_size: int) -> str:
     """The terminal. `host`: by which name the browser came here, checked already."""
     return _PAGE.format(title=escape(title), static=STATIC, host=escape(host), size=font_size)
 
 
-def welcome(font_size: int) -> str:
+def token_page(font_size: int) -> str:
     """What the address with the token shows: on to the address without it.
 
     A redirection would not do: after one, a browser that followed a link on another site leaves the cookie out.
@@ -56,7 +56,7 @@ def welcome(font_size: int) -> str:
     return _WELCOME.format(size=font_size)
 
 
-def headers(host: str) -> dict[str, str]:
+def security_headers(host: str) -> dict[str, str]:
     """What keeps a browser from loading anything from elsewhere, and the token from going anywhere."""
     policy = {
         "default-src": "'none'",

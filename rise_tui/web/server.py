@@ -17,20 +17,20 @@ import textual_serve
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from rise_engine.errors import RiseError
-from rise_engine.link.places import PlaceError, about
-from rise_tui.text import clean
-from rise_tui.web.door import Door, Visitor
-from rise_tui.web.guard import Guard
-from rise_tui.web.page import STATIC, headers, page, welcome
+from rise_engine.protocol.registry import RegistryError, ask_summary
+from rise_tui.rendering.text import clean
+from rise_tui.web.admission import Admission, PendingConnection
+from rise_tui.web.auth import TokenAuth
+from rise_tui.web.page import STATIC, console_page, security_headers, token_page
 from rise_tui.web.terminal import WebTerminal
 
 ADDRESS = "127.0.0.1"
-MOST = 8
+MOST_CONSOLES = 8
 """Consoles at one time: each is a process of its own."""
-FONT = (6, 16, 40)
+FONT_SIZES = (6, 16, 40)
 """Least, usual and largest size of the letters, in pixels (`/?fontsize=20`)."""
 STATICS = Path(textual_serve.__file__).parent / "static"
-_MOST_TYPED = 100_000
+_MOST_MESSAGE_BYTES = 100_000
 """Bytes of one message from a browser."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -48,7 +48,7 @@ def serve(name: str, arguments: Sequence[str], port: int) -> None:
     """
     listening = _listen(port)
     with suppress(KeyboardInterrupt):
-        asyncio.run(Server(name, _title(name), arguments).run(listening))
+        asyncio.run(BrowserServer(name, _title(name), arguments).run(listening))
 
 
 def _listen(port: int) -> socket.socket:
@@ -66,20 +66,20 @@ def _listen(port: int) -> socket.socket:
 
 def _title(name: str) -> str:
     try:
-        found = about(name)
-    except PlaceError:
+        found = ask_summary(name)
+    except RegistryError:
         found = None
     return clean(found.title) if found is not None else name
 
 
-class Server:
+class BrowserServer:
     """Pages and consoles of one session."""
 
     def __init__(self, name: str, title: str, arguments: Sequence[str]) -> None:
-        self.guard = Guard()
+        self.auth = TokenAuth()
         self._name, self._title, self._arguments = name, title, tuple(arguments)
-        self._open: set[web.WebSocketResponse] = set()
-        self._door = Door()
+        self._browsers: set[web.WebSocketResponse] = set()
+        self._admission = Admission()
 
     async def run(self, listening: socket.socket) -> None:
         stop = asyncio.Event()
@@ -91,31 +91,33 @@ class Server:
         server = runner.server
         assert server is not None
         port = listening.getsockname()[1]
-        open_port = await loop.create_server(lambda: Visitor(self._door, server()), sock=listening, backlog=128)
+        open_port = await loop.create_server(
+            lambda: PendingConnection(self._admission, server()), sock=listening, backlog=128
+        )
         try:
-            self._say(port)
+            self._print_address(port)
             await stop.wait()
         finally:
             open_port.close()
             await runner.cleanup()
 
     def application(self) -> web.Application:
-        app = web.Application(middlewares=[self._checked])
+        app = web.Application(middlewares=[self._authenticate])
         app.add_routes(
             [
-                web.get("/", self._page),
-                web.get("/ws", self._console),
+                web.get("/", self._serve_page),
+                web.get("/ws", self._serve_console),
                 web.static(STATIC, STATICS),
             ]
         )
-        app.on_shutdown.append(self._hang_up)
+        app.on_shutdown.append(self._close_consoles)
         return app
 
-    def _say(self, port: int) -> None:
+    def _print_address(self, port: int) -> None:
         for line in (
             f"{self._title} ({self._name}) in browsers on this machine, to watch, add notes, and stop everything:",
             "",
-            f"  http://{ADDRESS}:{port}/?token={self.guard.token}",
+            f"  http://{ADDRESS}:{port}/?token={self.auth.token}",
             "",
             "To see it on another computer, leave this running there and open the same address:",
             "",
@@ -126,71 +128,73 @@ class Server:
             click.echo(line)
 
     @web.middleware
-    async def _checked(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+    async def _authenticate(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Nothing is answered before it is certain who asks."""
         host = request.headers.get("Host")
-        if host is None or not self.guard.is_local(host):
+        if host is None or not self.auth.is_local_host(host):
             return _refused("this address is only for browsers on this machine, or at the end of a tunnel to it")
         if "token" in request.query:
-            if request.path != "/" or not self.guard.knows(request.query["token"]):
+            if request.path != "/" or not self.auth.is_token(request.query["token"]):
                 return _refused("this is not the token: take the whole address that rise-tui --web has printed")
-            self._door.admit(request.transport)
-            answer = web.Response(text=welcome(_font_size(request)), content_type="text/html", headers=headers(host))
-            answer.set_cookie(self.guard.cookie, self.guard.token, httponly=True, samesite="Strict", path="/")
+            self._admission.admit(request.transport)
+            answer = web.Response(
+                text=token_page(_font_size(request)), content_type="text/html", headers=security_headers(host)
+            )
+            answer.set_cookie(self.auth.cookie, self.auth.token, httponly=True, samesite="Strict", path="/")
             return answer
-        if not self.guard.knows(request.cookies.get(self.guard.cookie)):
+        if not self.auth.is_token(request.cookies.get(self.auth.cookie)):
             return _refused("open the whole address, with its token, that rise-tui --web has printed")
-        if request.path == "/ws" and not self.guard.is_ours(request.headers.get("Origin"), host):
+        if request.path == "/ws" and not self.auth.is_own_origin(request.headers.get("Origin"), host):
             return _refused("only a page of this server can open a console")
-        self._door.admit(request.transport)
+        self._admission.admit(request.transport)
         try:
             answer_to = await handler(request)
         except web.HTTPException as error:
-            error.headers.update(headers(host))
+            error.headers.update(security_headers(host))
             raise
         if not answer_to.prepared:
-            answer_to.headers.update(headers(host))
+            answer_to.headers.update(security_headers(host))
         return answer_to
 
-    async def _page(self, request: web.Request) -> web.Response:
-        return web.Response(text=page(self._title, request.host, _font_size(request)), content_type="text/html")
+    async def _serve_page(self, request: web.Request) -> web.Response:
+        return web.Response(text=console_page(self._title, request.host, _font_size(request)), content_type="text/html")
 
-    async def _console(self, request: web.Request) -> web.WebSocketResponse:
-        browser = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MOST_TYPED, compress=True)
+    async def _serve_console(self, request: web.Request) -> web.WebSocketResponse:
+        browser = web.WebSocketResponse(heartbeat=15.0, max_msg_size=_MOST_MESSAGE_BYTES, compress=True)
         await browser.prepare(request)
-        if len(self._open) >= MOST:
-            await browser.send_bytes(f"{MOST} consoles are open here already; close one of them\r\n".encode())
+        if len(self._browsers) >= MOST_CONSOLES:
+            await browser.send_bytes(f"{MOST_CONSOLES} consoles are open here already; close one of them\r\n".encode())
             await browser.close(code=WSCloseCode.TRY_AGAIN_LATER)
             return browser
-        self._open.add(browser)
+        self._browsers.add(browser)
         try:
             width, height = (_number(request.query.get(side), 0) for side in ("width", "height"))
             terminal = await WebTerminal.open(self._arguments, width or 80, height or 24)
-            shown = asyncio.create_task(_show(terminal, browser))
+            shown = asyncio.create_task(_send_output(terminal, browser))
             try:
-                await _take(terminal, browser)
+                await _receive_input(terminal, browser)
             finally:
                 shown.cancel()
                 with suppress(asyncio.CancelledError):
                     await shown
                 await asyncio.shield(terminal.close())
         finally:
-            self._open.discard(browser)
+            self._browsers.discard(browser)
         return browser
 
-    async def _hang_up(self, app: web.Application) -> None:
-        for browser in list(self._open):
+    async def _close_consoles(self, app: web.Application) -> None:
+        for browser in list(self._browsers):
             await browser.close(code=WSCloseCode.GOING_AWAY)
 
 
-async def _show(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
+async def _send_output(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
     with suppress(ConnectionError):
-        async for data in terminal.output():
+        async for data in terminal.read_output():
             await browser.send_bytes(data)
     await browser.close()
 
 
-async def _take(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
+async def _receive_input(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
     """What the browser sends: pairs of a word and a value, as the script of textual-serve makes them."""
     async for message in browser:
         if message.type is not WSMsgType.TEXT:
@@ -201,7 +205,7 @@ async def _take(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
             continue
         match word, rest:
             case "stdin", [str(typed)]:
-                terminal.type(typed.encode("utf-8", "replace"))
+                terminal.write_input(typed.encode("utf-8", "replace"))
             case "resize", [{"width": int(width), "height": int(height)}]:
                 terminal.resize(width, height)
             case "ping", [value]:
@@ -209,7 +213,7 @@ async def _take(terminal: WebTerminal, browser: web.WebSocketResponse) -> None:
 
 
 def _font_size(request: web.Request) -> int:
-    least, usual, most = FONT
+    least, usual, most = FONT_SIZES
     return min(max(_number(request.query.get("fontsize"), usual), least), most)
 
 

@@ -26,7 +26,7 @@ class WebTerminal:
 
     def __init__(self, master: int, process: Process) -> None:
         self._master, self._process = master, process
-        self._typed = bytearray()
+        self._pending_input = bytearray()
 
     @classmethod
     async def open(cls, arguments: Sequence[str], width: int, height: int) -> WebTerminal:
@@ -51,7 +51,7 @@ class WebTerminal:
             os.close(slave)
         return cls(master, process)
 
-    async def output(self) -> AsyncIterator[bytes]:
+    async def read_output(self) -> AsyncIterator[bytes]:
         """What the console writes, until it ends. Who takes it slowly slows the console down, and nobody else."""
         loop, readable = asyncio.get_running_loop(), asyncio.Event()
         loop.add_reader(self._master, readable.set)
@@ -71,21 +71,21 @@ class WebTerminal:
         finally:
             loop.remove_reader(self._master)
 
-    def type(self, data: bytes) -> None:
+    def write_input(self, data: bytes) -> None:
         """What was typed; kept until the console takes it."""
-        self._typed += data
-        self._hand_over()
+        self._pending_input += data
+        self._flush_input()
 
-    def _hand_over(self) -> None:
+    def _flush_input(self) -> None:
         loop = asyncio.get_running_loop()
         try:
-            while self._typed:
-                del self._typed[: os.write(self._master, self._typed[:_CHUNK])]
+            while self._pending_input:
+                del self._pending_input[: os.write(self._master, self._pending_input[:_CHUNK])]
         except BlockingIOError:
-            loop.add_writer(self._master, self._hand_over)
+            loop.add_writer(self._master, self._flush_input)
             return
         except OSError:
-            self._typed.clear()
+            self._pending_input.clear()
         loop.remove_writer(self._master)
 
     def resize(self, width: int, height: int) -> None:

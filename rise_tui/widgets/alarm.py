@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from textual import events
 
-from rise_tui.actions import key_for, key_in_words
-from rise_tui.messages import ActionAsked
+from rise_tui.actions import key_name, key_text
+from rise_tui.messages import RunAction
 from rise_tui.model import failures
-from rise_tui.model.alarms import alarms, degraded, lines
-from rise_tui.model.control import short, taken_words
+from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text
+from rise_tui.model.control import control_lost_text, short_name
 from rise_tui.model.store import Store
-from rise_tui.text import Line, crop, plain
-from rise_tui.widgets.line import Lines
+from rise_tui.rendering.text import StyledLine, crop, plain_text
+from rise_tui.widgets.static_lines import StaticLines
 
 LEAST = 5
 """Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
@@ -19,7 +19,7 @@ SHARE = 4
 """Of the rows at most one in so many: the band above says the first sentence too, and the panes must be seen."""
 
 
-class AlarmBar(Lines):
+class AlarmBar(StaticLines):
     """Shown while something holds that every wizard must know."""
 
     DEFAULT_CSS = """
@@ -33,47 +33,47 @@ class AlarmBar(Lines):
         """Whether what it shows changes with every second."""
 
     def draw(self, store: Store) -> None:
-        found = alarms(store, key_in_words)
-        self.counts = any(alarm.counts for alarm in found)
-        shown = lines(found)
+        found = current_alarms(store, key_name)
+        self.counts = any(alarm.counts_seconds for alarm in found)
+        shown = alarm_lines(found)
         self.set_class(bool(shown), "-on")
         width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 
 
-class CallBar(Lines):
+class AttentionBar(StaticLines):
     """Amber lines: somebody asks for control, or has taken it; a robot that works, but not wholly."""
 
     DEFAULT_CSS = """
-    CallBar { height: 1; background: $warning 18%; display: none; }
-    CallBar.-on { display: block; }
-    CallBar.-two { height: 2; }
+    AttentionBar { height: 1; background: $warning 18%; display: none; }
+    AttentionBar.-on { display: block; }
+    AttentionBar.-two { height: 2; }
     """
 
     def draw(self, store: Store) -> None:
-        shown = [] if store.gone else [line for line in (_control(store), _degraded(store)) if line]
+        shown = [] if store.gone_reason else [line for line in (_control(store), _degraded(store)) if line]
         self.set_class(bool(shown), "-on")
         self.set_class(len(shown) > 1, "-two")
         width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 
 
-def _control(store: Store) -> Line:
+def _control(store: Store) -> StyledLine:
     if store.hello.replay:
         return ()
-    if store.taken is not None and not store.has_control:
-        return ((f" {taken_words(store.taken, key_for('control'))} ", "call"),)
+    if store.control_lost is not None and not store.has_control:
+        return ((f" {control_lost_text(store.control_lost, key_text('control'))} ", "call"),)
     if store.asker is not None:
-        return ((f" {short(store.asker)} asks for control: {key_for('control')} to answer ", "call"),)
+        return ((f" {short_name(store.asker)} asks for control: {key_text('control')} to answer ", "call"),)
     return ()
 
 
-def _degraded(store: Store) -> Line:
-    said = degraded(store)
+def _degraded(store: Store) -> StyledLine:
+    said = degraded_text(store)
     return ((f" {said} ", "wait"),) if said else ()
 
 
-class FailureBar(Lines):
+class FailureBar(StaticLines):
     """An act that failed, and what was not said: it stays until somebody answers it, or the act is done after all."""
 
     DEFAULT_CSS = """
@@ -83,7 +83,7 @@ class FailureBar(Lines):
 
     def draw(self, store: Store) -> None:
         width, height = self.app.size
-        shown = failures.lines(store, self.size.width or width, max(LEAST, height // SHARE), key_in_words)
+        shown = failures.failure_lines(store, self.size.width or width, max(LEAST, height // SHARE), key_name)
         self.set_class(bool(shown), "-on")
         if len(shown) != len(self.lines):
             self.styles.height = max(1, len(shown))
@@ -93,8 +93,8 @@ class FailureBar(Lines):
         """Each key in the last line can be clicked, with the words after it."""
         if event.y != len(self.lines) - 1:
             return
-        line = plain(self.lines[-1])
-        places = {id: line.find(key_in_words(id)) for id in ("repeat", "go-on")}
+        line = plain_text(self.lines[-1])
+        places = {id: line.find(key_name(id)) for id in ("repeat", "go-on")}
         meant = [id for id, at in places.items() if 0 <= at <= event.x]
         if meant:
-            self.post_message(ActionAsked(max(meant, key=lambda id: places[id])))
+            self.post_message(RunAction(max(meant, key=lambda id: places[id])))

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 from textual import events
 
-from rise_engine.scenario.fillers import fillers, next_filler
-from rise_tui.actions import BY_ID, Action, keys_of
-from rise_tui.messages import ActionAsked
-from rise_tui.model.cue import offer_due, passed_text
+from rise_engine.scenario.fillers import filler_acts, next_filler
+from rise_tui.actions import BY_ID, ConsoleAction, keys_of
+from rise_tui.messages import RunAction
+from rise_tui.model.cue import filler_due, passed_text
+from rise_tui.model.free_speech import SpeechEffect
 from rise_tui.model.input_lock import LOCKED_ACTIONS
-from rise_tui.model.speech import Effect
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
-from rise_tui.text import Line, Span, Tone, crop, fit, width_of, wrap
-from rise_tui.widgets.line import Lines
+from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, wrap
+from rise_tui.widgets.static_lines import StaticLines
 
 NARROW = 100
 NOTICE_LINES = 3
@@ -24,10 +24,14 @@ GONE_ACTIONS = ("quit", "filter", "next-pane", "help")
 FILLER = 18
 """Cells for the name of the next filler among the hints."""
 
-NOTICES: dict[str, tuple[str, Tone]] = {"info": ("·", "plain"), "wait": ("!", "wait"), "fault": ("✗", "fault")}
+NOTICE_GLYPHS: dict[str, tuple[str, TextRole]] = {
+    "info": ("·", "plain"),
+    "wait": ("!", "wait"),
+    "fault": ("✗", "fault"),
+}
 
 
-class StatusLine(Lines):
+class StatusLine(StaticLines):
     """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything."""
 
     DEFAULT_CSS = """
@@ -38,7 +42,7 @@ class StatusLine(Lines):
         self.show(status_line(store, self.size.width))
 
 
-class NoticeLine(Lines):
+class NoticeLine(StaticLines):
     """One sentence: a rejection, a fault, an answer to a key; else that it is time for a filler.
 
     What has no room in one line takes two or three: nobody can ask for the end of a sentence that was cut off.
@@ -49,20 +53,20 @@ class NoticeLine(Lines):
         if notice is None:
             self._lay(crop(_offer(store), width))
             return
-        glyph, tone = NOTICES[notice.level]
+        glyph, tone = NOTICE_GLYPHS[notice.level]
         pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
         if len(pieces) > NOTICE_LINES:
             pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
         leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
         self._lay(*(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False)))
 
-    def _lay(self, *lines: Line) -> None:
+    def _lay(self, *lines: StyledLine) -> None:
         if len(lines) != max(1, len(self.lines)):
             self.styles.height = len(lines)
         self.show(*lines)
 
 
-class KeyHints(Lines):
+class KeyHints(StaticLines):
     """The keys of the focused pane and those that always work; each can be clicked."""
 
     DEFAULT_CSS = """
@@ -73,11 +77,11 @@ class KeyHints(Lines):
         super().__init__(id=id)
         self._places: list[tuple[int, int, str]] = []
 
-    def draw(self, own: Sequence[Action], common: Sequence[Action], store: Store) -> None:
-        if store.guard == "LOCKED":
+    def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:
+        if store.input_mode == "LOCKED":
             own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
-        if store.gone:
-            own = [action for action in own if not action.unavailable(store)]  # what is left is to read
+        if store.gone_reason:
+            own = [action for action in own if not action.why_unavailable(store)]  # what is left is to read
             common = [BY_ID[id] for id in GONE_ACTIONS]
         pieces = [
             (_hint(action, store, word), action.id)
@@ -88,7 +92,7 @@ class KeyHints(Lines):
 
     def draw_typing(self, store: Store, enter: str) -> None:
         """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
-        if store.guard == "LOCKED":
+        if store.input_mode == "LOCKED":
             self.draw((), (), store)
             return
         self._lay(
@@ -100,9 +104,9 @@ class KeyHints(Lines):
         )
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
 
-    def draw_saying(self, store: Store, effect: Effect, why_not: str) -> None:
+    def draw_saying(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
         """While free speech is typed: what each of the two keys that say it would do."""
-        if store.guard == "LOCKED":
+        if store.input_mode == "LOCKED":
             self.draw((), (), store)
             return
         room = max(12, (self.size.width - 44) // 2)
@@ -110,17 +114,19 @@ class KeyHints(Lines):
         if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):
             at_once = "interrupts it"
         now = _keyed("^J", at_once) if at_once and at_once != queued else []
-        said: list[Span] = [(f" {why_not} ", "wait")] if why_not else [*_keyed("enter", queued or "says it"), *now]
+        said: list[StyledSpan] = (
+            [(f" {why_not} ", "wait")] if why_not else [*_keyed("enter", queued or "says it"), *now]
+        )
         rest = [_keyed("tab", "complete"), _keyed("↑↓", "earlier"), _keyed("esc", "keep it for later")]
         self._lay([(_stop(store), "stop"), (said, ""), *((piece, "") for piece in rest)])
 
-    def _lay(self, pieces: Sequence[tuple[list[Span], str]]) -> None:
+    def _lay(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
         """As many as there is room for, and help always; those with an action's id can be clicked."""
-        spans: list[Span] = []
+        spans: list[StyledSpan] = []
         self._places.clear()
-        kept = sum(width_of(piece) for piece, action in pieces if action == "help")
+        kept = sum(line_width(piece) for piece, action in pieces if action == "help")
         for piece, action in pieces:
-            start, end = width_of(spans), width_of(spans) + width_of(piece)
+            start, end = line_width(spans), line_width(spans) + line_width(piece)
             kept = 0 if action == "help" else kept
             if end + kept > self.size.width:
                 continue
@@ -132,51 +138,51 @@ class KeyHints(Lines):
     def on_click(self, event: events.Click) -> None:
         for start, end, action in self._places:
             if start <= event.x < end:
-                self.post_message(ActionAsked(action))
+                self.post_message(RunAction(action))
 
 
-def next_filler_of(store: Store) -> str | None:
+def next_filler_name(store: Store) -> str | None:
     """The filler that the key would say now."""
-    return next_filler(store.scenario, store.view.last_of(fillers(store.scenario)))
+    return next_filler(store.scenario, store.view.latest_act_of(filler_acts(store.scenario)))
 
 
-def _offer(store: Store) -> Line:
+def _offer(store: Store) -> StyledLine:
     """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
-    since = offer_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
-    filler = next_filler_of(store)
+    since = filler_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
+    filler = next_filler_name(store)
     if since is None or filler is None or store.view.running or store.blocked_reason("start"):
         return ()
     key = BY_ID["filler"].key_label
-    passed: Line = (("   no answer for ", "plain"), (f"{passed_text(since)} s", "wait"), (":  ", "plain"))
+    passed: StyledLine = (("   no answer for ", "plain"), (f"{passed_text(since)} s", "wait"), (":  ", "plain"))
     return (*passed, (key, "key"), (f" says {filler}", "plain"))
 
 
-def _word(action: Action, store: Store, width: int) -> str:
+def _word(action: ConsoleAction, store: Store, width: int) -> str:
     """What the hint line says about an action; empty when it would mean nothing in this session."""
     if action.id == "filler":
-        filler = next_filler_of(store) or ""
+        filler = next_filler_name(store) or ""
         if width < NARROW:  # `Hm` for `R_Filler_Hm`
             filler = filler.rpartition("_")[2] or filler
         return fit(filler, min(len(filler), FILLER))
     if action.id == "safe":
-        return "live" if store.guard == "SAFE" else "safe"
+        return "live" if store.input_mode == "SAFE" else "safe"
     if action.id == "lock":
-        return "unlock" if store.guard == "LOCKED" else "lock"
+        return "unlock" if store.input_mode == "LOCKED" else "lock"
     if action.id == "quit":
-        return "leave" if store.guard == "LOCKED" or store.gone else ""
+        return "leave" if store.input_mode == "LOCKED" or store.gone_reason else ""
     return action.hint
 
 
-def _hint(action: Action, store: Store, word: str) -> list[Span]:
-    stop, off = action.id == "stop", bool(action.unavailable(store))
+def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
+    stop, off = action.id == "stop", bool(action.why_unavailable(store))
     key = "F9/^G" if stop else action.key_label
-    tone: Tone = "muted" if off else "fault" if stop else "key"
+    tone: TextRole = "muted" if off else "fault" if stop else "key"
     return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 
 
-def _stop(store: Store) -> list[Span]:
+def _stop(store: Store) -> list[StyledSpan]:
     return _hint(BY_ID["stop"], store, BY_ID["stop"].hint)
 
 
-def _keyed(key: str, what: str) -> list[Span]:
+def _keyed(key: str, what: str) -> list[StyledSpan]:
     return [(f" {key}", "key"), (f" {what} ", "plain")]

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 from rise_adapters.simulated import SimulatedRobot
-from rise_adapters.simulated.faults import ActionFault, Vanish, parse_fault
+from rise_adapters.simulated.faults import ActionFault, LinkFault, parse_fault
 
-from rise_engine.clock import VirtualClock
+from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
-from rise_engine.robot import RobotReport
-from rise_engine.scenario.actions import core_actions
+from rise_engine.ports.robot import RobotReport
+from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 
 ALL = ("generic/arms", "generic/body", "generic/face", "generic/gaze", "generic/speech")
@@ -154,8 +154,8 @@ def test_a_fault_for_every_action() -> None:
 def test_parsed() -> None:
     assert parse_fault("Speech=fail@2", profile()) == ActionFault("Speech", "fail", nth=2)
     assert parse_fault("LookAt=slow:1.5", profile()) == ActionFault("LookAt", "slow", 1.5)
-    assert parse_fault("vanish@12.5", profile()) == Vanish(12.5)
-    assert parse_fault("vanish@12.5-20", profile()) == Vanish(12.5, 20)
+    assert parse_fault("vanish@12.5", profile()) == LinkFault(12.5)
+    assert parse_fault("vanish@12.5-20", profile()) == LinkFault(12.5, 20)
 
 
 @pytest.mark.parametrize(

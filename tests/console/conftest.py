@@ -9,11 +9,11 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from rise_tui.app import ConsoleApp
+from rise_engine.protocol.session_options import SessionOptions
+from rise_tui.console.app import ConsoleApp
+from rise_tui.console.screen import ConsoleScreen
 from rise_tui.panes.pane import Pane
-from rise_tui.screens.console import ConsoleScreen
-from rise_tui.start.settings import Settings
-from rise_tui.widgets.rows import RowList
+from rise_tui.widgets.row_list import RowList
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.virtual_time import VirtualLoop, real_monotonic
 
@@ -61,12 +61,12 @@ class Console:
         return screen
 
     def pane(self, name: str) -> Pane:
-        return self.screen.panes.panes[name]
+        return self.screen.pane_layout.panes[name]
 
     def text(self, name: str) -> str:
         pane = self.pane(name)
         graph = getattr(pane, "graph", None)
-        return "\n".join(each.text for each in (pane.rows, graph) if isinstance(each, RowList))
+        return "\n".join(each.text for each in (pane.row_view, graph) if isinstance(each, RowList))
 
     def row(self, pane: str, name: str) -> str:
         """The first row with this text, or empty."""
@@ -74,7 +74,7 @@ class Console:
 
     @property
     def notice(self) -> str:
-        return self.screen.notice.text
+        return self.screen.notice_line.text
 
     async def press(self, *keys: str) -> None:
         """Like a person: a moment between two keys."""
@@ -106,7 +106,7 @@ async def console(
 ) -> AsyncIterator[Console]:
     client = client or FakeClient(demo())
     launcher = options.pop("launcher", None) or FakeLauncher(client)
-    app = ConsoleApp(client.scenario, Settings(DEMO), wizard="anna", launcher=launcher, **options)
+    app = ConsoleApp(client.scenario, SessionOptions(DEMO), wizard="anna", launcher=launcher, **options)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         found = Console(pilot, client, launcher)

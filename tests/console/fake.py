@@ -22,24 +22,24 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_engine.link.client import (
-    Arrival,
+from rise_engine.kernel.view import SessionView
+from rise_engine.protocol.client import (
+    AttachReply,
     ClientInput,
+    ControlVerb,
     EngineGone,
-    Hello,
-    Journaling,
+    Heartbeat,
+    JournalStatus,
     LinkLost,
-    Pulse,
     Reply,
     Role,
     Update,
-    Verb,
+    UpdateOrResync,
 )
+from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.view import View
-from rise_tui.start.launch import Launcher, Prepared, Recovered, Tell
-from rise_tui.start.settings import Settings
+from rise_tui.config.launch import Launcher, LoadedScenario, RecoveredClient, ReportProgress
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
 
@@ -53,7 +53,7 @@ def demo() -> Scenario:
 
 
 class FakeClient:
-    """Implements `rise_engine.link.client.Client`."""
+    """Implements `rise_engine.protocol.client.Client`."""
 
     def __init__(
         self,
@@ -69,11 +69,11 @@ class FakeClient:
         self.scenario = scenario
         self.mode = mode
         self.you, self.role, self.replay, self.folder = you, role, replay, folder
-        self.journaling = Journaling()
+        self.journaling = JournalStatus()
         self.time = 83.0
         self.sent: list[Submit] = []
         self.notes: list[Note] = []
-        self.verbs: list[Verb] = []
+        self.verbs: list[ControlVerb] = []
         self.attached = 0
         self.unreachable = 0
         """How many attempts to attach fail as LinkLost from now on."""
@@ -85,7 +85,7 @@ class FakeClient:
         self._seq = 0
         self._tasks = 0
         self._queue: asyncio.Queue[Sequence[Update] | EngineGone | None] = asyncio.Queue()
-        self._view = View()
+        self._view = SessionView()
         self._attached = False
         self._answer = asyncio.Event()
         start: list[AnyRecord] = [RobotRecord(0, 0.0, "", status="connected", detail="")]
@@ -154,14 +154,14 @@ class FakeClient:
 
     def journal(self, *, trouble: str = "", behind: float = 0.0) -> None:
         """How the record stands, from now on."""
-        self.journaling = Journaling(durable=self._seq, behind=behind, trouble=trouble)
+        self.journaling = JournalStatus(durable=self._seq, behind=behind, trouble=trouble)
         if self._attached:
             self._queue.put_nowait([self.journaling])
 
     def pulse(self, robot_seen: float | None) -> None:
         """A sign of life."""
         if self._attached:
-            self._queue.put_nowait([Pulse(robot_seen)])
+            self._queue.put_nowait([Heartbeat(robot_seen)])
 
     def cut(self) -> None:
         """Only this connection is cut; what is sent on it waits for ever."""
@@ -183,7 +183,7 @@ class FakeClient:
 
     # --- Client ---
 
-    async def attach(self) -> Hello:
+    async def attach(self) -> AttachReply:
         self.attached += 1
         if self.unreachable:
             self.unreachable -= 1
@@ -193,9 +193,9 @@ class FakeClient:
         self._attached = True
         return self.hello()
 
-    def hello(self) -> Hello:
+    def hello(self) -> AttachReply:
         """The state now."""
-        return Hello(
+        return AttachReply(
             self.scenario,
             self.mode,
             self.scenario.robot.name,
@@ -208,7 +208,7 @@ class FakeClient:
             journaling=self.journaling,
         )
 
-    async def records(self) -> AsyncIterator[Sequence[Arrival]]:
+    async def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
         while (batch := await self._queue.get()) is not None:
             if isinstance(batch, EngineGone):
                 raise batch
@@ -236,7 +236,7 @@ class FakeClient:
     def now(self) -> float:
         return self.time
 
-    async def control(self, verb: Verb) -> Reply:
+    async def control(self, verb: ControlVerb) -> Reply:
         """Remembers it, and does what an engine does about taking, asking, giving and releasing."""
         self.verbs.append(verb)
         if self.reject:
@@ -256,18 +256,18 @@ class FakeLauncher(Launcher):
     def __init__(
         self,
         *clients: FakeClient,
-        prepared: Prepared | None = None,
-        recover: Callable[[Hello, Tell], Recovered] | None = None,
+        prepared: LoadedScenario | None = None,
+        recover: Callable[[AttachReply, ReportProgress], RecoveredClient] | None = None,
     ) -> None:
         self.clients = list(clients)
-        self.started: list[Settings] = []
-        self.prepared_with: list[Settings] = []
+        self.started: list[SessionOptions] = []
+        self.prepared_with: list[SessionOptions] = []
 
-        def prepare(settings: Settings) -> Prepared:
+        def prepare(settings: SessionOptions) -> LoadedScenario:
             self.prepared_with.append(settings)
             return prepared if prepared is not None else self.clients[0].scenario
 
-        def start(scenario: Scenario, settings: Settings) -> FakeClient:
+        def start(scenario: Scenario, settings: SessionOptions) -> FakeClient:
             self.started.append(settings)
             return self.clients[min(len(self.started), len(self.clients)) - 1]
 

@@ -14,9 +14,9 @@ from threading import Event, Thread
 from time import monotonic
 from typing import Any
 
-from rise_engine.link import messages, places
+from rise_engine.protocol import messages, registry
 from rise_engine.scenario import load
-from rise_engine.session.folder import create
+from rise_engine.session.folder import create_session
 from tests.console.fake import DEMO, FakeClient
 
 PATIENCE = 60.0
@@ -29,7 +29,7 @@ class ScriptedEngine:
         """`speed`: session seconds in a second; with 0 no clock moves, and nothing is painted unless something is."""
         loaded = load(folder)
         assert loaded.scenario is not None
-        kept = create(
+        kept = create_session(
             Path(home, "sessions"), loaded.scenario, loaded.files, seed=1, speed=1, faults=(), versions={"rise-tui": ""}
         )
         self.fake = FakeClient(loaded.scenario, folder=str(kept))
@@ -38,7 +38,7 @@ class ScriptedEngine:
         self._consoles: set[asyncio.StreamWriter] = set()
         before, os.environ["RISE_RUNTIME"] = os.environ.get("RISE_RUNTIME"), str(Path(home, "run"))
         try:
-            claimed = places.claim("demo")
+            claimed = registry.acquire_lock("demo")
         finally:
             os.environ.pop("RISE_RUNTIME") if before is None else os.environ.update(RISE_RUNTIME=before)
         assert claimed is not None
@@ -92,17 +92,17 @@ class ScriptedEngine:
         answering: set[asyncio.Task[None]] = set()
         with suppress(ConnectionError, asyncio.CancelledError):
             while data := await reader.readline():
-                match messages.from_client(data):
-                    case messages.AskAbout():
-                        writer.write(messages.line(self._about()))
-                    case messages.Attach():
+                match messages.decode_client_message(data):
+                    case messages.AskSummaryMessage():
+                        writer.write(messages.encode_line(self._about()))
+                    case messages.AttachMessage():
                         await self._welcome(writer)
                         answering.add(asyncio.create_task(self._records(writer)))
-                    case messages.Send(id=id, message=message):
+                    case messages.SendMessage(id=id, message=message):
                         answering.add(asyncio.create_task(self._answer(writer, id, message)))
-                    case messages.Control(id=id, verb=verb):
+                    case messages.ControlMessage(id=id, verb=verb):
                         reply = await self.fake.control(verb)
-                        writer.write(messages.line(messages.Answer(id, reply.accepted, reply.reason)))
+                        writer.write(messages.encode_line(messages.ReplyMessage(id, reply.accepted, reply.reason)))
                     case _:
                         pass
         for task in answering:
@@ -112,7 +112,7 @@ class ScriptedEngine:
 
     async def _welcome(self, writer: asyncio.StreamWriter) -> None:
         hello = await self.fake.attach()
-        welcome = messages.Welcome(
+        welcome = messages.HelloMessage(
             version=messages.VERSION,
             you=hello.you,
             role=hello.role,
@@ -125,24 +125,24 @@ class ScriptedEngine:
             journaling=hello.journaling,
             t=self.fake.time,
             speed=self.speed,
-            state=messages.state_of(hello.view),
+            state=messages.without_tasks(hello.view),
         )
-        for message in (welcome, messages.Tasks(list(hello.view.tasks.values())), messages.Ready()):
-            writer.write(messages.line(message))
+        for message in (welcome, messages.TasksMessage(list(hello.view.tasks.values())), messages.ReadyMessage()):
+            writer.write(messages.encode_line(message))
 
     async def _records(self, writer: asyncio.StreamWriter) -> None:
         async for batch in self.fake.records():
             records: list[Any] = list(batch)
-            writer.write(messages.line(messages.Records(records)))
+            writer.write(messages.encode_line(messages.RecordsMessage(records)))
             await writer.drain()
 
     async def _answer(self, writer: asyncio.StreamWriter, id: int, message: Any) -> None:
         reply = await self.fake.send(message)
-        writer.write(messages.line(messages.Answer(id, reply.accepted, reply.reason, reply.task)))
+        writer.write(messages.encode_line(messages.ReplyMessage(id, reply.accepted, reply.reason, reply.task)))
 
-    def _about(self) -> messages.About:
+    def _about(self) -> messages.SessionSummary:
         fake = self.fake
-        return messages.About(
+        return messages.SessionSummary(
             version=messages.VERSION,
             title=fake.scenario.title,
             mode=fake.mode,

@@ -8,8 +8,8 @@ from typing import Any
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord
-from rise_engine.scenario.actions import core_actions
-from rise_engine.scenario.model import Act, Action, Call, RobotProfile, Scenario
+from rise_engine.scenario.action_declarations import core_actions
+from rise_engine.scenario.model import Act, Action, ActionCall, RobotProfile, Scenario
 from rise_engine.scenario.template import parse_template
 
 
@@ -17,8 +17,8 @@ def profile(name: str = "generic", driver: str = "simulated", **options: Any) ->
     return RobotProfile(name, name.capitalize(), driver, dict(core_actions()), options)
 
 
-def call(kind: str, **parameters: object) -> Call:
-    return Call(kind, {name: parse_template(str(value)) for name, value in parameters.items()})
+def call(kind: str, **parameters: object) -> ActionCall:
+    return ActionCall(kind, {name: parse_template(str(value)) for name, value in parameters.items()})
 
 
 def act(name: str, *actions: Action) -> Act:

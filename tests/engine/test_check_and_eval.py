@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from rise_engine.account import Account, clock_text, parameters_text
+from rise_engine.cli.transcript import Transcript, clock_text, parameters_text
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
@@ -278,10 +278,10 @@ def test_closed_streams_are_no_trouble(tmp_path: Path) -> None:
 
 
 def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
-    account = Account()
+    account = Transcript()
     stays = RuleRecord(1, 2.0, "", "R", "stayed", "S", "S", "/topic")
-    assert (account.line(stays) or "").split("  ", 1)[0] == "00:02.0"
-    assert (account.line(stays) or "").endswith("stays in S on /topic")
+    assert (account.line_for(stays) or "").split("  ", 1)[0] == "00:02.0"
+    assert (account.line_for(stays) or "").endswith("stays in S on /topic")
     new: Any = "levitating"
     records: list[AnyRecord] = [
         SessionRecord(seq=1, t=0, wall="", status=new),
@@ -292,11 +292,11 @@ def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
         StopRecord(1, 0, "", new),
     ]
     for record in records:
-        assert "levitating" in (account.line(record) or "")
+        assert "levitating" in (account.line_for(record) or "")
     begun = TaskRecord(1, 0, "", 1, "startCommunicationRobotAct", "Waltz", "Blocking", "", "ACTIVE")
-    account.line(begun)
-    account.line(structs.replace(begun, status=new, t=1))
-    assert "succeeded, 2.0 s" in (account.line(structs.replace(begun, status="SUCCEEDED", t=2)) or "")
+    account.line_for(begun)
+    account.line_for(structs.replace(begun, status=new, t=1))
+    assert "succeeded, 2.0 s" in (account.line_for(structs.replace(begun, status="SUCCEEDED", t=2)) or "")
 
 
 def test_times_and_parameters_in_short() -> None:

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 
 import pytest
 
-from rise_engine.clock import RealClock, VirtualClock
+from rise_engine.engine.clock import RealClock, VirtualClock
 
 
 def test_virtual_time_runs_timers_in_order_and_ties_in_the_order_of_their_setting() -> None:
@@ -46,15 +46,15 @@ def test_cancelled_timers_do_not_run_and_do_not_pile_up() -> None:
 
 
 def test_virtual_wall_time_begins_in_1970() -> None:
-    assert VirtualClock().wall(0) == "1970-01-01T00:00:00.000+00:00"
-    assert VirtualClock().wall(3661.5) == "1970-01-01T01:01:01.500+00:00"
+    assert VirtualClock().wall_label(0) == "1970-01-01T00:00:00.000+00:00"
+    assert VirtualClock().wall_label(3661.5) == "1970-01-01T01:01:01.500+00:00"
 
 
 def test_a_label_is_given_for_every_time_however_far_away() -> None:
     for far in (1e12, 1e300, float("inf")):
-        assert VirtualClock().wall(far) == "9999-12-31T23:59:59.000+00:00"
+        assert VirtualClock().wall_label(far) == "9999-12-31T23:59:59.000+00:00"
     for early in (-1.0, float("-inf"), float("nan")):
-        assert VirtualClock().wall(early) == "1970-01-01T00:00:00.000+00:00"
+        assert VirtualClock().wall_label(early) == "1970-01-01T00:00:00.000+00:00"
 
 
 async def test_real_time_can_be_faster() -> None:
@@ -78,10 +78,10 @@ async def test_the_label_is_the_local_time_with_its_offset(zone: str, monkeypatc
             1_729_990_799_500_000_000,  # the last second of summer time in Europe
             1_729_990_800_001_000_000,
         ):
-            monkeypatch.setattr("rise_engine.clock.time_ns", lambda now=nanoseconds: now)
+            monkeypatch.setattr("rise_engine.engine.clock.time_ns", lambda now=nanoseconds: now)
             whole, milliseconds = divmod(nanoseconds // 1_000_000, 1000)
             exact = datetime.fromtimestamp(whole).astimezone() + timedelta(milliseconds=milliseconds)
-            assert clock.wall(0) == exact.isoformat(timespec="milliseconds")
+            assert clock.wall_label(0) == exact.isoformat(timespec="milliseconds")
     finally:
         monkeypatch.undo()
         time.tzset()

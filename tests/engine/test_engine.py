@@ -10,8 +10,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from rise_engine.clock import VirtualClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import VirtualClock
+from rise_engine.engine.drivers import make_robot
+from rise_engine.engine.engine import Engine
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import (
@@ -23,11 +24,10 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_engine.link.client import Reply
-from rise_engine.robot import Report
-from rise_engine.robots import make_robot
+from rise_engine.kernel.view import SessionView
+from rise_engine.ports.robot import ReportCallback
+from rise_engine.protocol.client import Reply
 from rise_engine.scenario.model import Scenario
-from rise_engine.view import View
 
 from .samples import GREETING, act, assert_one_ending_each, endings, scenario, speech, start
 
@@ -36,7 +36,7 @@ class Instant:
     """A robot that answers inside the call, which is allowed."""
 
     def __init__(self) -> None:
-        self.report: Report = lambda report: None
+        self.report: ReportCallback = lambda report: None
         self.calls: list[str] = []
         self.raises: dict[str, Exception] = {}
         self.answers = True
@@ -46,7 +46,7 @@ class Instant:
         if name in self.raises:
             raise self.raises[name]
 
-    def connect(self, report: Report) -> None:
+    def connect(self, report: ReportCallback) -> None:
         self.report = report
         self._called("connect")
         report(RobotChanged(status="connected"))
@@ -232,7 +232,7 @@ def test_a_view_folded_from_the_records_shows_the_end_of_it_all() -> None:
     s = Session(scenario(GREETING))
     s.engine.accept(start("Greet"))
     s.run()
-    view = View()
+    view = SessionView()
     for record in s.end():
         view.apply(record)
     assert view.ended and not view.running and not view.waiting
@@ -256,7 +256,7 @@ def test_a_kernel_that_fails_leaves_the_robot_still(
     robot = Instant()
     s = Session(scenario(GREETING), robot)
     ended: list[bool] = []
-    s.engine.when_ended(lambda: ended.append(True))
+    s.engine.on_ended(lambda: ended.append(True))
 
     def fails(fact: object) -> Any:
         raise AssertionError("a mistake")

@@ -33,7 +33,7 @@ class Watch:
 @pytest.fixture(autouse=True)
 def _always_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     """At each commit, whether the file is in its place; usually once a second."""
-    monkeypatch.setattr("rise_engine.session.journal.BEAT_SECONDS", 0.0001)
+    monkeypatch.setattr("rise_engine.session.journal.CLOCK_SECONDS", 0.0001)
 
 
 def journal(path: Path, disk: Disk | None = None, **more: object) -> tuple[Journal, Watch]:
@@ -49,7 +49,7 @@ def test_lines_become_durable_in_order(tmp_path: Path) -> None:
     positions = [it.append(line) for line in LINES]
     assert positions == list(range(1, 201))
     watch.until(lambda: it.durable == 200)
-    assert it.behind == 0.0 and it.trouble == ""
+    assert it.lag == 0.0 and it.error == ""
     assert it.close()
     assert it.path.read_bytes() == b"".join(LINES)
     assert it.path.stat().st_mode & 0o777 == 0o600
@@ -90,13 +90,13 @@ def test_trouble_is_told_in_words_and_so_is_its_end(tmp_path: Path) -> None:
     watch.until(lambda: it.durable == 1)
     disk.number = errno.ENOSPC
     it.append(b"two\n")
-    watch.until(lambda: it.trouble)
-    assert it.trouble == "the disk is full"
+    watch.until(lambda: it.error)
+    assert it.error == "the disk is full"
     assert it.durable == 1
-    assert it.behind > 0
+    assert it.lag > 0
     disk.number = None
     watch.until(lambda: it.durable == 2)
-    assert it.trouble == ""
+    assert it.error == ""
     assert it.close()
 
 
@@ -105,7 +105,7 @@ def test_a_disk_that_never_comes_back_does_not_hold_the_end(tmp_path: Path) -> N
     it, watch = journal(tmp_path / "journal.jsonl", disk)
     disk.number = errno.EIO
     it.append(b"one\n")
-    watch.until(lambda: it.trouble)
+    watch.until(lambda: it.error)
     assert it.close(timeout=0.01) is False
 
 
@@ -127,7 +127,7 @@ def test_another_file_in_its_place_is_not_touched(tmp_path: Path) -> None:
     it.path.unlink()
     it.path.write_bytes(b"mine")
     it.append(b"two\n")
-    watch.until(lambda: it.trouble)
+    watch.until(lambda: it.error)
     assert it.path.read_bytes() == b"mine"
     it.path.unlink()
     watch.until(lambda: it.durable == 2)

@@ -9,16 +9,16 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from rise_engine.clock import RealClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.engine import Engine
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
-from rise_engine.link.client import Journaling, Reply
-from rise_engine.robot import Report
+from rise_engine.ports.robot import ReportCallback
+from rise_engine.protocol.client import JournalStatus, Reply
 from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
-from rise_engine.session.lines import InputLine, header_line, read_line
+from rise_engine.session.journal_format import InputLine, encode_header, read_line
 
 from .disks import FullDisk, StallingDisk
 from .samples import GREETING, scenario, start
@@ -30,10 +30,10 @@ class Robot:
     """Remembers what it was asked; ends nothing by itself."""
 
     def __init__(self) -> None:
-        self.report: Report = lambda report: None
+        self.report: ReportCallback = lambda report: None
         self.calls: list[str] = []
 
-    def connect(self, report: Report) -> None:
+    def connect(self, report: ReportCallback) -> None:
         self.report = report
         report(RobotChanged(status="connected"))
 
@@ -58,23 +58,23 @@ class Session:
         self.robot = Robot()
         self.records: list[AnyRecord] = []
         self.replies: list[Reply] = []
-        self.journalings: list[Journaling] = []
+        self.journalings: list[JournalStatus] = []
 
         def changed() -> None:
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(self._look)
 
         self.journal = Journal(path, changed=changed, disk=disk, retry=0.001)
-        self.journal.append(header_line("test"))
+        self.journal.append(encode_header("test"))
         which = scenario(GREETING)
         self.engine = Engine(
             which, self.robot, RealClock(loop), 0, sinks=[self.records.append], journal=self.journal
         )  # fmt: skip
-        self.engine.when_journaling = self.journalings.append
+        self.engine.on_journal_status = self.journalings.append
         self.engine.start()
 
     def _look(self) -> None:
-        self.engine.look_at_journal()
+        self.engine.flush_durable()
         self.turned.set()
 
     async def until(self, true: Callable[[], Any]) -> None:
@@ -99,7 +99,7 @@ async def session(tmp_path: Path, disk: Disk) -> AsyncIterator[Session]:
     try:
         yield it
     finally:
-        it.engine.give_up()
+        it.engine.abandon()
         await asyncio.to_thread(it.journal.close, 5.0)
 
 
@@ -122,7 +122,7 @@ async def test_nothing_goes_out_while_the_disk_stalls_but_the_loop_goes_on(tmp_p
         disk.go.clear()
         it.ask(start("Greet"))
         assert await asyncio.to_thread(disk.waits.wait, 10)
-        it.engine.look_at_journal()
+        it.engine.flush_durable()
         assert (it.replies, it.robot.calls, len(it.records)) == ([], [], seen)
         disk.go.set()
         await it.until(lambda: it.replies)
@@ -173,7 +173,7 @@ async def test_a_full_disk_pauses_the_session(tmp_path: Path) -> None:
         assert it.replies[-1] == Reply(False, "nothing can be recorded, so the session is paused: the disk is full")
         it.robot.report(ActionReport(action="1/1", status="succeeded"))
         at = it.engine.clock.now()
-        it.engine.look_at_journal()
+        it.engine.flush_durable()
         assert len(it.records) == seen
         disk.number = None
         await it.until(lambda: it.of(NoteRecord))
@@ -213,7 +213,7 @@ async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) ->
     disk = StallingDisk()
     async with session(tmp_path, disk) as it:
         ended = asyncio.Event()
-        it.engine.when_ended(ended.set)
+        it.engine.on_ended(ended.set)
         disk.go.clear()
         it.engine.end("enough")
         assert not it.engine.ended

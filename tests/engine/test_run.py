@@ -18,16 +18,16 @@ from typing import Any
 
 import pytest
 
-from rise_engine import run as run_module
+from rise_engine.cli import run as run_module
+from rise_engine.cli.output import Output, ThreadedOutput
+from rise_engine.cli.run import RunOptions
+from rise_engine.cli.run import run as run_session
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
-from rise_engine.output import Output, ThreadedOutput
-from rise_engine.robot import Report
-from rise_engine.run import RunOptions
-from rise_engine.run import run as run_session
-from rise_engine.session_options import SessionOptions
+from rise_engine.ports.robot import ReportCallback
+from rise_engine.protocol.session_options import SessionOptions
 
 from .processes import ENGINE, Live, engine, folder, records
 from .samples import GREETING, assert_one_ending_each, scenario, start
@@ -52,7 +52,7 @@ def act(name: str, **more: object) -> str:
 
 def options(first: tuple[Submit, ...], speed: float | None, **more: Any) -> RunOptions:
     """`speed` None: in virtual time."""
-    session = SessionOptions(str(GREETING), speed=speed or 1.0, first=first)
+    session = SessionOptions(str(GREETING), speed=speed or 1.0, first_tasks=first)
     return RunOptions(scenario(GREETING), session, virtual=speed is None, **more)
 
 
@@ -452,9 +452,9 @@ class _Robot:
 
     def __init__(self) -> None:
         self.stopped = 0
-        self._report: Report = lambda report: None
+        self._report: ReportCallback = lambda report: None
 
-    def connect(self, report: Report) -> None:
+    def connect(self, report: ReportCallback) -> None:
         self._report = report
         report(RobotChanged(status="connected"))
 

@@ -15,15 +15,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from lxml import etree
 
+from rise_engine.cli.output import Output
+from rise_engine.cli.sessions import print_sessions
+from rise_engine.cli.terminal import CleanStream, OutputError, escape_json
 from rise_engine.exit_status import NOT_WRITTEN
 from rise_engine.kernel.records import NoteRecord
-from rise_engine.link.messages import About
-from rise_engine.link.reports import sessions_report
-from rise_engine.output import Output
-from rise_engine.scenario.findings import Finding
-from rise_engine.scenario.model import Place
-from rise_engine.terminal import CleanStream, OutputError, json_line
-from rise_engine.text import UNSEEN, called, clean, meant, strange, told
+from rise_engine.protocol.messages import SessionSummary
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.text import UNSEEN, character_name, clean, escape_surrogates, find_unseen, restore_surrogates
 
 from .processes import ENGINE, engine, folder
 
@@ -135,10 +135,10 @@ def test_json_keeps_every_character_and_is_safe_to_look_at(evil: Path) -> None:
 def test_running_sessions_are_listed_clean(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     numbers = {"version": 1, "seed": 1, "t": 1.0, "seq": 1, "busy": True, "stopped": False, "clients": [EVIL]}
     texts = ("title", "mode", "robot", "scenario_folder", "scenario_hash", "folder", "control", "trouble")
-    about = About(**numbers, **dict.fromkeys(texts, EVIL))
-    monkeypatch.setattr("rise_engine.link.reports.everywhere", lambda: {"one": about})
-    monkeypatch.setattr("rise_engine.link.reports.left_over", lambda found: [])
-    sessions_report(as_json=False)
+    about = SessionSummary(**numbers, **dict.fromkeys(texts, EVIL))
+    monkeypatch.setattr("rise_engine.cli.sessions.all_running_sessions", lambda: {"one": about})
+    monkeypatch.setattr("rise_engine.cli.sessions.unfinished_sessions", lambda found: [])
+    print_sessions(as_json=False)
     listed = capsys.readouterr().out
     assert seen(listed) and all(line.startswith(("one", "    ")) for line in listed.splitlines())
 
@@ -152,7 +152,7 @@ def test_a_session_told_in_lines(capsysbinary: pytest.CaptureFixture[bytes]) -> 
 
 
 def test_a_finding_is_one_clean_line() -> None:
-    finding = str(Finding("error", "x", EVIL, Place(EVIL)))
+    finding = str(Diagnostic("error", "x", EVIL, SourceLocation(EVIL)))
     assert seen(finding) and "\n" not in finding
 
 
@@ -194,7 +194,7 @@ def test_what_is_seen_stays(text: str) -> None:
 @given(st.recursive(st.text() | st.integers(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
 @example({EVIL: [EVIL, "\U000e0041\n"]})
 def test_json_is_the_same_value(value: object) -> None:
-    line = json_line(msgspec.json.format(msgspec.json.encode(value), indent=2))
+    line = escape_json(msgspec.json.format(msgspec.json.encode(value), indent=2))
     assert json.loads(line) == value
     assert seen(line.decode())
 
@@ -202,14 +202,14 @@ def test_json_is_the_same_value(value: object) -> None:
 @given(st.binary())
 def test_paths_that_are_no_text(name: bytes) -> None:
     path = os.fsdecode(name.replace(b"\\", b"/"))
-    assert meant(told(path)) == path
-    told(path).encode()
+    assert restore_surrogates(escape_surrogates(path)) == path
+    escape_surrogates(path).encode()
 
 
 def test_where_something_strange_stands() -> None:
-    assert strange("a \t\r\nb") == -1
-    assert strange("ab\u00a0c\u200b") == 2 and strange("ab\u00a0c\u200b", 3) == 4
-    assert called("\u00a0") == "U+00A0 (NO-BREAK SPACE)" and called("\x85") == "U+0085 (NEXT LINE)"
+    assert find_unseen("a \t\r\nb") == -1
+    assert find_unseen("ab\u00a0c\u200b") == 2 and find_unseen("ab\u00a0c\u200b", 3) == 4
+    assert character_name("\u00a0") == "U+00A0 (NO-BREAK SPACE)" and character_name("\x85") == "U+0085 (NEXT LINE)"
 
 
 def test_a_stream_that_fails() -> None:
@@ -226,5 +226,5 @@ def test_a_stream_that_fails() -> None:
 
 
 def test_the_console_has_the_same_definition() -> None:
-    code = "from rise_tui.text import clean; import rise_engine.text; assert clean is rise_engine.text.clean"
+    code = "from rise_tui.rendering.text import clean; import rise_engine.text; assert clean is rise_engine.text.clean"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.expression import Assignment, Env, EvaluationError, Expression, ExpressionError, lookup, store
+from rise_engine.expression import (
+    Assignment,
+    Environment,
+    EvaluationError,
+    Expression,
+    ExpressionError,
+    assigned_entry,
+    lookup,
+)
 
 MEMORY: dict[str, Any] = {"n": 5, "name": "Ada", "person": {"age": 36, "at": {"x": 1}}, "list": [1, [2]], "a.b": 1}
 
@@ -42,7 +50,7 @@ VALUES = {
 @pytest.mark.parametrize(("text", "expected"), VALUES.items())
 def test_assigned(text: str, expected: tuple[str, Any]) -> None:
     assignment = Assignment.parse(text)
-    value = assignment.evaluate(Env(MEMORY), known_keys={"known"})
+    value = assignment.evaluate(Environment(MEMORY), known_keys={"known"})
     assert (assignment.key, value) == expected
     assert type(value) is type(expected[1])
 
@@ -55,7 +63,7 @@ def test_the_keys_of_the_right_side() -> None:
     assert Assignment.parse("n = [1]").keys == frozenset()
     assert Assignment.parse("n = true").bare_word is None
     missing: set[str] = set()
-    Assignment.parse("x = known").evaluate(Env(MEMORY, missing=missing), {"known"})
+    Assignment.parse("x = known").evaluate(Environment(MEMORY, missing=missing), {"known"})
     assert missing == {"known"}
 
 
@@ -110,7 +118,7 @@ def test_refused(text: str, column: int, part: str) -> None:
 @pytest.mark.parametrize("text", ["x = 1/0", "x = 0/0", "x = -1/0", "x = name + 1"])
 def test_what_a_memory_cannot_hold(text: str) -> None:
     with pytest.raises(EvaluationError):
-        Assignment.parse(text).evaluate(Env(MEMORY))
+        Assignment.parse(text).evaluate(Environment(MEMORY))
 
 
 def test_several_keys_at_once() -> None:
@@ -139,7 +147,7 @@ STORED = {
 @pytest.mark.parametrize(("key", "expected"), STORED.items())
 def test_stored(key: str, expected: tuple[str, Any]) -> None:
     before = copy.deepcopy(MEMORY)
-    top, value = store(MEMORY, key, 0)
+    top, value = assigned_entry(MEMORY, key, 0)
     assert (top, value) == expected
     assert before == MEMORY, "the memory itself must not change"
     assert lookup({**MEMORY, top: value}, key) == (True, 0)
@@ -148,7 +156,7 @@ def test_stored(key: str, expected: tuple[str, Any]) -> None:
 @pytest.mark.parametrize("key", ["person.age.years", "list.2", "list.x", "list.0.x", "list.1.7"])
 def test_no_place_to_store(key: str) -> None:
     with pytest.raises(EvaluationError):
-        store(MEMORY, key, 0)
+        assigned_entry(MEMORY, key, 0)
 
 
 PARTS = st.sampled_from(["a", "b", "0", "1"])
@@ -164,7 +172,7 @@ KEYS = st.lists(PARTS, min_size=1, max_size=4).map(".".join)
 def test_what_is_stored_is_read_back(memory: dict[str, Any], key: str, value: Any) -> None:
     before = copy.deepcopy(memory)
     try:
-        top, new = store(memory, key, value)
+        top, new = assigned_entry(memory, key, value)
     except EvaluationError:
         assert memory == before
         return
@@ -195,7 +203,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     ],
 )
 def test_whole_numbers_of_64_bits(right: str, value: object) -> None:
-    stored = Assignment.parse(f"a = {right}").evaluate(Env({}))
+    stored = Assignment.parse(f"a = {right}").evaluate(Environment({}))
     assert stored == value and type(stored) is type(value)
     assert Expression.parse(f"a == {right}").as_condition({"a": stored})
 
@@ -211,14 +219,14 @@ def test_one_depth_for_all() -> None:
     with pytest.raises(ExpressionError, match="64"):
         Assignment.parse("a = " + "[" * 65 + "]" * 65)
     deep = Assignment.parse("a = " + "[" * 63 + "]" * 63).literal
-    assert store({"o": {}}, "o.x", deep) == ("o", {"x": deep})
+    assert assigned_entry({"o": {}}, "o.x", deep) == ("o", {"x": deep})
     with pytest.raises(EvaluationError, match="64"):
-        store({"o": {}}, "o.x.y", deep)
+        assigned_entry({"o": {}}, "o.x.y", deep)
     with pytest.raises(EvaluationError, match="64"):
-        store({"o": {}}, "o" + ".x" * 65, 1)
-    assert store({"o": {}}, "o" + ".x" * 64, 1)[0] == "o"
+        assigned_entry({"o": {}}, "o" + ".x" * 65, 1)
+    assert assigned_entry({"o": {}}, "o" + ".x" * 64, 1)[0] == "o"
     memory: dict[str, object] = {"o": {}}
     with pytest.raises(EvaluationError, match="64"):
         for _ in range(100):  # an object put into itself, again and again
-            top, value = store(memory, "o.o", memory["o"])
+            top, value = assigned_entry(memory, "o.o", memory["o"])
             memory[top] = value

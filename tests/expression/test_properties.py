@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
-from rise_engine.expression.upstream import differences, upstream_reading
+from rise_engine.expression.rise1_compat import rise1_difference, rise1_reading
 from tests.expression.numbers import as_number
 
 KEYS = ("a", "b", "c.d", "n", "m", "x")
@@ -57,14 +57,14 @@ def outcome(text: str, memory: dict[str, Any]) -> list[Any]:
 
 @given(st.text() | st.lists(st.sampled_from(WORDS), max_size=30).map(" ".join))
 def test_any_text_is_read_or_refused(text: str) -> None:
-    upstream_reading(text)
+    rise1_reading(text)
     try:
         expression = Expression.parse(text)
     except ExpressionError as error:
         assert 1 <= error.column <= len(text) + 1
         assert error.message
         return
-    differences(expression)
+    rise1_difference(expression)
 
 
 @given(SHAPES, MEMORIES)
@@ -82,8 +82,8 @@ def test_evaluation_gives_a_value_or_an_evaluation_error(text: str, memory: dict
 @given(SHAPES, MEMORIES)
 def test_the_explicit_form_means_the_same(text: str, memory: dict[str, Any]) -> None:
     expression = Expression.parse(text)
-    again = Expression.parse(expression.explicit)
-    assert again.explicit == expression.explicit
+    again = Expression.parse(expression.with_all_brackets)
+    assert again.with_all_brackets == expression.with_all_brackets
     assert again.keys == expression.keys
     assert outcome(again.text, memory) == outcome(text, memory)
 

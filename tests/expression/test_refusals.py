@@ -120,10 +120,10 @@ def test_refused(text: str, column: int, part: str) -> None:
 
 
 def test_as_deep_as_allowed() -> None:
-    assert Expression.parse("(" * 200 + "a" + ")" * 200).is_bare_key == "a"
+    assert Expression.parse("(" * 200 + "a" + ")" * 200).bare_key == "a"
     deep = Expression.parse("not " * 99 + "a")
     assert deep.as_condition({"a": 0}) is True
-    assert Expression.parse(deep.explicit).as_condition({"a": 0}) is True
+    assert Expression.parse(deep.with_all_brackets).as_condition({"a": 0}) is True
 
 
 def test_text_comparisons_do_not_chain() -> None:

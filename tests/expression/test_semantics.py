@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.expression import Env, EvaluationError, Expression, lookup
+from rise_engine.expression import Environment, EvaluationError, Expression, lookup
 from tests.expression.numbers import as_number
 
 MEMORY: dict[str, Any] = {
@@ -362,8 +362,8 @@ def test_rand_draws_once_for_each_call() -> None:
 
 def test_one_environment_serves_while_the_memory_changes() -> None:
     memory: dict[str, Any] = {"n": 1}
-    env = Env(memory)
-    condition = Expression.parse("n > 3").condition
+    env = Environment(memory)
+    condition = Expression.parse("n > 3").compiled_condition
     assert condition(env) is False
     memory["n"] = 4
     assert condition(env) is True
@@ -382,14 +382,14 @@ def test_one_environment_serves_while_the_memory_changes() -> None:
     ],
 )
 def test_explicit(text: str, expected: str) -> None:
-    assert Expression.parse(text).explicit == expected
+    assert Expression.parse(text).with_all_brackets == expected
 
 
 @pytest.mark.parametrize(
     ("text", "key"), [("a", "a"), (" (a.b) ", "a.b"), ("not a", None), ("pi", None), ("true", None)]
 )
 def test_bare_key(text: str, key: str | None) -> None:
-    assert Expression.parse(text).is_bare_key == key
+    assert Expression.parse(text).bare_key == key
 
 
 def test_expressions_are_values() -> None:

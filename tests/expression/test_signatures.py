@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from rise_engine.cli import main
 from rise_engine.expression import Expression, ExpressionError
-from rise_engine.expression.functions import ARITY, MANY
+from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
 from rise_engine.expression.signatures import SIGNATURES, Signature
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "conditions.md"
@@ -25,7 +25,7 @@ def test_every_function_has_one() -> None:
 def test_it_is_true(each: Signature) -> None:
     counts = {len(re.findall(r"[\w.]+", call.partition("(")[2])) for call in each.written}
     least, most = ARITY[each.name]
-    if most == MANY:
+    if most == ANY_NUMBER_OF_ARGUMENTS:
         assert all(call.endswith(", ...)") for call in each.written) and counts == {least + 1}
     else:
         assert counts == {*range(least, most + 1)}
@@ -45,7 +45,7 @@ def test_it_is_true(each: Signature) -> None:
 
 
 def test_the_documentation_has_the_same_table() -> None:
-    rows = [f"| {each.call} | {each.says} | `{each.example}` | `{each.result}` |" for each in SIGNATURES]
+    rows = [f"| {each.call} | {each.meaning} | `{each.example}` | `{each.result}` |" for each in SIGNATURES]
     table = "\n".join(("| function | gives | example | result |", "|---|---|---|---|", *rows))
     assert table in DOCS.read_text("utf-8")
 

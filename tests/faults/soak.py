@@ -30,16 +30,16 @@ import msgspec
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord
-from rise_engine.link import messages
-from rise_engine.link.spawn import Word, Working
+from rise_engine.protocol import messages
+from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.serve import serve
+from rise_engine.server.process import serve
+from rise_engine.server.spawn import StartupProgress, StartupReport
 from rise_engine.session.folder import JOURNAL
-from rise_engine.session.lines import InputLine
-from rise_engine.session.reading import read_journal
-from rise_engine.session.replay import compare
-from rise_engine.session_options import SessionOptions
+from rise_engine.session.journal_format import InputLine
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.replay import compare_replay
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/console/data/demo"]
@@ -67,7 +67,7 @@ class Child:
         os.close(say)
         self._ready = ready
 
-    def word(self) -> Word:
+    def word(self) -> StartupReport:
         """Wait until it serves."""
         text = b""
         while not text.endswith(b"\n"):
@@ -77,7 +77,7 @@ class Child:
             if not chunk:
                 raise Mistake("the engine ended before it served")
             text += chunk
-        return msgspec.json.decode(text, type=Word)
+        return msgspec.json.decode(text, type=StartupReport)
 
     def kill(self) -> None:
         os.kill(self.pid, signal.SIGKILL)
@@ -93,8 +93,8 @@ class Child:
         return os.waitstatus_to_exitcode(status)
 
 
-def _write_word(descriptor: int, word: Word | Working) -> None:
-    if isinstance(word, Working):
+def _write_word(descriptor: int, word: StartupReport | StartupProgress) -> None:
+    if isinstance(word, StartupProgress):
         return
     os.write(descriptor, msgspec.json.encode(word) + b"\n")
     os.close(descriptor)
@@ -110,13 +110,13 @@ class Wire:
         self._rest = b""
         self._socket = socket.socket(socket.AF_UNIX)
         self._socket.connect(str(path))
-        self._put(messages.Attach(version=messages.VERSION, name="soak", role="node"))
+        self._put(messages.AttachMessage(version=messages.VERSION, name="soak", role="node"))
 
     def send(self, task: Submit) -> None:
         number = len(self.sent) + 1
         task = msgspec.structs.replace(task, ref=f"{os.getpid()}-{id(self)}-{number}")
         self.sent[number] = task
-        self._put(messages.Send(id=number, message=task))
+        self._put(messages.SendMessage(id=number, message=task))
 
     def _put(self, message: Any) -> None:
         with suppress(OSError):  # it was killed already
@@ -197,7 +197,7 @@ class Soak:
         assert scenario is not None
         faults = tuple(dice.sample(["*=slow:3", "Speech=fail@2", "Speech=hang@1", "vanish@3-5"], dice.randint(0, 1)))
         order = SessionOptions(
-            str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, name="soak", unfinished="new"
+            str(folder), seed=dice.randrange(1000), speed=30.0, faults=faults, socket_name="soak", unfinished="new"
         )
         self.counts["sessions"] += 1
         where: Path | None = None
@@ -256,7 +256,7 @@ class Soak:
             raise Mistake(f"{where}: damaged {contents.damaged} {contents.gaps}")
         if contents.ended is not ended:
             raise Mistake(f"{where}: ended is {contents.ended}")
-        comparison = compare(where)
+        comparison = compare_replay(where)
         if not comparison.identical:
             raise Mistake(f"{where}: {comparison}")
         self.counts["inputs"] += comparison.inputs

@@ -18,11 +18,11 @@ import msgspec
 import pytest
 
 from rise_engine.client import connect
+from rise_engine.client.session import Rejected
 from rise_engine.kernel.records import ActionRecord, TaskRecord
-from rise_engine.link.program import Rejected
+from rise_engine.kernel.view import SessionView
 from rise_engine.session.folder import JOURNAL
-from rise_engine.session.reading import read_journal
-from rise_engine.view import View
+from rise_engine.session.journal_reader import read_journal
 from tests.console.terminals import Terminal, environment_of, terminal
 
 pytestmark = pytest.mark.pty
@@ -76,7 +76,7 @@ async def hold(it: Terminal) -> None:
     os.kill(it.process.pid, signal.SIGCONT)
 
 
-def whole(view: View) -> Any:
+def whole(view: SessionView) -> Any:
     """Everything that a console knows of a session, without who is attached."""
     same = msgspec.structs.replace(view, seq=0, t=0.0, control=None, asked=None)
     return list(view.tasks), msgspec.to_builtins(same, str_keys=True, enc_hook=list)

@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 
-from rise_engine.link.places import held, lock_path, session_name, socket_path
-from rise_engine.link.socket_client import SocketClient
-from rise_engine.link.spawn import Refused, Started, start_engine
-from rise_engine.session.folder import JOURNAL, read_info, unfinished
-from rise_engine.session.reading import read_journal
-from rise_engine.session_options import SessionOptions
+from rise_engine.client.socket import SocketClient
+from rise_engine.protocol.registry import is_locked, lock_path, session_name, socket_path
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
+from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
+from rise_engine.session.journal_reader import read_journal
 
 from ..engine.processes import ENGINE, engine, folder
 
@@ -40,7 +40,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("RISE_SESSIONS", str(tmp_path / "sessions"))
     yield tmp_path
     for lock in run.glob("*.lock"):
-        if held(lock):
+        if is_locked(lock):
             os.kill(int(lock.read_text()), signal.SIGKILL)
     shutil.rmtree(run, ignore_errors=True)
 
@@ -193,7 +193,7 @@ def test_nobody_s_session_goes_on_as_somebody_else_s(places: Path) -> None:
     asked = engine("serve", study, "--participant", "P08")
     assert asked.returncode == 4 and "say --recover" not in asked.stderr
     started = start_engine(SessionOptions(str(study), participant="P08", unfinished="recover"))
-    assert isinstance(started, Refused) and started.unfinished == []
+    assert isinstance(started, EngineRefused) and started.unfinished == []
     assert [Path(found) for found, _ in started.others] == [record]
     assert statuses(record, "session") == ["started"], "it was not touched"
     own = killed(study, "--participant", "P08", "--new")
@@ -276,16 +276,16 @@ def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_e
 def test_an_engine_in_the_background_says_that_it_serves_or_why_not(places: Path) -> None:
     study = folder(places / "study")
     started = start_engine(SessionOptions(str(study), seed=3))
-    assert isinstance(started, Started)
+    assert isinstance(started, EngineStarted)
     assert started.name == session_name(study)
     assert read_info(Path(started.folder)).seed == 3
     refused = start_engine(SessionOptions(str(study)))
-    assert isinstance(refused, Refused) and refused.code == 3
+    assert isinstance(refused, EngineRefused) and refused.code == 3
     pid = int(lock_path(socket_path(started.name)).read_text())
     assert os.getsid(pid) == pid, "it belongs to no terminal"
     assert engine("stop").returncode == 0
     nowhere = start_engine(SessionOptions(str(places / "nowhere")))
-    assert isinstance(nowhere, Refused) and nowhere.code == 1
+    assert isinstance(nowhere, EngineRefused) and nowhere.code == 1
 
 
 def test_systemd_is_told(places: Path) -> None:
@@ -343,16 +343,16 @@ def test_a_folder_whose_name_is_no_text(places: Path) -> None:
     wait_for_record(first.record, b'"status":"accepted"')
     assert read_info(first.record).scenario_folder == str(one)
     first.end(signal.SIGKILL)
-    assert unfinished(str(one)) == [first.record] and unfinished(str(other)) == []
+    assert find_unfinished(str(one)) == [first.record] and find_unfinished(str(other)) == []
     again = Serving(one, "--recover")
     assert again.record == first.record
     assert again.end() == 0
 
     started = start_engine(SessionOptions(str(one), unfinished="new"))
-    assert isinstance(started, Started), started
+    assert isinstance(started, EngineStarted), started
     assert asyncio.run(told_folder(started.name)) == str(one)
     refused = start_engine(SessionOptions(str(one)))
-    assert isinstance(refused, Refused)
+    assert isinstance(refused, EngineRefused)
     listed = engine("sessions")
     assert listed.returncode == 0 and session_name(str(one)) in listed.stdout
     assert engine("stop", one).returncode == 0

@@ -18,16 +18,24 @@ from typing import Any
 
 import pytest
 
-from rise_engine.link.client import EngineGone
-from rise_engine.link.places import held, session_name
-from rise_engine.link.socket_client import SocketClient
-from rise_engine.serve import Refusal, _Prepared
+from rise_engine.client.socket import SocketClient
+from rise_engine.protocol.client import EngineGone
+from rise_engine.protocol.registry import is_locked, session_name
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.server.process import ServeRefused, _SessionPreparation
 from rise_engine.session import lock as locks
-from rise_engine.session.folder import JOURNAL, SessionError, running_folders, unfinished
-from rise_engine.session.lock import NOTE, HeldElsewhere, JournalLock, JournalLocked, file_system, holder_of, is_locked
-from rise_engine.session.reading import read_journal
+from rise_engine.session.folder import JOURNAL, SessionError, find_unfinished, running_sessions
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.lock import (
+    HOLDER_FILE,
+    HeldElsewhereError,
+    JournalLock,
+    JournalLockedError,
+    file_system,
+    is_journal_locked,
+    read_holder,
+)
 from rise_engine.session.recovery import recover
-from rise_engine.session_options import SessionOptions
 
 from ..engine.processes import ENGINE, engine, folder
 from .test_serve import Serving, wait_for_record
@@ -53,7 +61,7 @@ class Places:
     def close(self) -> None:
         for run in self.runs:
             for path in run.glob("*.lock"):
-                if held(path):
+                if is_locked(path):
                     os.kill(int(path.read_text()), signal.SIGKILL)
             shutil.rmtree(run, ignore_errors=True)
 
@@ -119,19 +127,19 @@ def test_a_running_session_is_listed_attached_to_and_stopped_from_anywhere(place
     assert told.stdout.startswith(f"{socket}  ") and str(it.record) in told.stdout
     assert "did not end" not in told.stderr
     assert [each["name"] for each in json.loads(engine("sessions", "--json").stdout)] == [socket]
-    assert unfinished(str(study)) == [] and list(running_folders(str(study))) == [it.record]
+    assert find_unfinished(str(study)) == [] and list(running_sessions(str(study))) == [it.record]
     assert engine("stop", places.root).returncode == 1
     assert engine("stop", study).returncode == 0
     assert it.wait() == 0
-    assert running_folders(str(study)) == {} and not (it.record / NOTE).exists()
+    assert running_sessions(str(study)) == {} and not (it.record / HOLDER_FILE).exists()
     assert engine("stop", socket).returncode == 1
 
 
 async def test_a_client_attaches_by_the_socket_that_the_folder_names(places: Places) -> None:
     it = begun(folder(places.root / "study"))
     places.use(1)
-    holder = holder_of(it.record)
-    assert holder is not None and holder.pid == it.process.pid and holder.is_here
+    holder = read_holder(it.record)
+    assert holder is not None and holder.pid == it.process.pid and holder.is_this_computer
     client = SocketClient(holder.socket, "anna")
     assert (await client.attach()).folder == str(it.record)
     it.end(signal.SIGKILL)
@@ -144,8 +152,8 @@ async def test_a_client_attaches_by_the_socket_that_the_folder_names(places: Pla
 def test_the_lock_goes_with_the_process_however_that_ends(places: Places) -> None:
     study = folder(places.root / "study")
     record = killed(study)
-    assert not is_locked(record / JOURNAL) and holder_of(record) is not None
-    assert unfinished(str(study)) == [record]
+    assert not is_journal_locked(record / JOURNAL) and read_holder(record) is not None
+    assert find_unfinished(str(study)) == [record]
     places.use(1)
     more = begun(study, "--recover")
     assert more.record == record
@@ -207,10 +215,10 @@ def test_a_copied_folder_is_not_locked(places: Places) -> None:
     it = begun(study)
     copy = it.record.with_name("copy")
     shutil.copytree(it.record, copy)
-    assert is_locked(it.record / JOURNAL) and not is_locked(copy / JOURNAL)
-    assert unfinished(str(study)) == [copy]
+    assert is_journal_locked(it.record / JOURNAL) and not is_journal_locked(copy / JOURNAL)
+    assert find_unfinished(str(study)) == [copy]
     recover(copy)
-    assert is_locked(it.record / JOURNAL)
+    assert is_journal_locked(it.record / JOURNAL)
     assert it.end() == 0
 
 
@@ -230,9 +238,9 @@ def test_a_forked_process_does_not_hold_the_lock(tmp_path: Path) -> None:
     os.close(ready)
     assert os.read(forked, 1) == b"."
     try:
-        assert is_locked(tmp_path / JOURNAL), "the child that lets go of it takes it from nobody"
+        assert is_journal_locked(tmp_path / JOURNAL), "the child that lets go of it takes it from nobody"
         lock.release()
-        assert not is_locked(tmp_path / JOURNAL)
+        assert not is_journal_locked(tmp_path / JOURNAL)
         JournalLock(tmp_path / JOURNAL).release()
     finally:
         os.close(go)
@@ -251,14 +259,16 @@ def test_the_lock_is_there_before_a_byte_is_read_and_while_it_is_repaired(
     at = next(n for n, line in enumerate(lines) if b'"kind":"robot"' in line)
     path.write_bytes(b"".join([*lines[:at], lines[at].replace(b"robot", b"rabot"), *lines[at + 1 :], b'{"torn']))
     seen: list[tuple[str, bool]] = []
-    wrap(monkeypatch, "rise_engine.session.recovery.read_journal", lambda: seen.append(("read", is_locked(path))))
-    wrap(monkeypatch, "os.replace", lambda: seen.append(("replaced", is_locked(path))))
+    wrap(
+        monkeypatch, "rise_engine.session.recovery.read_journal", lambda: seen.append(("read", is_journal_locked(path)))
+    )
+    wrap(monkeypatch, "os.replace", lambda: seen.append(("replaced", is_journal_locked(path))))
     lock = JournalLock(path)
     assert recover(record, lock=lock).report
     assert ("read", True) in seen and ("replaced", True) in seen and all(locked for _, locked in seen), seen
-    assert is_locked(path), "the one that was written anew is locked like the one before"
+    assert is_journal_locked(path), "the one that was written anew is locked like the one before"
     lock.release()
-    assert not is_locked(path)
+    assert not is_journal_locked(path)
 
 
 def wrap(monkeypatch: pytest.MonkeyPatch, name: str, also: Any) -> None:
@@ -278,7 +288,7 @@ def test_a_journal_that_was_removed_and_is_written_anew_is_locked(places: Places
     it = begun(folder(places.root / "study"))
     (it.record / JOURNAL).unlink()
     wait_for_file(it.record / JOURNAL)
-    assert is_locked(it.record / JOURNAL)
+    assert is_journal_locked(it.record / JOURNAL)
     assert it.end() == 0
     assert engine("replay", it.record).returncode == 0
 
@@ -326,8 +336,8 @@ def test_a_folder_that_may_only_be_read_is_refused_in_words(places: Places) -> N
 
 
 def of_another_computer(record: Path) -> None:
-    note = json.loads((record / NOTE).read_text())
-    (record / NOTE).write_text(json.dumps({**note, "host": "lab-2"}))
+    note = json.loads((record / HOLDER_FILE).read_text())
+    (record / HOLDER_FILE).write_text(json.dumps({**note, "host": "lab-2"}))
 
 
 def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -335,21 +345,21 @@ def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.Monkey
     record = killed(study)
     of_another_computer(record)
     recover(record)  # on a disk of this machine the lock says it all; a copied or a renamed computer binds nobody
-    assert not (record / NOTE).exists()
+    assert not (record / HOLDER_FILE).exists()
 
     record = killed(study)
     of_another_computer(record)
     monkeypatch.setattr(locks, "file_system", lambda path: "nfs4")
-    with pytest.raises(HeldElsewhere, match=r"of .* on the computer lab-2, since .*say --here too"):
+    with pytest.raises(HeldElsewhereError, match=r"of .* on the computer lab-2, since .*say --here too"):
         JournalLock(record / JOURNAL)
     order = SessionOptions(str(study), unfinished=str(record))
-    with pytest.raises(Refusal) as refused:
-        _Prepared(order, print)
-    assert refused.value.word.code == 5 and "lab-2" in refused.value.word.lines[0]
-    holder = holder_of(record)
+    with pytest.raises(ServeRefused) as refused:
+        _SessionPreparation(order, print)
+    assert refused.value.report.code == 5 and "lab-2" in refused.value.report.lines[0]
+    holder = read_holder(record)
     assert holder is not None and holder.host == "lab-2", "who only asked has changed nothing"
-    prepared = _Prepared(SessionOptions(str(study), unfinished=str(record), here=True), print)
-    holder = holder_of(record)
+    prepared = _SessionPreparation(SessionOptions(str(study), unfinished=str(record), from_other_computer=True), print)
+    holder = read_holder(record)
     assert holder is not None and holder.host == platform.node()
     prepared.close()
 
@@ -357,7 +367,7 @@ def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.Monkey
 def test_where_nothing_can_be_locked_it_is_asked_too(places: Places, monkeypatch: pytest.MonkeyPatch) -> None:
     record = killed(folder(places.root / "study"))
     monkeypatch.setattr(locks, "file_system", lambda path: "cifs")
-    with pytest.raises(HeldElsewhere, match="say --here too"):
+    with pytest.raises(HeldElsewhereError, match="say --here too"):
         JournalLock(record / JOURNAL)
     JournalLock(record / JOURNAL, here=True).release()
     JournalLock(record / JOURNAL).release()  # it was let go of in order
@@ -395,8 +405,8 @@ def test_the_kind_of_a_file_system(path: str, kind: str) -> None:
 def test_who_is_refused_is_told_even_without_a_note(tmp_path: Path) -> None:
     (tmp_path / JOURNAL).touch()
     lock = JournalLock(tmp_path / JOURNAL)
-    (tmp_path / NOTE).write_bytes(b"{half")
-    with pytest.raises(JournalLocked, match="another program has locked its journal"):
+    (tmp_path / HOLDER_FILE).write_bytes(b"{half")
+    with pytest.raises(JournalLockedError, match="another program has locked its journal"):
         JournalLock(tmp_path / JOURNAL)
     lock.release()
     with pytest.raises(SessionError, match="there is no journal"):

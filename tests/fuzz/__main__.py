@@ -29,7 +29,7 @@ from msgspec import Struct
 
 from rise_engine.scenario import load
 from rise_engine.scenario.editor_schemas import act_schema_text, rule_schema_text
-from rise_engine.scenario.exchange import from_json, to_json
+from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 from tests.fuzz.mutations import mutate
 
 ROOT = Path(__file__).parents[2]
@@ -55,7 +55,7 @@ class Case(Struct):
     seconds: float = 0.0
     """Of processor time."""
     accepted: bool = False
-    findings: int = 0
+    diagnostics: int = 0
     wrong: str = ""
     """What the program did that it never may: a traceback, or a sentence."""
 
@@ -101,27 +101,27 @@ def _check(folder: Path, case: Case) -> None:
     """What `rise-engine check` does, and what a console is given."""
     loaded = load(folder)
     case.accepted = loaded.scenario is not None
-    case.findings = len(loaded.findings)
+    case.diagnostics = len(loaded.diagnostics)
     lines = case.content.decode("utf-8", "replace").removeprefix("\ufeff").split("\n")
-    for finding in loaded.findings:
-        told = str(finding)
-        place = finding.place
+    for diagnostic in loaded.diagnostics:
+        told = str(diagnostic)
+        place = diagnostic.location
         if "mistake of this program" in told or "please report" in told:
             raise AssertionError(f"it blames itself: {told}")
-        if "\n" in told or "\x1b" in told or not finding.message:
+        if "\n" in told or "\x1b" in told or not diagnostic.message:
             raise AssertionError(f"this is not one clean line: {told!r}")
         if place.file == case.file and not (
             1 <= place.line <= len(lines) and 1 <= place.column <= len(lines[place.line - 1]) + 1
         ):
             raise AssertionError(f"there is no such place: {told}")
-    if case.accepted == any(finding.severity == "error" for finding in loaded.findings):
+    if case.accepted == any(diagnostic.severity == "error" for diagnostic in loaded.diagnostics):
         raise AssertionError("it is accepted with errors, or refused without one")
     if loaded.scenario is not None and case.file.endswith(".xml"):
         rules = "/rules/" in f"/{case.file}"
         schema = _schema(rule_schema_text() if rules else act_schema_text(loaded.scenario.robot.actions))
         if not schema.validate(etree.fromstring(case.content, _PARSER)):
             raise AssertionError(f"the schema for editors refuses it: {schema.error_log[0].message}")
-    if loaded.scenario is not None and from_json(to_json(loaded.scenario)) != loaded.scenario:
+    if loaded.scenario is not None and decode_scenario(encode_scenario(loaded.scenario)) != loaded.scenario:
         raise AssertionError("it is another scenario after it was sent to a console")
 
 
@@ -175,7 +175,7 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # also when it was started in the background of a script
         signal.signal(number, signal.default_int_handler)
     seconds: list[float] = []
-    wrong = accepted = findings = slow = 0
+    wrong = accepted = diagnostics = slow = 0
     kinds: Counter[str] = Counter()
     with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory(prefix="rise-fuzz-") as folder:
         fuzz = Fuzz(Path(folder), options.seed)
@@ -183,13 +183,15 @@ def main() -> int:
             case = fuzz.case(number)
             seconds.append(case.seconds)
             accepted += case.accepted
-            findings += case.findings
+            diagnostics += case.diagnostics
             kinds[Path(case.file).suffix] += 1
             slow += case.seconds > SLOW
             if case.wrong or case.seconds > SLOW or options.count == 1:
                 wrong += bool(case.wrong)
                 what = case.wrong or f"{case.seconds:.2f} s"
-                print(f"--- {case.number}: {case.scenario}/{case.file}, {case.findings} findings\n{what}", flush=True)
+                print(
+                    f"--- {case.number}: {case.scenario}/{case.file}, {case.diagnostics} findings\n{what}", flush=True
+                )
                 if options.keep is not None:
                     options.keep.mkdir(parents=True, exist_ok=True)
                     (options.keep / f"{case.number}-{Path(case.file).name}").write_bytes(case.content)
@@ -201,7 +203,7 @@ def main() -> int:
     of_kinds = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
     print(
         f"{len(seconds)} scenarios (seed {options.seed}, {of_kinds}), "
-        f"{accepted} accepted, {findings} findings; "
+        f"{accepted} accepted, {diagnostics} findings; "
         f"processor time: median {seconds[len(seconds) // 2] * 1000:.1f} ms, "
         f"99.9 % {seconds[int(len(seconds) * 0.999)] * 1000:.0f} ms, longest {seconds[-1]:.2f} s; "
         f"{wrong} went wrong, {slow} took more than {SLOW:g} s"

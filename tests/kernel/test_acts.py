@@ -38,9 +38,9 @@ def test_the_greeting_of_listing_1_runs_on_three_levels(tmp_path: Path) -> None:
     s.report("1/3")
     assert list(s.goals) == ["1/2", "1/4"]
     s.report("1/4")
-    assert s.kernel.busy, "the gaze still runs, so the act does"
+    assert s.kernel.is_busy, "the gaze still runs, so the act does"
     s.report("1/2")
-    assert not s.kernel.busy
+    assert not s.kernel.is_busy
     assert s.lines("task") == [
         "task act R_Greeting PENDING",
         "task act R_Greeting ACTIVE",
@@ -116,7 +116,7 @@ def test_cancelling_stops_what_runs_and_skips_the_rest(tmp_path: Path) -> None:
     s.act("A")
     s.submit("cancelTask", "1")
     assert s.cancels == ["1/1"]
-    assert s.kernel.busy, "the robot has not confirmed yet"
+    assert s.kernel.is_busy, "the robot has not confirmed yet"
     s.report("1/1", "canceled")
     assert s.lines("action", "task")[2:] == [
         "action A/1 started",
@@ -146,7 +146,7 @@ def test_a_cancel_that_is_never_confirmed_has_a_limit(tmp_path: Path) -> None:
     s.submit("stopCommunicationRobotAct", "A")
     s.wait(5)
     assert "action A/1 lost (the robot did not confirm the cancel within 5 s)" in s.lines("action")
-    assert not s.kernel.busy
+    assert not s.kernel.is_busy
 
 
 def test_an_action_that_never_ends_times_out_and_is_cancelled(tmp_path: Path) -> None:

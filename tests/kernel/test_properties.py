@@ -28,12 +28,13 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord, EventRecord, RuleRecord, StopRecord, TaskRecord
 from rise_engine.kernel.snapshot import Snapshot
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import (
     Act,
     Action,
+    ActionCall,
     ActionSpec,
     Branch,
-    Call,
     Function,
     If,
     OneOf,
@@ -46,7 +47,6 @@ from rise_engine.scenario.model import (
     Transition,
 )
 from rise_engine.scenario.template import parse_template
-from rise_engine.view import View
 
 ACTS = ("A0", "A1", "A2", "A3")
 RULES = ("R0", "R1", "R2", "R3")
@@ -100,11 +100,13 @@ class Author:
         used = {c for a in actions for call in a.calls for c in ROBOT.actions[call.type].channels}
         return Act(name, tuple(actions), frozenset(used))
 
-    def call(self) -> Call:
+    def call(self) -> ActionCall:
         kind = self.random.choice(["Speech", "LookAt", "Wait"])
         if kind == "Wait":
-            return Call("Wait", {"duration": parse_template(self.random.choice(["0", "100", "2000"]))})
-        return Call(kind, {"message": parse_template(self.random.choice(["hi", "{name}", "{missing}", "{missing|x}"]))})
+            return ActionCall("Wait", {"duration": parse_template(self.random.choice(["0", "100", "2000"]))})
+        return ActionCall(
+            kind, {"message": parse_template(self.random.choice(["hi", "{name}", "{missing}", "{missing|x}"]))}
+        )
 
     def function(self) -> Statement:
         pick = self.random.choice
@@ -202,7 +204,7 @@ class Run:
         self.timers: dict[int, float] = {}
         self.t = 0.0
         self.started_while_latched: list[Any] = []
-        self.view = View()
+        self.view = SessionView()
         self.do(SessionStarted())
         for move in moves:
             self.play(*move)
@@ -378,7 +380,7 @@ def test_after_a_stop_nothing_starts_and_nothing_runs(scenario: Scenario, moves:
     run = Run(scenario, [*moves, ("stop", True, "")])
     run.wait(100)
     assert run.started_while_latched == []
-    assert not run.kernel.busy
+    assert not run.kernel.is_busy
     assert not run.kernel.rules.stack
     assert not run.goals
     assert not run.timers
@@ -392,7 +394,7 @@ def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Mov
     view, kernel = run.view, run.kernel
     assert view.seq == kernel.core.seq
     assert {key: entry.value for key, entry in view.memory.items()} == kernel.core.memory
-    assert view.stack() == list(reversed(kernel.rules.stack))
+    assert view.running_rules() == list(reversed(kernel.rules.stack))
     assert {name: rule.state for name, rule in view.rules.items() if rule.running} == {
         name: r.state.id for name, r in kernel.rules.stack.items()
     }

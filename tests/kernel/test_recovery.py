@@ -63,7 +63,7 @@ def test_what_ran_is_lost_once_and_not_repeated(session: Session) -> None:
         f"task act Talk ABORTED (action 1 (Speech) lost: {LOST})",
         "event /Talk_end -> None",
     ]
-    assert not session.goals and not session.kernel.busy
+    assert not session.goals and not session.kernel.is_busy
     assert session.timers == {}  # their limits are gone, too
     for goal in goals:  # a robot that speaks up later changes nothing
         session.report(goal, "succeeded")
@@ -90,7 +90,7 @@ def test_waiting_acts_go_on(session: Session) -> None:
     assert session.lines()[-2:] == ["task act Wait ACTIVE", "action Wait/1 started"]
     session.wait(5)
     session.finish_all()
-    assert not session.kernel.busy
+    assert not session.kernel.is_busy
     assert_one_ending_each(session)
 
 

@@ -58,7 +58,7 @@ def test_a_waiting_task_can_be_removed(s: Session) -> None:
     assert "task act A CANCELED (cancelled by wizard:w)" in lines
     assert "event /A_end -> R" in lines, "who waits for its end must not wait for ever"
     s.report("2/1")
-    assert not s.kernel.busy
+    assert not s.kernel.is_busy
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_stop_all_ends_everything_and_latches(s: Session) -> None:
         "task act A CANCELED (stop-all by wizard:w)",
         "stop latched ['sim/speech'] []",
     ]
-    assert not s.kernel.busy
+    assert not s.kernel.is_busy
     for task in (s.act("A"), s.rule("R")):
         assert (task.status, task.reason) == ("REJECTED", "everything is stopped; release the stop first")
     assert s.assign("n = 5").status == "SUCCEEDED", "the memory can still be edited"
@@ -237,7 +237,7 @@ def test_a_stop_that_the_robot_does_not_answer_says_so(s: Session) -> None:
     assert s.submit("releaseStop").reason == "the robot has not answered the stop yet"
     s.wait(10)
     assert s.lines("stop") == ["stop requested [] []", "stop latched [] ['generic']"]
-    assert not s.kernel.busy
+    assert not s.kernel.is_busy
 
 
 def test_stop_all_can_be_pressed_again(s: Session) -> None:

@@ -20,8 +20,16 @@ from typing import Any, Literal
 
 import msgspec
 from msgspec import Struct
-from rise_adapters.ros2.action_client import ABORTED, ACCEPTED, CANCELED, CANCELING, EXECUTING, SUCCEEDED, TERMINAL
-from rise_adapters.ros2.port import (
+from rise_adapters.ros2.actions.client import (
+    ABORTED,
+    ACCEPTED,
+    CANCELED,
+    CANCELING,
+    EXECUTING,
+    FINAL_STATUSES,
+    SUCCEEDED,
+)
+from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
     FEEDBACK,
     GET_RESULT,
@@ -29,7 +37,7 @@ from rise_adapters.ros2.port import (
     STATUS,
     STATUS_TOPIC,
     Message,
-    Reply,
+    SendReply,
     Transport,
     action_topic,
     action_types,
@@ -71,7 +79,7 @@ class _Goal:
         self.id = id
         self.plan = plan
         self.status = ACCEPTED
-        self.askers: list[Reply] = []
+        self.askers: list[SendReply] = []
 
 
 class BadServer:
@@ -128,7 +136,7 @@ class BadServer:
 
     # --- the three services ---
 
-    def _asked(self, request: Message, reply: Reply) -> None:
+    def _asked(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
         self.received.append(id)
         self._said(event="goal", name=self.name, id=id.hex())
@@ -148,29 +156,29 @@ class BadServer:
         if plan.runs:
             self._begin(goal)
 
-    def _result_asked(self, request: Message, reply: Reply) -> None:
+    def _result_asked(self, request: Message, reply: SendReply) -> None:
         goal = self.goals.get(bytes(request["goal_id"]["uuid"]))
         if goal is None:
             reply({"status": 0})
         elif not goal.plan.answers:
             pass
-        elif goal.status in TERMINAL or goal.status == 0:
+        elif goal.status in FINAL_STATUSES or goal.status == 0:
             reply({"status": goal.status, "result": goal.plan.result})
         else:
             goal.askers.append(reply)
 
-    def _cancel_asked(self, request: Message, reply: Reply) -> None:
+    def _cancel_asked(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_info"]["goal_id"]["uuid"])
         self.cancels.append(id)
         self._said(event="cancel", name=self.name, id=id.hex())
         if any(id):
             one = self.goals.get(id)
-            if one is None or one.status in TERMINAL:
+            if one is None or one.status in FINAL_STATUSES:
                 reply({"return_code": 2 if one is None else 3})
                 return
             meant = [one]
         else:
-            meant = [goal for goal in self.goals.values() if goal.status not in TERMINAL]
+            meant = [goal for goal in self.goals.values() if goal.status not in FINAL_STATUSES]
         if any(goal.plan.cancel == "silent" for goal in meant):
             return
         stopping = [goal for goal in meant if goal.plan.cancel in ("yes", "ignore")]
@@ -204,14 +212,14 @@ class BadServer:
             self._later(plan.seconds, lambda: self._end(goal, plan.end or 0))
 
     def _report(self, goal: _Goal, more: int = 0) -> None:
-        over = goal.status in TERMINAL
+        over = goal.status in FINAL_STATUSES
         if self._gone or (over and not more):
             return
         self._feedback.publish({"goal_id": {"uuid": goal.id}})
         self._later(goal.plan.feedback_every, lambda: self._report(goal, more - 1 if over else more))
 
     def _end(self, goal: _Goal, status: int) -> None:
-        if goal.status in TERMINAL or self._gone:
+        if goal.status in FINAL_STATUSES or self._gone:
             return
         goal.status = status
         self._said(event="end", name=self.name, id=goal.id.hex(), status=status)
@@ -247,7 +255,7 @@ def _say(**what: Any) -> None:
 
 
 async def _serve(order: _Order) -> None:
-    from rise_adapters.ros2.dds import DdsTransport
+    from rise_adapters.ros2.transport.dds import DdsTransport
 
     loop = asyncio.get_running_loop()
     over = asyncio.Event()

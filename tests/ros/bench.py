@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rise_adapters.ros2.mapping import read_carriers
+from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 
-from rise_engine.clock import VirtualClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import VirtualClock
+from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import (
     ENDINGS,
@@ -28,7 +28,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.scenario import load
-from rise_engine.scenario.actions import core_actions
+from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile, Scenario
 from tests.engine.samples import assert_one_ending_each
 from tests.kernel.harness import write
@@ -193,7 +193,7 @@ class Bench(Records):
         if robot:
             self.robot_appears()
         which = profile(**deadlines)
-        self.robot = Ros2Robot(which, self.clock, self.transport, read_carriers(which, self.transport.fields))
+        self.robot = Ros2Robot(which, self.clock, self.transport, read_mappings(which, self.transport.fields))
         self.records = []
         self.engine = Engine(scenario(which), self.robot, self.clock, 1, sinks=[self.records.append])
         self.engine.start()

@@ -6,9 +6,9 @@ import asyncio
 import sys
 import time
 
-from rise_adapters.ros2.dds import DdsTransport
-from rise_adapters.ros2.dds.topics import DdsPublisher
-from rise_adapters.ros2.port import QoS
+from rise_adapters.ros2.transport.dds import DdsTransport
+from rise_adapters.ros2.transport.dds.topics import DdsPublisher
+from rise_adapters.ros2.transport.port import QoS
 
 TEXT = "std_msgs/msg/String"
 SET = "std_srvs/srv/SetBool"

@@ -7,10 +7,10 @@ import json
 import os
 import sys
 
-from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.dds import DdsTransport
+from rise_adapters.ros2.actions.client import ActionClient
+from rise_adapters.ros2.transport.dds import DdsTransport
 
-from tests.ros.face_process import environment
+from tests.ros.session_node_process import environment
 
 
 async def main(domain: int, rate: float, seconds: float) -> None:
@@ -21,7 +21,7 @@ async def main(domain: int, rate: float, seconds: float) -> None:
     sent = 0
     answers: list[bool] = []
     async with asyncio.timeout(10):
-        while not client.servers():  # noqa: ASYNC110
+        while not client.count_servers():  # noqa: ASYNC110
             await asyncio.sleep(0.01)
     print("begun", flush=True)
     began = loop.time()

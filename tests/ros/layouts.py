@@ -1,10 +1,10 @@
-"""Fields of message types, as a transport gives them (`Transport.fields`), for tests without one."""
+"""Fields of message types, as a transport gives them (`RosTransport.fields`), for tests without one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.transport.port import PortError
 
 _DURATION = "builtin_interfaces/msg/Duration"
 _POINT = "geometry_msgs/msg/PointStamped"
@@ -64,7 +64,7 @@ LAYOUTS: dict[str, dict[str, str]] = {
 
 
 def fields(type: str) -> Mapping[str, str]:
-    """As `Transport.fields`."""
+    """As `RosTransport.fields`."""
     return looked_up(LAYOUTS, type)
 
 

@@ -22,10 +22,19 @@ from fnmatch import fnmatchcase
 from functools import cache, partial
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-from rise_adapters.ros2.port import CANCEL_TYPE, RELIABLE, STATUS_TYPE, End, Message, PortError, QoS, Reply
-from rise_adapters.ros2.types import Types
+from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
+from rise_adapters.ros2.transport.port import (
+    CANCEL_TYPE,
+    RELIABLE,
+    STATUS_TYPE,
+    Message,
+    PortError,
+    QoS,
+    RemoteEndpoint,
+    SendReply,
+)
 
-from rise_engine.robot import Clock
+from rise_engine.ports.robot import Clock
 
 What: TypeAlias = Literal["request", "reply", "message", "any"]
 
@@ -267,7 +276,9 @@ class _Publisher:
 
 
 class _Server:
-    def __init__(self, home: MemoryTransport, name: str, type: str, asked: Callable[[Message, Reply], None]) -> None:
+    def __init__(
+        self, home: MemoryTransport, name: str, type: str, asked: Callable[[Message, SendReply], None]
+    ) -> None:
         self.home, self.name, self.type, self.asked = home, name, type, asked
         self.open = True
 
@@ -342,7 +353,7 @@ class _Client:
 
 
 class MemoryTransport:
-    """One node on a `MemoryWire`; implements `rise_adapters.ros2.port.Transport`."""
+    """One node on a `MemoryWire`; implements `rise_adapters.ros2.transport.port.RosTransport`."""
 
     kind: Literal["rclpy", "dds", "memory"] = "memory"
 
@@ -387,7 +398,7 @@ class MemoryTransport:
                     publisher.greet(made)
         return made
 
-    def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> _Server:
+    def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> _Server:
         self._check()
         made = _Server(self, self.resolve(name), type, asked)
         self.servers.append(made)
@@ -405,15 +416,15 @@ class MemoryTransport:
     def type_hash(self, type: str) -> str:
         return self.hashes.get(type, self.wire.types.hash(type))
 
-    def publisher_ends(self, topic: str) -> list[End]:
+    def publisher_ends(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)
         return [t.end(p.type, p.qos) for t in self._others() for p in t.publishers if p.topic == full]
 
-    def subscriber_ends(self, topic: str) -> list[End]:
+    def subscriber_ends(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)
         return [t.end(s.type, s.qos) for t in self._others() for s in t.subscriptions if s.topic == full]
 
-    def server_ends(self, service: str) -> list[End]:
+    def server_ends(self, service: str) -> list[RemoteEndpoint]:
         full = self.resolve(service)
         return [
             t.end(f"{server.type}_{end}", RELIABLE)
@@ -432,9 +443,9 @@ class MemoryTransport:
     def _others(self) -> list[MemoryTransport]:
         return [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
 
-    def end(self, type: str, qos: QoS) -> End:
+    def end(self, type: str, qos: QoS) -> RemoteEndpoint:
         """One of this node's, as others see it."""
-        return End(self.node, type, self.type_hash(type), self.vendor, qos)
+        return RemoteEndpoint(self.node, type, self.type_hash(type), self.vendor, qos)
 
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
@@ -588,6 +599,6 @@ def _implied(type: str) -> list[tuple[str, dict[str, str]]]:
 
 
 @cache
-def _shipped_types() -> Types:
+def _shipped_types() -> InterfaceCatalog:
     """Shared by all nodes: nothing of it changes."""
-    return Types()
+    return InterfaceCatalog()

@@ -5,23 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.action_client import (
+from rise_adapters.ros2.actions.client import (
     ABORTED,
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCEL_UNKNOWN,
     CANCELED,
-    EVERYTHING,
     EXECUTING,
     SUCCEEDED,
     UNKNOWN,
     ActionClient,
-    CancelAnswer,
+    CancelResponse,
 )
-from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.transport.port import PortError
 
-from rise_engine.clock import VirtualClock
+from rise_engine.engine.clock import VirtualClock
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
@@ -108,7 +108,7 @@ def test_cancelling_one(plan: Plan, code: int, stops: bool) -> None:
     pair.send()
     pair.run(1)
     pair.client.cancel(ONE, pair.got.append)
-    assert pair.run(2) == [CancelAnswer(code, (ONE,) if stops else ())]
+    assert pair.run(2) == [CancelResponse(code, (ONE,) if stops else ())]
     request = pair.wire.messages("*/cancel_goal", "request")[-1]["goal_info"]
     assert request == {"goal_id": {"uuid": ONE}, "stamp": {"sec": 0, "nanosec": 0}}
 
@@ -117,9 +117,9 @@ def test_cancelling_one_that_was_never_accepted() -> None:
     pair = Pair(Plan(accept=None))
     pair.send()
     pair.client.cancel(ONE, pair.got.append)
-    assert pair.run(2) == [CancelAnswer(CANCEL_NONE, (ONE,))], "it needs no handle"
+    assert pair.run(2) == [CancelResponse(CANCEL_NONE, (ONE,))], "it needs no handle"
     pair.client.cancel(TWO, pair.got.append)
-    assert pair.run(3) == [CancelAnswer(CANCEL_UNKNOWN, ())]
+    assert pair.run(3) == [CancelResponse(CANCEL_UNKNOWN, ())]
 
 
 def test_cancelling_everything_also_of_others() -> None:
@@ -127,12 +127,12 @@ def test_cancelling_everything_also_of_others() -> None:
     pair.send()
     pair.server.foreign(TWO, Plan(seconds=60))
     pair.run(1)
-    assert pair.client.running() == {ONE, TWO}
+    assert pair.client.unfinished_goals() == {ONE, TWO}
     pair.client.cancel_all(pair.got.append)
     answers = pair.run(2)
     assert answers[0].code == CANCEL_NONE and set(answers[0].goals) == {ONE, TWO}
-    assert pair.server.cancels == [EVERYTHING]
-    assert pair.client.running() == set()
+    assert pair.server.cancels == [ALL_GOALS]
+    assert pair.client.unfinished_goals() == set()
     assert pair.client.statuses == {ONE: CANCELED, TWO: CANCELED}
 
 
@@ -159,24 +159,24 @@ def test_status_also_for_one_who_comes_late() -> None:
 
 def test_servers_are_counted_when_all_three_services_are_there() -> None:
     pair = Pair(serving=False)
-    assert pair.client.servers() == 0
+    assert pair.client.count_servers() == 0
     pair.far.serve("speech/_action/send_goal", f"{TYPE}_SendGoal", lambda request, reply: None)
     pair.far.serve("speech/_action/get_result", f"{TYPE}_GetResult", lambda request, reply: None)
-    assert pair.client.servers() == 0
+    assert pair.client.count_servers() == 0
     pair.far.serve("speech/_action/cancel_goal", "action_msgs/srv/CancelGoal", lambda request, reply: None)
-    assert pair.client.servers() == 1
+    assert pair.client.count_servers() == 1
     pair.serve()
-    assert pair.client.servers() == 2
+    assert pair.client.count_servers() == 2
 
 
 def test_every_answer_is_a_sign_of_life() -> None:
     pair = Pair(Plan(seconds=9, status=False, feedback_every=2))
-    assert pair.client.heard is None
+    assert pair.client.heard_at is None
     pair.send()
     pair.run(1)
-    assert pair.client.heard == 0
+    assert pair.client.heard_at == 0
     pair.run(3)
-    assert pair.client.heard == 2
+    assert pair.client.heard_at == 2
 
 
 def test_a_second_answer_is_handed_on() -> None:
@@ -190,8 +190,8 @@ def test_after_forgetting_nothing_runs() -> None:
     pair = Pair(Plan(seconds=60))
     pair.send()
     pair.run(1)
-    pair.client.forget()
-    assert pair.client.running() == set() and pair.client.statuses == {}
+    pair.client.forget_statuses()
+    assert pair.client.unfinished_goals() == set() and pair.client.statuses == {}
 
 
 def test_after_closing_nothing_comes() -> None:
@@ -216,4 +216,4 @@ def test_names_are_remapped_before_the_hidden_part_is_added() -> None:
     pair = Pair()
     remapped = MemoryTransport(pair.wire, pair.loop, "/lab/other", {"talk": "speech"})
     client = ActionClient(remapped, "talk", TYPE)
-    assert client.name == "/lab/speech" and client.servers() == 1
+    assert client.name == "/lab/speech" and client.count_servers() == 1

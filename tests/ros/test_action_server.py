@@ -7,29 +7,29 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.action_client import (
+from rise_adapters.ros2.actions import server as action_server
+from rise_adapters.ros2.actions.cancel_request import MOST_WAITING
+from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCEL_UNKNOWN,
     CANCELED,
     CANCELING,
-    EVERYTHING,
     EXECUTING,
     SUCCEEDED,
     UNKNOWN,
     ActionClient,
-    CancelAnswer,
+    CancelResponse,
 )
-from rise_adapters.ros2.actions import server as action_server
-from rise_adapters.ros2.actions.cancel_request import MOST_WAITING
-from rise_adapters.ros2.actions.server import KEPT, LISTED, ActionServer, Decide, accept_cancel
+from rise_adapters.ros2.actions.server import MAX_ENDED, MAX_LISTED, ActionServer, Decide, accept_cancel
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message
+from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message
 
-from rise_engine.clock import VirtualClock
+from rise_engine.engine.clock import VirtualClock
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
 TYPE = "test_interfaces/action/Count"
@@ -65,7 +65,7 @@ class Pair:
         self.client.on_feedback = lambda id, message: self.feedback.append((id, message["at"]))
         self.accepted: dict[bytes, bool] = {}
         self.results: list[tuple[bytes, int, Message]] = []
-        self.canceled: list[CancelAnswer] = []
+        self.canceled: list[CancelResponse] = []
 
     def later(self, goal: ServerGoal, decide: Decide) -> None:
         self.deciding.append((goal, decide))
@@ -88,14 +88,14 @@ class Pair:
         self.client.get_result(id, lambda status, result: self.results.append((id, status, result)))
         self.run()
 
-    def cancel(self, id: bytes = EVERYTHING, *, until: int = 0) -> None:
+    def cancel(self, id: bytes = ALL_GOALS, *, until: int = 0) -> None:
         seconds, rest = divmod(until, 10**9)
         if until:
             client = self.engine.client(f"{NAME}/_action/cancel_goal", CANCEL_TYPE)
             client.call(
                 {"goal_info": {"goal_id": {"uuid": id}, "stamp": {"sec": seconds, "nanosec": rest}}},
                 lambda reply: self.canceled.append(
-                    CancelAnswer(
+                    CancelResponse(
                         reply["return_code"], tuple(each["goal_id"]["uuid"] for each in reply["goals_canceling"])
                     )
                 ),
@@ -119,23 +119,23 @@ def identity(number: int) -> bytes:
 
 def test_the_life_of_a_goal() -> None:
     pair = Pair()
-    assert pair.client.servers() == 1
+    assert pair.client.count_servers() == 1
     goal = pair.send(7, until=2)
-    assert goal.id == identity(7) and goal.hex.endswith("07") and goal.message == {"until": 2}
-    assert pair.accepted == {} and goal.status == UNKNOWN and not goal.decided
+    assert goal.id == identity(7) and goal.id_hex.endswith("07") and goal.message == {"until": 2}
+    assert pair.accepted == {} and goal.status == UNKNOWN and not goal.is_decided
     assert pair.server.goals == [goal]
-    assert not goal.feedback({"at": 0}), "it is not accepted yet"
+    assert not goal.publish_feedback({"at": 0}), "it is not accepted yet"
     assert goal.accept() and not goal.accept() and not goal.reject()
     pair.run()
     assert pair.accepted == {goal.id: True}
     assert pair.client.statuses == {goal.id: ACCEPTED}
     assert goal.execute()
     pair.ask_result(7)
-    assert goal.feedback({"at": 1})
+    assert goal.publish_feedback({"at": 1})
     pair.run()
     assert pair.client.statuses == {goal.id: EXECUTING} and pair.feedback == [(goal.id, 1)]
-    assert goal.succeed({"reached": 2}) and goal.ended
-    assert not goal.succeed() and not goal.abort() and not goal.cancel() and not goal.feedback({"at": 9})
+    assert goal.succeed({"reached": 2}) and goal.has_ended
+    assert not goal.succeed() and not goal.abort() and not goal.cancel() and not goal.publish_feedback({"at": 9})
     pair.run()
     assert pair.results == [(goal.id, SUCCEEDED, {"reached": 2})]
     assert pair.client.statuses == {goal.id: SUCCEEDED} and pair.server.goals == []
@@ -157,11 +157,11 @@ def test_a_rejected_goal_is_no_goal() -> None:
     goal = pair.send()
     pair.ask_result()
     pair.cancel(goal.id)
-    assert goal.reject() and goal.ended and not goal.accept() and not goal.succeed()
+    assert goal.reject() and goal.has_ended and not goal.accept() and not goal.succeed()
     pair.run()
     assert pair.accepted == {goal.id: False}
     assert pair.results == [(goal.id, UNKNOWN, {"reached": 0})]
-    assert pair.canceled == [CancelAnswer(CANCEL_UNKNOWN, ())]
+    assert pair.canceled == [CancelResponse(CANCEL_UNKNOWN, ())]
     assert pair.server.goals == [] and not pair.client.statuses
     pair.goals.clear()
     assert pair.send() is not None, "the id is free"
@@ -178,9 +178,9 @@ def test_an_id_is_taken_once() -> None:
     pair.run(6)
     pair.send()
     assert len(pair.goals) == 2
-    pair.client.send(EVERYTHING, {}, lambda accepted: pair.accepted.update({EVERYTHING: accepted}))
+    pair.client.send(ALL_GOALS, {}, lambda accepted: pair.accepted.update({ALL_GOALS: accepted}))
     pair.run()
-    assert pair.accepted[EVERYTHING] is False, "it could not be cancelled by itself"
+    assert pair.accepted[ALL_GOALS] is False, "it could not be cancelled by itself"
 
 
 def test_a_result_can_be_asked_for_before_the_acceptance_and_for_a_while_after_the_end() -> None:
@@ -199,7 +199,7 @@ def test_a_result_can_be_asked_for_before_the_acceptance_and_for_a_while_after_t
     pair.ask_result()
     pair.cancel(goal.id)
     assert pair.results[2:] == [(goal.id, UNKNOWN, {"reached": 0})]
-    assert pair.canceled == [CancelAnswer(CANCEL_UNKNOWN, ())]
+    assert pair.canceled == [CancelResponse(CANCEL_UNKNOWN, ())]
     assert pair.latched() == []
 
 
@@ -243,7 +243,7 @@ def test_a_handler_that_fails_leaves_nobody_waiting(caplog: pytest.LogCaptureFix
     goal = pair.send()
     goal.accept()
     pair.cancel(goal.id)
-    assert pair.canceled == [CancelAnswer(CANCEL_REJECTED, ())] and goal.status == ACCEPTED
+    assert pair.canceled == [CancelResponse(CANCEL_REJECTED, ())] and goal.status == ACCEPTED
     assert "a mistake" in caplog.text and "another mistake" in caplog.text
 
 
@@ -256,14 +256,14 @@ def test_cancelling_one() -> None:
     goal.execute()
     other.execute()
     pair.cancel(goal.id)
-    assert pair.canceled == [CancelAnswer(CANCEL_NONE, (goal.id,))]
+    assert pair.canceled == [CancelResponse(CANCEL_NONE, (goal.id,))]
     assert (goal.status, other.status) == (CANCELING, EXECUTING)
     pair.cancel(goal.id)
-    assert pair.canceled[1:] == [CancelAnswer(CANCEL_NONE, (goal.id,))], "once more does no harm"
+    assert pair.canceled[1:] == [CancelResponse(CANCEL_NONE, (goal.id,))], "once more does no harm"
     assert goal.cancel({"reached": 1})
     pair.cancel(goal.id)
     pair.cancel(identity(9))
-    assert pair.canceled[2:] == [CancelAnswer(CANCEL_TERMINATED, ()), CancelAnswer(CANCEL_UNKNOWN, ())]
+    assert pair.canceled[2:] == [CancelResponse(CANCEL_TERMINATED, ()), CancelResponse(CANCEL_UNKNOWN, ())]
     pair.ask_result(1)
     assert pair.results == [(goal.id, CANCELED, {"reached": 1})]
 
@@ -273,7 +273,7 @@ def test_a_goal_that_is_being_cancelled_may_still_succeed() -> None:
     goal = pair.send()
     goal.accept()
     pair.cancel(goal.id)
-    assert goal.execute() and goal.status == CANCELING and goal.feedback({"at": 1}) and goal.succeed()
+    assert goal.execute() and goal.status == CANCELING and goal.publish_feedback({"at": 1}) and goal.succeed()
 
 
 def test_a_refused_cancel_is_not_an_empty_success() -> None:
@@ -282,7 +282,7 @@ def test_a_refused_cancel_is_not_an_empty_success() -> None:
     goal.execute()
     pair.cancel(goal.id)
     pair.cancel()
-    assert pair.canceled == [CancelAnswer(CANCEL_REJECTED, ())] * 2 and goal.status == EXECUTING
+    assert pair.canceled == [CancelResponse(CANCEL_REJECTED, ())] * 2 and goal.status == EXECUTING
 
 
 def test_a_cancel_that_comes_before_the_acceptance_is_not_lost() -> None:
@@ -293,18 +293,18 @@ def test_a_cancel_that_comes_before_the_acceptance_is_not_lost() -> None:
     assert not pair.canceled
     goal.accept()
     pair.run()
-    assert pair.canceled == [CancelAnswer(CANCEL_NONE, (goal.id,))] and goal.status == CANCELING
+    assert pair.canceled == [CancelResponse(CANCEL_NONE, (goal.id,))] and goal.status == CANCELING
 
 
 @pytest.mark.parametrize(
     ("end", "answer"),
     [
-        ("cancel", CancelAnswer(CANCEL_NONE, (identity(1),))),
-        ("succeed", CancelAnswer(CANCEL_TERMINATED, ())),
-        ("abort", CancelAnswer(CANCEL_TERMINATED, ())),
+        ("cancel", CancelResponse(CANCEL_NONE, (identity(1),))),
+        ("succeed", CancelResponse(CANCEL_TERMINATED, ())),
+        ("abort", CancelResponse(CANCEL_TERMINATED, ())),
     ],
 )
-def test_a_goal_that_ends_while_its_cancel_is_decided(end: str, answer: CancelAnswer) -> None:
+def test_a_goal_that_ends_while_its_cancel_is_decided(end: str, answer: CancelResponse) -> None:
     pair = Pair()
     pair = Pair(cancel=lambda goal, decide: pair.later(goal, decide))
     goal = pair.send()
@@ -328,13 +328,13 @@ def test_deciding_twice_counts_once() -> None:
     pair.deciding[0][1](True)
     pair.deciding[0][1](False)
     pair.run()
-    assert pair.canceled == [CancelAnswer(CANCEL_NONE, (goal.id,))] and goal.status == CANCELING
+    assert pair.canceled == [CancelResponse(CANCEL_NONE, (goal.id,))] and goal.status == CANCELING
 
 
 def test_cancelling_everything() -> None:
     pair = Pair(cancel=lambda goal, decide: decide(goal.message["until"] > 1))
     pair.cancel()
-    assert pair.canceled.pop() == CancelAnswer(CANCEL_NONE, ()), "nothing runs, and nothing was refused"
+    assert pair.canceled.pop() == CancelResponse(CANCEL_NONE, ()), "nothing runs, and nothing was refused"
     running = [pair.send(number, until=number) for number in (1, 2, 3)]
     for goal in running:
         goal.execute()
@@ -357,15 +357,15 @@ def test_cancelling_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
         goals.append(pair.send(number))
         goals[-1].execute()
         now += 1_000_000_000
-    until = goals[1].nanoseconds
+    until = goals[1].received_at_ns
     assert goals[1].stamp == {"sec": 1_700_000_001, "nanosec": 0}
     pair.cancel(until=until)
-    assert pair.canceled.pop() == CancelAnswer(CANCEL_NONE, (identity(1), identity(2)))
+    assert pair.canceled.pop() == CancelResponse(CANCEL_NONE, (identity(1), identity(2)))
     pair.cancel(identity(4), until=until)
-    assert pair.canceled.pop() == CancelAnswer(CANCEL_NONE, (identity(1), identity(2), identity(4)))
+    assert pair.canceled.pop() == CancelResponse(CANCEL_NONE, (identity(1), identity(2), identity(4)))
     assert goals[2].status == EXECUTING
     pair.cancel(identity(77), until=1)
-    assert pair.canceled.pop() == CancelAnswer(CANCEL_NONE, ())
+    assert pair.canceled.pop() == CancelResponse(CANCEL_NONE, ())
 
 
 def test_requests_to_cancel_that_nobody_decides_have_a_bound() -> None:
@@ -373,10 +373,10 @@ def test_requests_to_cancel_that_nobody_decides_have_a_bound() -> None:
     goal = pair.send()
     for _ in range(MOST_WAITING + 5):
         pair.cancel(goal.id)
-    assert pair.canceled == [CancelAnswer(CANCEL_REJECTED, ())] * 5
+    assert pair.canceled == [CancelResponse(CANCEL_REJECTED, ())] * 5
     pair.server.close()
     pair.run()
-    assert pair.canceled[5:] == [CancelAnswer(CANCEL_UNKNOWN, ())] * MOST_WAITING, "it was never accepted"
+    assert pair.canceled[5:] == [CancelResponse(CANCEL_UNKNOWN, ())] * MOST_WAITING, "it was never accepted"
 
 
 # --- many, and for long -------------------------------------------------------------------------------------------
@@ -392,7 +392,7 @@ def test_the_status_array_lists_what_runs_and_the_latest_that_ended() -> None:
             goal.execute()
     pair.run(1)
     statuses = pair.latched()
-    assert statuses.count(EXECUTING) == 100 and statuses.count(SUCCEEDED) == LISTED
+    assert statuses.count(EXECUTING) == 100 and statuses.count(SUCCEEDED) == MAX_LISTED
     assert list(pair.client.statuses)[-1] == identity(199)
     pair.run(20)
     assert pair.latched() == [EXECUTING] * 100
@@ -412,8 +412,8 @@ def test_a_day_of_goals_leaves_nothing_behind() -> None:
 
 
 def test_what_is_kept_has_a_bound_whatever_the_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert KEPT >= 1000
-    monkeypatch.setattr(action_server, "KEPT", 100)
+    assert MAX_ENDED >= 1000
+    monkeypatch.setattr(action_server, "MAX_ENDED", 100)
     pair = Pair(lambda goal: goal.succeed(), result_timeout=10_000)
     for number in range(1, 301):
         pair.send(number)
@@ -442,11 +442,11 @@ def test_closing_ends_what_runs_and_rejects_the_rest() -> None:
     pair.ask_result(1)
     pair.server.close({"reached": 5})
     pair.server.close()
-    assert running.status == ABORTED and undecided.ended and not running.succeed()
+    assert running.status == ABORTED and undecided.has_ended and not running.succeed()
     sent = pair.wire.messages("*/get_result", "reply")
     assert [each["status"] for each in sent] == [ABORTED] and sent[0]["result"] == {"reached": 5}
     assert [each["accepted"] for each in pair.wire.messages("*/send_goal", "reply")] == [True, False]
-    assert pair.client.servers() == 0
+    assert pair.client.count_servers() == 0
     pair.run(30)
     assert pair.clock.next_at is None
 
@@ -456,10 +456,10 @@ def test_taking_up_a_goal_of_an_earlier_server() -> None:
     goal = pair.server.adopt(identity(5))
     pair.ask_result(5)
     pair.cancel(identity(5))
-    assert pair.canceled == [CancelAnswer(CANCEL_NONE, (identity(5),))]
+    assert pair.canceled == [CancelResponse(CANCEL_NONE, (identity(5),))]
     goal.cancel({"reached": 1})
     pair.run()
     assert pair.results == [(identity(5), CANCELED, {"reached": 1})]
-    for bad in (identity(5), EVERYTHING, b"short"):
+    for bad in (identity(5), ALL_GOALS, b"short"):
         with pytest.raises(ValueError, match="cannot be taken up"):
             pair.server.adopt(bad)

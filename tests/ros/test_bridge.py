@@ -8,24 +8,24 @@ from pathlib import Path
 
 import pytest
 from rise_adapters.ros2 import bridge as bridges
-from rise_adapters.ros2 import neighbours
 from rise_adapters.ros2.actions.server import ActionServer
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.bridge import Ros2Bridge
-from rise_adapters.ros2.port import QoS, Transport
+from rise_adapters.ros2.session_node import neighbours
+from rise_adapters.ros2.transport.port import QoS, Transport
 
-from rise_engine.bridge import BridgeError, Wire
-from rise_engine.clock import RealClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.drivers import DriverError, make_robot, open_bridge
+from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import NoteRecord
-from rise_engine.link.room import Room
-from rise_engine.robots import DriverError, make_robot, open_bridge
+from rise_engine.kernel.view import SessionView
+from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.view import View
-from tests.ros.facing import until
+from rise_engine.server.hub import SessionHub
 from tests.ros.memory import MemoryTransport, MemoryWire
+from tests.ros.session_node_bench import until
 
 ACTS = '<Dialogs><Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog></Dialogs>'
 
@@ -34,7 +34,7 @@ def study(folder: Path, *, robot: str = "rise", mode: str = "real") -> Scenario:
     (folder / "acts").mkdir(exist_ok=True)
     (folder / "acts" / "a.xml").write_text(ACTS)
     loaded = load(folder, robot=robot, mode=mode)
-    assert loaded.scenario is not None, loaded.findings
+    assert loaded.scenario is not None, loaded.diagnostics
     return loaded.scenario
 
 
@@ -78,7 +78,7 @@ async def wired(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Wired]:
     it = Wired()
     monkeypatch.setattr(bridges, "open_transport", it.open)
     monkeypatch.setattr(bridges, "WATCH_SECONDS", 0.01)
-    monkeypatch.setattr(neighbours, "LISTEN", 0.05)
+    monkeypatch.setattr(neighbours, "LISTEN_SECONDS", 0.05)
     yield it
 
 
@@ -87,15 +87,15 @@ class Session:
         clock = RealClock(asyncio.get_running_loop(), 1.0, 0.0)
         robot = make_robot(scenario.robot, scenario.mode, clock, 1, (), bridge)
         self.engine = Engine(scenario, robot, clock, 1)
-        self.room = Room(self.engine)
+        self.hub = SessionHub(self.engine)
         self.notes: list[str] = []
-        self.room.subscribe(lambda update: self.notes.append(update.text) if isinstance(update, NoteRecord) else None)
-        bridge.join(self.room)
+        self.hub.subscribe(lambda update: self.notes.append(update.text) if isinstance(update, NoteRecord) else None)
+        bridge.join(self.hub)
         self.engine.start()
 
     @property
-    def view(self) -> View:
-        return self.room.view
+    def view(self) -> SessionView:
+        return self.hub.view
 
     async def act(self) -> str:
         """Run the act, and say what became of it."""
@@ -109,7 +109,7 @@ async def test_a_connection_that_is_lost_is_made_anew(tmp_path: Path, wired: Wir
     """A27: the robot is lost and comes back, others find the session again, and the study goes on."""
     wired.robot()
     scenario = study(tmp_path)
-    bridge = await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    bridge = await open_bridge(RosConnection("dds"), scenario.robot, scenario.mode)
     assert isinstance(bridge, Ros2Bridge)
     session = Session(scenario, bridge)
     await until(lambda: session.view.robot is not None and session.view.robot.status == "connected")
@@ -124,7 +124,7 @@ async def test_a_connection_that_is_lost_is_made_anew(tmp_path: Path, wired: Wir
     await until(lambda: session.view.robot is not None and session.view.robot.status == "connected")
     assert await session.act() == "SUCCEEDED"
     assert any(server.name.endswith("rise/domain_task/_action/send_goal") for server in wired.made[1].servers)
-    assert len(session.room.members) == 1, "the face that was before has left"
+    assert len(session.hub.clients) == 1, "the face that was before has left"
     assert [text.partition(":")[0] for text in session.notes if "ROS" in text] == [
         "the connection to ROS is lost",
         "the connection to ROS cannot be made anew yet",
@@ -140,7 +140,7 @@ async def test_what_is_wrong_with_a_profile_is_said_before_anything_runs(tmp_pat
     )
     scenario = study(tmp_path, robot="mine")
     with pytest.raises(BridgeError) as refused:
-        await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+        await open_bridge(RosConnection("dds"), scenario.robot, scenario.mode)
     said = "\n".join(refused.value.lines)
     assert "frme" in said and "type" in said and len(refused.value.lines) >= 2
     assert all(transport.closed for transport in wired.made)
@@ -148,15 +148,15 @@ async def test_what_is_wrong_with_a_profile_is_said_before_anything_runs(tmp_pat
 
 async def test_without_ros_a_real_robot_is_not_reached(tmp_path: Path) -> None:
     scenario = study(tmp_path)
-    assert await open_bridge(Wire("off"), scenario.robot, scenario.mode) is None
+    assert await open_bridge(RosConnection("off"), scenario.robot, scenario.mode) is None
     with pytest.raises(DriverError, match="ROS 2"):
         make_robot(scenario.robot, scenario.mode, RealClock(asyncio.get_running_loop(), 1.0, 0.0), 1)
 
 
 async def test_a_rehearsal_is_on_ros_only_if_that_is_said(tmp_path: Path, wired: Wired) -> None:
     scenario = study(tmp_path, mode="debug")
-    assert await open_bridge(Wire("auto"), scenario.robot, scenario.mode) is None
-    bridge = await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    assert await open_bridge(RosConnection("auto"), scenario.robot, scenario.mode) is None
+    bridge = await open_bridge(RosConnection("dds"), scenario.robot, scenario.mode)
     assert isinstance(bridge, Ros2Bridge)
     session = Session(scenario, bridge)
     assert await session.act() == "SUCCEEDED", "the simulated robot did it"
@@ -168,7 +168,7 @@ async def test_a_rehearsal_is_on_ros_only_if_that_is_said(tmp_path: Path, wired:
 
 
 async def opened(scenario: Scenario) -> Ros2Bridge:
-    bridge = await open_bridge(Wire("dds"), scenario.robot, scenario.mode)
+    bridge = await open_bridge(RosConnection("dds"), scenario.robot, scenario.mode)
     assert isinstance(bridge, Ros2Bridge)
     return bridge
 
@@ -216,12 +216,12 @@ async def test_of_two_that_begin_at_once_both_decide_the_same_whatever_their_clo
     loop = asyncio.get_running_loop()
     for since in ((5, 9), (9, 5), (7, 7)):
         made = [
-            neighbours.Neighbours(
-                MemoryTransport(wire, loop, f"n{number}"), neighbours.Session(f"id{number}", each, "asking")
+            neighbours.NeighbourSessions(
+                MemoryTransport(wire, loop, f"n{number}"), neighbours.SessionAnnouncement(f"id{number}", each, "asking")
             )
             for number, each in enumerate(since)
         ]
-        stands_back = [await asyncio.wait_for(each.ask(), 10) is not None for each in made]
+        stands_back = [await asyncio.wait_for(each.find_earlier(), 10) is not None for each in made]
         assert sorted(stands_back) == [False, True]
         for each in made:
             each.close()

@@ -22,10 +22,10 @@ pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 pytest.importorskip("rosbags", reason="the extra dds is not installed")
 
 from cyclonedds.qos import Policy
-from rise_adapters.ros2 import vendors
-from rise_adapters.ros2.dds import DdsTransport, domain, graph, names
-from rise_adapters.ros2.dds.entities import policies
-from rise_adapters.ros2.port import End, PortError, QoS
+from rise_adapters.ros2.transport import vendors
+from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names
+from rise_adapters.ros2.transport.dds.entities import dds_qos
+from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
 from tests.ros.dds_peer import SET, TEXT
 
@@ -100,16 +100,18 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         await until(lambda: transport.nodes() == ["/here", "/peer"])
         types = [f"{SET}_Request", f"{SET}_Response"]
         usual = QoS(depth=10)
-        assert transport.server_ends("set") == [
-            End("/peer", type, transport.type_hash(type), "0110", usual) for type in types
+        assert transport.server_endpoints("set") == [
+            RemoteEndpoint("/peer", type, transport.type_hash(type), "0110", usual) for type in types
         ]
-        assert transport.publisher_ends("said") == [End("/peer", TEXT, transport.type_hash(TEXT), "0110", usual)]
-        assert transport.publisher_ends("heard") == []
+        assert transport.publisher_endpoints("said") == [
+            RemoteEndpoint("/peer", TEXT, transport.type_hash(TEXT), "0110", usual)
+        ]
+        assert transport.publisher_endpoints("heard") == []
         process.kill()
         killed = time.monotonic()
         await until(lambda: not ask.servers())
         assert time.monotonic() - killed < 2.5
-        await until(lambda: transport.nodes() == ["/here"] and transport.server_ends("set") == [])
+        await until(lambda: transport.nodes() == ["/here"] and transport.server_endpoints("set") == [])
 
 
 async def test_what_was_said_just_before_closing_arrives(transport: DdsTransport) -> None:
@@ -131,7 +133,7 @@ async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) 
     say = transport.publisher("heard", TEXT)
     with peer("burst"):
         await until(say.subscribers)
-        await until(lambda: transport.publisher_ends("said"))
+        await until(lambda: transport.publisher_endpoints("said"))
         delays = []
         say.publish({"data": "2"})
         while len(heard) < 2000:
@@ -263,7 +265,7 @@ async def test_a_callback_that_fails_is_told_and_stops_nothing(transport: DdsTra
     say.publish({})
     await until(lambda: len(heard) == 2)
     assert [str(context["exception"]) for context in told] == ["not mine", "not mine"]
-    assert transport.lost() == ""
+    assert transport.failure() == ""
 
 
 async def test_after_closing_nothing_comes_and_nothing_hangs(transport: DdsTransport) -> None:
@@ -282,7 +284,7 @@ async def test_after_closing_nothing_comes_and_nothing_hangs(transport: DdsTrans
     other.close()
     ask.close()
     assert heard == []
-    assert other.lost() == "the transport is closed"
+    assert other.failure() == "the transport is closed"
     with pytest.raises(PortError, match="the transport is closed"):
         other.publisher("said", TEXT)
     await until(lambda: transport.nodes() == ["/here"])
@@ -296,7 +298,7 @@ async def test_two_servers_are_two_and_a_wrong_type_is_none(transport: DdsTransp
     ask, miss = transport.client("set", SET), transport.client("wrong", SET)
     types = {"std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"}
     await until(lambda: ask.servers() == 2)
-    await until(lambda: {end.type for end in transport.server_ends("wrong")} == types)
+    await until(lambda: {end.type for end in transport.server_endpoints("wrong")} == types)
     assert miss.servers() == 0
     second.close()
     await until(lambda: ask.servers() == 1)
@@ -320,8 +322,8 @@ async def test_a_type_of_the_same_structure_is_another_type(tmp_path: Path) -> N
 
 def test_nobody_is_asked_about_the_structure_of_types() -> None:
     """Nodes of ROS 2 Jazzy with Cyclone DDS 0.10.5 do not survive that."""
-    assert Policy.TypeConsistency.DisallowTypeCoercion() in policies(QoS(), {}, reader=True)
-    assert Policy.TypeConsistency.DisallowTypeCoercion() in policies(LATCHED, {}, reader=True)
+    assert Policy.TypeConsistency.DisallowTypeCoercion() in dds_qos(QoS(), {}, reader=True)
+    assert Policy.TypeConsistency.DisallowTypeCoercion() in dds_qos(LATCHED, {}, reader=True)
 
 
 async def test_names_types_and_messages_that_cannot_be(transport: DdsTransport) -> None:
@@ -349,8 +351,8 @@ async def test_the_arguments_of_ros_count() -> None:
 async def test_about_says_what_it_is(transport: DdsTransport) -> None:
     assert transport.about.startswith("dds, Cyclone DDS ")
     assert transport.about.endswith(f"without ROS, domain {ENVIRONMENT['ROS_DOMAIN_ID']}")
-    assert (transport.kind, transport.node, transport.lost()) == ("dds", "/here", "")
-    assert transport.strangers() == [] and transport.vendor == vendors.CYCLONE
+    assert (transport.kind, transport.node, transport.failure()) == ("dds", "/here", "")
+    assert transport.programs_of_other_vendors() == [] and transport.vendor == vendors.CYCLONE
 
 
 # --- configuration -------------------------------------------------------------------------------------------------
@@ -425,30 +427,30 @@ def test_type_names_there_and_back() -> None:
 
 def test_programs_with_other_software_are_named() -> None:
     own, fast, other = (bytes(vendor) + bytes(14) for vendor in ([1, 16], [1, 15], [1, 99]))
-    seen = graph.Graph(own)
+    seen = graph.DdsGraph(own)
     for key in (own, fast, other):
-        seen.participant(graph.Participant(key))
-    seen.named(fast, [("/camera", []), ("/microphone", [])])
-    assert seen.strangers() == [
+        seen.update_participant(graph.SeenParticipant(key))
+    seen.set_nodes(fast, [("/camera", []), ("/microphone", [])])
+    assert seen.programs_of_other_vendors() == [
         ("/camera, /microphone", "010f"),
         ("without named nodes (016300000000000000000000)", "0163"),
     ]
     assert seen.nodes() == ["/camera", "/microphone"]
-    seen.participant(graph.Gone(fast))
-    assert len(seen.strangers()) == 1
+    seen.update_participant(graph.VanishedEntity(fast))
+    assert len(seen.programs_of_other_vendors()) == 1
     assert seen.nodes() == []
 
 
 def test_endpoints_of_others_come_and_go() -> None:
     own, key = bytes([1, 16] + [1] * 14), bytes([1, 16] + [2] * 14)
-    seen = graph.Graph(own)
-    end = graph.Endpoint(key, key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
-    seen.writer(end)
-    seen.writer(graph.Endpoint(own, own, "rt/a", TEXT, {}))
-    assert seen.writers("rt/a") == [End("", TEXT, "RIHS01_1", "0110")]
-    seen.named(key, [("/camera", [key])])
+    seen = graph.DdsGraph(own)
+    end = graph.DdsEndpoint(key, key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
+    seen.update_writer(end)
+    seen.update_writer(graph.DdsEndpoint(own, own, "rt/a", TEXT, {}))
+    assert seen.writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
+    seen.set_nodes(key, [("/camera", [key])])
     assert [end.node for end in seen.writers("rt/a")] == ["/camera"]
     assert seen.topics() == ["/a"]
     assert seen.readers("rt/a") == seen.writers("rt/b") == []
-    seen.writer(graph.Gone(key))
+    seen.update_writer(graph.VanishedEntity(key))
     assert seen.writers("rt/a") == []

@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from rise_adapters.ros2 import choose
 from rise_adapters.ros2.actions.server import ActionServer
-from rise_adapters.ros2.doctor import Finding, as_json, as_text, examine, exit_status, installation, interfaces
+from rise_adapters.ros2.doctor import DoctorFinding, as_json, as_text, examine, exit_status, installation, interfaces
 from rise_adapters.ros2.doctor import robot as doctor_robot
 from rise_adapters.ros2.doctor.network import check_network
-from rise_adapters.ros2.port import PortError, QoS
+from rise_adapters.ros2.transport import selection
+from rise_adapters.ros2.transport.port import PortError, QoS
 
-from rise_engine.bridge import BridgeError
-from rise_engine.clock import RealClock
-from rise_engine.scenario.actions import core_actions
+from rise_engine.engine.clock import RealClock
+from rise_engine.ports.bridge import BridgeError
+from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import MemoryTransport, MemoryWire
 
@@ -43,7 +43,7 @@ def profile(driver: str = "ros2", **carriers: Any) -> RobotProfile:
     return RobotProfile("tin", "Tin", driver, actions)
 
 
-def said(findings: list[Finding], level: str) -> str:
+def said(findings: list[DoctorFinding], level: str) -> str:
     return "\n".join(f"{finding.sentence} {finding.remedy}" for finding in findings if finding.level == level)
 
 
@@ -52,7 +52,7 @@ def only(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Say which transports are here."""
 
     def says(rclpy: str = "rclpy is not here", dds: str = "") -> None:
-        monkeypatch.setattr(choose, "available", lambda: {"rclpy": rclpy, "dds": dds})
+        monkeypatch.setattr(selection, "why_unavailable", lambda: {"rclpy": rclpy, "dds": dds})
         monkeypatch.setattr(installation, "rclpy_missing", lambda: rclpy)
 
     says()
@@ -223,12 +223,12 @@ class Lab:
     async def open(self, choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
         return self.node(f"/{node}")
 
-    async def examined(self, robot: RobotProfile | None, seconds: float = 0.2) -> list[Finding]:
+    async def examined(self, robot: RobotProfile | None, seconds: float = 0.2) -> list[DoctorFinding]:
         return await examine("auto", robot, environment={}, seconds=seconds, open_transport=self.open)
 
 
 async def test_a_robot_that_is_all_there(only: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor_robot, "SETTLE", 0.05)
+    monkeypatch.setattr(doctor_robot, "SETTLE_SECONDS", 0.05)
     lab = Lab()
     lab.speaks("/tin/mouth")
     lab.node("/tin/led").subscribe("/rise/robot/led", LED["type"], print)
@@ -342,7 +342,7 @@ async def test_other_peoples_nodes_and_a_lost_wire(only: Any, monkeypatch: pytes
         "What to do: start the robot's program with RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on its computer, or"
         in warning
     )
-    monkeypatch.setattr(MemoryTransport, "lost", lambda self: "the context was shut down")
+    monkeypatch.setattr(MemoryTransport, "failure", lambda self: "the context was shut down")
     assert "the context was shut down" in said(await lab.examined(None), "problem")
 
 
@@ -367,10 +367,10 @@ async def test_nothing_to_connect_by(only: Any) -> None:
 
 def test_for_a_person_and_for_a_program() -> None:
     findings = [
-        Finding("ok", "ros", "all is well"),
-        Finding("warning", "network", "w " * 60, "do this"),
-        Finding("problem", "robot", "it is not there", "start it"),
-        Finding("problem", "robot", "nor this"),
+        DoctorFinding("ok", "ros", "all is well"),
+        DoctorFinding("warning", "network", "w " * 60, "do this"),
+        DoctorFinding("problem", "robot", "it is not there", "start it"),
+        DoctorFinding("problem", "robot", "nor this"),
     ]
     lines = as_text(findings, 60).splitlines()
     assert lines[0] == "ok       all is well" and lines[-1] == "2 problems, 1 warning"

@@ -8,7 +8,7 @@ a limit, and the record tells why (`Bench.check`).
 from __future__ import annotations
 
 import pytest
-from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
 from rise_adapters.ros2.compatibility import several_servers
 
 from rise_engine.kernel.records import EventRecord, RobotRecord

@@ -13,11 +13,11 @@ from typing import Any
 
 import msgspec
 import pytest
-from rise_adapters.ros2.mapping import read_carriers
+from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 
-from rise_engine.clock import RealClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.engine import Engine
 from tests.ros.badrobot import Plan
 from tests.ros.bench import GAZE, SPEECH, TYPES, Records, profile, scenario
 from tests.ros.contract.peers import LEASE, ROOT, environment
@@ -25,7 +25,7 @@ from tests.ros.contract.peers import LEASE, ROOT, environment
 pytest.importorskip("cyclonedds")
 pytest.importorskip("rosbags")
 
-from rise_adapters.ros2.dds import DdsTransport
+from rise_adapters.ros2.transport.dds import DdsTransport
 
 pytestmark = pytest.mark.dds
 
@@ -71,7 +71,7 @@ class Session(Records):
         self.processes: list[Process] = []
         self.transport = DdsTransport(loop, node="engine", environment=environment())
         which = profile(**deadlines)
-        self.robot = Ros2Robot(which, self.clock, self.transport, read_carriers(which, self.transport.fields))
+        self.robot = Ros2Robot(which, self.clock, self.transport, read_mappings(which, self.transport.fields))
         self.engine = Engine(scenario(which), self.robot, self.clock, 1, sinks=[self.records.append])
         self.engine.start()
         self.submit("startInteractionRule", "Watch")

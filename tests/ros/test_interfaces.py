@@ -7,11 +7,11 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
-from rise_adapters.ros2.types import SHARE, Types
-from rise_adapters.ros2.types.definitions import PRIMITIVES
+from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
+from rise_adapters.ros2.transport.interfaces.definitions import PRIMITIVES
 
 PACKAGE = Path(__file__).parents[2] / "adapters" / "rise_interfaces"
-COPY = SHARE / "rise_interfaces"
+COPY = SHARE_FOLDER / "rise_interfaces"
 INTERFACES = sorted(path for kind in ("action", "msg", "srv") for path in (PACKAGE / kind).glob(f"*.{kind}"))
 
 
@@ -25,7 +25,7 @@ def test_both_copies_are_the_same() -> None:
 
 
 def test_the_goal_of_a_domain_task_is_that_of_rise() -> None:
-    fields = Types(environment={}).fields("rise_interfaces/action/DomainTask_Goal")
+    fields = InterfaceCatalog(environment={}).fields("rise_interfaces/action/DomainTask_Goal")
     assert fields == {"domain_task_behavior": "string", "function_type": "string", "calling_type": "string"}
 
 
@@ -37,13 +37,13 @@ def test_everything_is_built() -> None:
 
 
 def test_everything_that_is_needed_is_declared() -> None:
-    types = Types(environment={})
+    types = InterfaceCatalog(environment={})
     needed = set()
     for path in INTERFACES:
         for suffix in {"action": ("_Goal", "_Result", "_Feedback"), "srv": ("_Request", "_Response"), "msg": ("",)}[
             path.parent.name
         ]:
-            definition = types.message(f"rise_interfaces/{path.parent.name}/{path.stem}{suffix}")
+            definition = types.message_definition(f"rise_interfaces/{path.parent.name}/{path.stem}{suffix}")
             needed |= {field.type.base.split("/")[0] for field in definition.fields} - PRIMITIVES
     package = ElementTree.parse(PACKAGE / "package.xml").getroot()
     assert needed | {"action_msgs"} == {depend.text for depend in package.findall("depend")}
@@ -89,7 +89,7 @@ def test_what_rosidl_says(path: Path) -> None:
         "msg": parser.parse_message_file,
         "srv": parser.parse_service_file,
     }[path.parent.name]
-    ours, kind = Types(environment={}), path.parent.name
+    ours, kind = InterfaceCatalog(environment={}), path.parent.name
     theirs = read("rise_interfaces", str(path))
     parts = {
         "action": {"_Goal": "goal", "_Result": "result", "_Feedback": "feedback"},

@@ -10,24 +10,24 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.bridge import read_parameters
-from rise_adapters.ros2.nodes.running import node_parser, parameters_of, settings_of
-from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
-from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.examples.run_node import node_parser, readable_parameters_of, ros_parameters_of
+from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
+from rise_adapters.ros2.transport.port import Message, PortError
 
-from rise_engine.bridge import BridgeError
-from tests.ros.facing import until
+from rise_engine.ports.bridge import BridgeError
 from tests.ros.memory import MemoryTransport, MemoryWire
+from tests.ros.session_node_bench import until
 
 OPTIONS = {
-    "dwell": Option("--dwell"),
-    "topic": Option("--topic"),
-    "live_speech": Option("--live-speech", switch=True),
-    "keyword": Option("--keyword", many=True),
+    "dwell": ParameterOption("--dwell"),
+    "topic": ParameterOption("--topic"),
+    "live_speech": ParameterOption("--live-speech", switch=True),
+    "keyword": ParameterOption("--keyword", repeatable=True),
 }
 
 
 def options(*arguments: str, written: tuple[str, ...] = ()) -> list[str]:
-    return as_options(arguments, "gaze_trigger", OPTIONS, written)[0]
+    return parameters_as_options(arguments, "gaze_trigger", OPTIONS, written)[0]
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_what_is_no_parameter_is_refused_with_a_sentence(arguments: list[str], w
 
 def test_other_arguments_are_left_to_the_transport() -> None:
     arguments = ("-r", "a:=b", "-p", "dwell:=1", "--log-level", "debug")
-    assert as_options(arguments, "gaze_trigger", OPTIONS)[1] == ("-r", "a:=b", "--log-level", "debug")
+    assert parameters_as_options(arguments, "gaze_trigger", OPTIONS)[1] == ("-r", "a:=b", "--log-level", "debug")
 
 
 def test_what_is_written_on_the_command_line_counts_more() -> None:
@@ -172,7 +172,7 @@ def parser() -> ArgumentParser:
 class Asking:
     """A node that asks another one for its parameters, as `ros2 param` does."""
 
-    def __init__(self, wire: MemoryWire, settings: dict[str, Setting]) -> None:
+    def __init__(self, wire: MemoryWire, settings: dict[str, ReadableParameter]) -> None:
         loop = asyncio.get_running_loop()
         ParameterServices(MemoryTransport(wire, loop, "/lab/gaze_trigger"), lambda: settings)
         self.transport = MemoryTransport(wire, loop, "/cli")
@@ -185,9 +185,9 @@ class Asking:
 
 async def test_every_option_of_a_node_is_a_parameter() -> None:
     made = parser()
-    assert parameters_of(made)["live_speech"] == Option("--live-speech", switch=True)
-    assert parameters_of(made)["region"] == Option("--region", many=True)
-    asking = Asking(MemoryWire(), settings_of(made, made.parse_args(["--dwell", "0.5"])))
+    assert ros_parameters_of(made)["live_speech"] == ParameterOption("--live-speech", switch=True)
+    assert ros_parameters_of(made)["region"] == ParameterOption("--region", repeatable=True)
+    asking = Asking(MemoryWire(), readable_parameters_of(made, made.parse_args(["--dwell", "0.5"])))
     names = (await asking.ask("list_parameters", "ListParameters", {}))["result"]["names"]
     assert names == [
         "dwell", "file", "live_speech", "number", "otherwise", "region", "ros", "share", "use_sim_time"
@@ -208,7 +208,7 @@ async def test_every_option_of_a_node_is_a_parameter() -> None:
 
 
 async def test_a_parameter_is_not_set_while_the_program_runs_and_it_says_so() -> None:
-    asking = Asking(MemoryWire(), {"dwell": Setting(0.5)})
+    asking = Asking(MemoryWire(), {"dwell": ReadableParameter(0.5)})
     names = ["dwell", "dwel", "use_sim_time"]
     request = {"parameters": [{"name": name, "value": {"type": 3, "double_value": 1.0}} for name in names]}
     results = (await asking.ask("set_parameters", "SetParameters", request))["results"]

@@ -12,27 +12,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rise_adapters import robots
-from rise_adapters.ros2.carriers.fields import field_type
-from rise_adapters.ros2.mapping import Carrier, read_carriers
-from rise_adapters.ros2.types import Types
+from rise_adapters.ros2.mapping import ActionMapping, read_mappings
+from rise_adapters.ros2.mapping.field_types import parse_field_type
+from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 
-from rise_engine.scenario.findings import Findings
-from rise_engine.scenario.model import ActionSpec, Parameter, Place, RobotProfile
-from rise_engine.scenario.parameters import accepts_any_name, known_names
-from rise_engine.scenario.robots import read_robot
-from rise_engine.scenario.source import Files
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import ActionSpec, Parameter, RobotProfile, SourceLocation
+from rise_engine.scenario.parameters import accepts_any_name, listed_names
+from rise_engine.scenario.robot_profiles import read_robot
+from rise_engine.scenario.source_files import FileReader
 from tests.ros.layouts import LAYOUTS
 
 FOLDER = Path(robots.__file__).parent
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 ON_ROS = [name for name in NAMES if name != "generic"]
-TYPES = Types(environment={})
+TYPES = InterfaceCatalog(environment={})
 DURATION = {"sec": 1, "nanosec": 500_000_000}
 
 
 def profile(name: str) -> RobotProfile:
-    findings = Findings()
-    read = read_robot(name, Files(Path("/nowhere"), findings), Place("x"))
+    findings = Diagnostics()
+    read = read_robot(name, FileReader(Path("/nowhere"), findings), SourceLocation("x"))
     assert findings.sorted() == []
     return read
 
@@ -40,15 +40,15 @@ def profile(name: str) -> RobotProfile:
 PROFILES = {name: profile(name) for name in NAMES}
 
 
-def carriers(name: str) -> dict[str, Carrier]:
-    return read_carriers(PROFILES[name], TYPES.fields)
+def carriers(name: str) -> dict[str, ActionMapping]:
+    return read_mappings(PROFILES[name], TYPES.fields)
 
 
 def message(name: str, action: str, parameters: dict[str, Any]) -> Any:
-    return carriers(name)[action].message(parameters, node="/rise/engine", goal="4/1", frame="base_link")
+    return carriers(name)[action].make_message(parameters, node="/rise/engine", goal="4/1", frame="base_link")
 
 
-def sent_type(carrier: Carrier) -> str:
+def sent_type(carrier: ActionMapping) -> str:
     return f"{carrier.type}_Goal" if carrier.kind == "action" else carrier.type
 
 
@@ -62,8 +62,8 @@ def test_what_is_shipped() -> None:
 
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
 def test_types_are_as_they_were_when_the_profiles_were_written(name: str) -> None:
-    known = {field: str(field_type(type)) for field, type in TYPES.fields(name).items()}
-    assert known == {field: str(field_type(type)) for field, type in LAYOUTS[name].items()}
+    known = {field: str(parse_field_type(type)) for field, type in TYPES.fields(name).items()}
+    assert known == {field: str(parse_field_type(type)) for field, type in LAYOUTS[name].items()}
 
 
 @pytest.mark.parametrize("name", ON_ROS)
@@ -81,7 +81,7 @@ def test_a_robot_with_a_wrapper_differs_from_rise_only_by_name(name: str) -> Non
                 standard[action].name.replace("rise/robot", name),
                 standard[action].type,
             )
-            assert carrier.left_out == standard[action].left_out == ()
+            assert carrier.unused_parameters == standard[action].unused_parameters == ()
 
 
 # --- all parameters -------------------------------------------------------------------------------------------------
@@ -101,7 +101,7 @@ def values(parameter: Parameter) -> st.SearchStrategy[Any]:
         case "boolean":
             return st.booleans()
         case "name":
-            names = [*known_names(parameter), *parameter.codes.values()]
+            names = [*listed_names(parameter), *parameter.codes.values()]
             return st.sampled_from([*names, "something_else"] if accepts_any_name(parameter) else names)
 
 
@@ -118,7 +118,7 @@ def contains(whole: Any, part: Any) -> bool:
     return bool(whole == (pytest.approx(part, rel=1e-6, abs=1e-37) if isinstance(part, float) else part))
 
 
-ACTIONS = [(robot, action) for robot in ON_ROS for action in read_carriers(PROFILES[robot])]
+ACTIONS = [(robot, action) for robot in ON_ROS for action in read_mappings(PROFILES[robot])]
 
 
 @pytest.mark.slow
@@ -130,7 +130,7 @@ def test_whatever_an_author_gives_becomes_a_message_of_the_type(robot: str, acti
 
     @given(authored(PROFILES[robot].actions[action]))
     def check(parameters: dict[str, Any]) -> None:
-        made = carrier.message(parameters, node="/rise/engine", goal="4/1", frame="base_link")
+        made = carrier.make_message(parameters, node="/rise/engine", goal="4/1", frame="base_link")
         codec.pack(made)  # raises when it does not fit
         assert contains(codec.unpack(codec.pack(made)), made)
 
@@ -204,10 +204,10 @@ def test_ros4hri(action: str, parameters: dict[str, Any], goal: dict[str, Any]) 
 def test_ros4hri_ends_an_expression_with_a_neutral_face_and_believes_the_result() -> None:
     read = carriers("ros4hri")
     for action in ("Emotion", "SocialExpression"):
-        assert read[action].reset(node="/rise/engine") == message("ros4hri", "Emotion", {"value": "neutral"})
+        assert read[action].make_reset(node="/rise/engine") == message("ros4hri", "Emotion", {"value": "neutral"})
     result = {"result": {"error_code": 134, "error_msg": ""}}
-    assert read["Speech"].error(result) == "the robot cannot do this (error code 134)"
-    assert read["Animation"].error({"result": {"error_code": 0, "error_msg": ""}}) == ""
+    assert read["Speech"].failure(result) == "the robot cannot do this (error code 134)"
+    assert read["Animation"].failure({"result": {"error_code": 0, "error_msg": ""}}) == ""
     assert 0 < META["priority"] <= 200  # above, it is for critical system functions
 
 
@@ -218,7 +218,11 @@ def test_ros4hri_says_what_does_not_reach_the_robot() -> None:
         for line in text.splitlines()
         if re.match(r"#   (Speech|LookAt|Animation) ", line)
     }
-    left_out = {action: set(carrier.left_out) for action, carrier in carriers("ros4hri").items() if carrier.left_out}
+    left_out = {
+        action: set(carrier.unused_parameters)
+        for action, carrier in carriers("ros4hri").items()
+        if carrier.unused_parameters
+    }
     assert told == left_out
 
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rise_adapters.ros2.action_client import CANCELED, CANCELING, EXECUTING
+from rise_adapters.ros2.actions.client import CANCELED, CANCELING, EXECUTING
 from rise_adapters.ros2.robot.cancellation import RETRY_SECONDS
 
 from tests.ros.badrobot import BadServer, Plan

@@ -9,15 +9,15 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.mapping import read_carriers
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
 
-from rise_engine.clock import VirtualClock
+from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
-from rise_engine.robot import RobotReport
+from rise_engine.ports.robot import RobotReport
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.bench import SPEECH, TYPES, profile
@@ -42,7 +42,7 @@ class Alone:
             self.serve()
         self.told: list[RobotReport] = []
         which = which or profile(**deadlines)
-        self.robot = Ros2Robot(which, self.clock, self.near, read_carriers(which, self.near.fields))
+        self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.connect(self.told.append)
 
     def serve(self) -> None:

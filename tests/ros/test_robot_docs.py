@@ -14,19 +14,19 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2.actions.server import RESULT_TIMEOUT
-from rise_adapters.ros2.mapping import Carrier, Options, read_carriers, read_options
-from rise_adapters.ros2.types import Types
+from rise_adapters.ros2.mapping import ActionMapping, RosOptions, read_mappings, read_options
+from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 
-from rise_engine.clock import VirtualClock
+from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
-from rise_engine.robot import Driver, RobotReport
-from rise_engine.scenario import Loaded, load
-from rise_engine.scenario.findings import Findings
+from rise_engine.ports.robot import Driver, RobotReport
+from rise_engine.scenario import LoadResult, load
+from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import RobotProfile
-from rise_engine.scenario.parameters import call_parameters, convert
-from rise_engine.scenario.robots import read_profile
-from rise_engine.scenario.source import Files
+from rise_engine.scenario.parameters import convert_parameter, fill_parameters
+from rise_engine.scenario.robot_profiles import read_profile
+from rise_engine.scenario.source_files import FileReader
 from tests.ros.layouts import LAYOUTS, looked_up
 from tests.scenario.folders import folder
 from tests.scenarios.played import Played, process
@@ -53,28 +53,28 @@ def write_files(page: str, to: Path) -> str:
     return text
 
 
-def robot_of(loaded: Loaded) -> RobotProfile:
-    assert [finding for finding in loaded.findings if finding.severity == "error"] == []
+def robot_of(loaded: LoadResult) -> RobotProfile:
+    assert [finding for finding in loaded.diagnostics if finding.severity == "error"] == []
     assert loaded.scenario is not None
     return loaded.scenario.robot
 
 
-def goals(loaded: Loaded, act: str, types: Types) -> dict[str, Any]:
+def goals(loaded: LoadResult, act: str, types: InterfaceCatalog) -> dict[str, Any]:
     """The messages that an act makes, by the name that they are sent to."""
     robot = robot_of(loaded)
-    carriers = read_carriers(robot, types.fields)
+    carriers = read_mappings(robot, types.fields)
     assert loaded.scenario is not None
     made = {}
     for action in loaded.scenario.acts[act].actions:
         call = action.calls[0]
         spec = robot.actions[call.type]
-        parameters = call_parameters(call, spec, {})
+        parameters = fill_parameters(call, spec, {})
         if spec.substitute is not None:
             spec = robot.actions[spec.substitute]
             parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
         carrier = carriers[spec.name]
         frame = read_options(robot).frame
-        made[carrier.name] = carrier.message(parameters, node="/rise", goal="4/1", frame=frame)
+        made[carrier.name] = carrier.make_message(parameters, node="/rise", goal="4/1", frame=frame)
         type = f"{carrier.type}_Goal" if carrier.kind == "action" else carrier.type
         types.codec(type).pack(made[carrier.name])  # raises when it does not fit
     return made
@@ -83,7 +83,7 @@ def goals(loaded: Loaded, act: str, types: Types) -> dict[str, Any]:
 def test_add_a_robot(tmp_path: Path) -> None:
     page = write_files("add-a-robot.md", tmp_path)
     study = tmp_path / "my-study"
-    types = Types(environment={})
+    types = InterfaceCatalog(environment={})
 
     bob = load(study)
     assert goals(bob, "R_Hello", types) == {
@@ -96,18 +96,18 @@ def test_add_a_robot(tmp_path: Path) -> None:
     }
 
     (study / "none").mkdir()
-    bella = read_carriers(robot_of(load(study, robot="bella", places={"acts": "none"})), types.fields)
+    bella = read_mappings(robot_of(load(study, robot="bella", places={"acts": "none"})), types.fields)
     assert sorted(bella) == ["Emotion", "LookAt", "Speech"]
     face = bella["Emotion"]
     assert (face.kind, face.name) == ("topic", "bella/face")
-    shown = face.message({"value": "fear", "duration": 2000}, node="/rise", goal="4/1", frame="f")
-    assert shown == {"data": "scared"} and face.reset() == {"data": "neutral"}
-    said = bella["Speech"].message({"message": "Hi"}, node="/rise", goal="4/1", frame="f")
+    shown = face.make_message({"value": "fear", "duration": 2000}, node="/rise", goal="4/1", frame="f")
+    assert shown == {"data": "scared"} and face.make_reset() == {"data": "neutral"}
+    said = bella["Speech"].make_message({"message": "Hi"}, node="/rise", goal="4/1", frame="f")
     assert said == {"meta": {"caller": "/rise", "priority": 150}, "input": "Hi"}
     assert "publishes `scared` on `bella/face`, and `neutral`" in page
 
     refused = load(study, robot="bella")
-    assert [finding.code for finding in refused.findings] == ["robot-cannot", "robot-cannot"]
+    assert [finding.code for finding in refused.diagnostics] == ["robot-cannot", "robot-cannot"]
 
 
 def test_the_driver_of_add_a_robot(tmp_path: Path) -> None:
@@ -118,8 +118,8 @@ def test_the_driver_of_add_a_robot(tmp_path: Path) -> None:
     assert tomllib.loads(packaging)["project"]["entry-points"]["rise.drivers"] == {"lamp": "lamp:Lamp"}
     lamp = ModuleType("lamp")
     exec(compile(code, "lamp.py", "exec"), lamp.__dict__)
-    findings = Findings()
-    profile = read_profile(tmp_path / "my-study/robots/lamp.toml", "lamp", Files(tmp_path, findings))
+    findings = Diagnostics()
+    profile = read_profile(tmp_path / "my-study/robots/lamp.toml", "lamp", FileReader(tmp_path, findings))
     assert profile.driver == "lamp" and not findings.errors
     with pytest.raises(ValueError, match="number of the lamp's UDP port"):
         lamp.Lamp(replace(profile, options={}), VirtualClock(), 1)
@@ -180,21 +180,21 @@ def test_add_an_action(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = write_files("add-an-action.md", tmp_path)
     study = tmp_path / "my-study"
     loaded = load(study)
-    types = Types([study / "share"], environment={})
+    types = InterfaceCatalog([study / "share"], environment={})
     sent = goals(loaded, "R_Tour", types)
     examples = [json.loads(block["content"]) for block in BLOCKS.finditer(page) if block["language"] == "json"]
     assert [sent["pepper/drive"]] == examples
     assert sent["pepper/speech"]["message"] == "Please follow me."
 
-    drive = read_carriers(robot_of(loaded), types.fields)["Drive"]
+    drive = read_mappings(robot_of(loaded), types.fields)["Drive"]
     assert drive.deadlines.acceptance == 5
-    assert drive.error({"arrived": False, "reason": "a chair is in the way"}) == "a chair is in the way"
-    assert drive.error({"arrived": True, "reason": ""}) == ""
+    assert drive.failure({"arrived": False, "reason": "a chair is in the way"}) == "a chair is in the way"
+    assert drive.failure({"arrived": True, "reason": ""}) == ""
 
     act = study / "acts" / "tour.xml"
     act.write_text(act.read_text(encoding="utf-8").replace(">door<", ">window<"), encoding="utf-8")
-    (mistake,) = [finding for finding in load(study).findings if finding.severity == "error"]
-    assert mistake.code == "unknown-name" and mistake.place.line == 3 and "`door`, `table`" in mistake.message
+    (mistake,) = [finding for finding in load(study).diagnostics if finding.severity == "error"]
+    assert mistake.code == "unknown-name" and mistake.location.line == 3 and "`door`, `table`" in mistake.message
 
     monkeypatch.setenv("HOME", str(tmp_path))
     (option,) = re.findall(r"`(share = .*?)` in `\[options\]`", page)
@@ -215,7 +215,7 @@ def test_the_steps_of_add_an_action(tmp_path: Path) -> None:
 
     last = [block["content"] for block in BLOCKS.finditer(page) if block["language"] == "toml"][-1]
     settings.write_text(declared + last, encoding="utf-8")
-    shown = goals(load(study), "R_Tour", Types(environment={}))["pepper/drive"]
+    shown = goals(load(study), "R_Tour", InterfaceCatalog(environment={}))["pepper/drive"]
     (told,) = re.findall(r"gets `(\{.*\})`", page)
     assert json.loads(shown["data"]) == json.loads(told)
 
@@ -233,10 +233,12 @@ WAVE_TYPES = {
 }
 
 
-def read(at: Path, profile: str, layouts: Mapping[str, Mapping[str, str]]) -> tuple[RobotProfile, dict[str, Carrier]]:
+def read(
+    at: Path, profile: str, layouts: Mapping[str, Mapping[str, str]]
+) -> tuple[RobotProfile, dict[str, ActionMapping]]:
     folder(at, {"scenario.toml": 'robot = "bob"', "robots/bob.toml": f'driver = "ros2"\n{profile}'})
     robot = robot_of(load(at))
-    return robot, read_carriers(robot, lambda type: looked_up({**LAYOUTS, **layouts}, type))
+    return robot, read_mappings(robot, lambda type: looked_up({**LAYOUTS, **layouts}, type))
 
 
 def test_the_example_of_the_reference(tmp_path: Path) -> None:
@@ -246,8 +248,8 @@ def test_the_example_of_the_reference(tmp_path: Path) -> None:
     loaded = load(tmp_path)
     assert loaded.scenario is not None
     call = loaded.scenario.acts["A"].actions[0].calls[0]
-    goal = carriers["Wave"].message(
-        call_parameters(call, robot.actions["Wave"], {}), node="/rise", goal="4/1", frame="base_link"
+    goal = carriers["Wave"].make_message(
+        fill_parameters(call, robot.actions["Wave"], {}), node="/rise", goal="4/1", frame="base_link"
     )
     (shown,) = [json.loads(block["content"]) for block in BLOCKS.finditer(ROBOTS) if block["language"] == "json"]
     assert goal == shown
@@ -277,8 +279,8 @@ def test_what_fills_a_field(tmp_path: Path, written: str, type: str, given: str,
     robot, carriers = read(tmp_path, f"{DECLARED}\n{carrier}", layouts)
     parameters = {}
     for name, value in re.findall(r"`(\w+)` = `(.*?)`", given):
-        parameters[name] = convert(robot.actions["Wave"].parameters[name], value)
-    message = carriers["Wave"].message(parameters, node="/rise", goal="4/1", frame="base_link")
+        parameters[name] = convert_parameter(robot.actions["Wave"].parameters[name], value)
+    message = carriers["Wave"].make_message(parameters, node="/rise", goal="4/1", frame="base_link")
     if gets == "left at zero":
         assert message == {}
     else:
@@ -292,17 +294,17 @@ def test_what_a_result_says(tmp_path: Path) -> None:
     rows = re.findall(r"^\| `(\{\"result\".*\})` \| (.*) \|$", ROBOTS, re.M)
     assert len(rows) == 3
     for result, outcome in rows:
-        failure = carriers["Wave"].error(json.loads(result))
+        failure = carriers["Wave"].failure(json.loads(result))
         assert outcome == (f"failed: {failure}" if failure else "succeeded")
 
 
 def test_the_defaults_of_the_options_and_deadlines() -> None:
-    defaults = Options()
+    defaults = RosOptions()
     for name in ("server", "acceptance", "feedback", "result", "cancel"):
         (told,) = re.findall(rf"^\| `{name}` \| (\d+) \|", ROBOTS, re.M)
         assert float(told) == getattr(defaults.deadlines, name)
     told = re.findall(r"^\| `(wrapper|frame|deadlines|error|share)` \| (.*?) \|", ROBOTS, re.M)
-    assert {name for name, _ in told} >= set(Options.__struct_fields__)
+    assert {name for name, _ in told} >= set(RosOptions.__struct_fields__)
     assert dict(told)["frame"] == f"`{defaults.frame}`"
 
 

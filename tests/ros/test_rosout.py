@@ -6,14 +6,14 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from rise_adapters.ros2.face import rosout
-from rise_adapters.ros2.face.rosout import ERROR, INFO, WARN, of_record
-from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.session_node import rosout
+from rise_adapters.ros2.session_node.rosout import ERROR, INFO, WARN, log_line_for_record
+from rise_adapters.ros2.transport.port import Message
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import ActionRecord, NoteRecord, RuleRecord, StopRecord
-from tests.ros.facing import Node, faced, session_and_node, until
 from tests.ros.memory import MemoryTransport, MemoryWire
+from tests.ros.session_node_bench import Node, faced, session_and_node, until
 
 
 async def test_what_somebody_greps_for(tmp_path: Path) -> None:
@@ -79,4 +79,4 @@ async def test_a_node_in_a_namespace_and_without_rosout(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_told_of_a_record(record: object, line: tuple[int, str] | None) -> None:
-    assert of_record(record) == line  # type: ignore[arg-type]
+    assert log_line_for_record(record) == line  # type: ignore[arg-type]

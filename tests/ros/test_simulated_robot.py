@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.action_client import ABORTED, CANCEL_NONE, CANCELED, SUCCEEDED, ActionClient, CancelAnswer
-from rise_adapters.ros2.mapping import read_carriers, written_out
-from rise_adapters.ros2.nodes.goal_reader import GoalReader
-from rise_adapters.ros2.nodes.running import NodeError
-from rise_adapters.ros2.nodes.simulated_robot import SimulatedRobot, find_robot
-from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.actions.client import ABORTED, CANCEL_NONE, CANCELED, SUCCEEDED, ActionClient, CancelResponse
+from rise_adapters.ros2.examples.goal_reader import GoalReader
+from rise_adapters.ros2.examples.run_node import NodeError
+from rise_adapters.ros2.examples.simulated_robot import RobotOnWire, find_robot
+from rise_adapters.ros2.mapping import read_mappings, with_all_carriers
 from rise_adapters.ros2.robot import Ros2Robot
+from rise_adapters.ros2.transport.port import Message
 
-from rise_engine.clock import RealClock, VirtualClock
-from rise_engine.engine import Engine
+from rise_engine.engine.clock import RealClock, VirtualClock
+from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
-from rise_engine.scenario import convert, load
+from rise_engine.scenario import convert_parameter, load
 from rise_engine.scenario.model import RobotProfile
-from tests.ros.facing import until
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
+from tests.ros.session_node_bench import until
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 ROBOTS = ("rise", "floka", "nao", "pepper", "ros4hri")
@@ -48,12 +48,12 @@ class Rig:
         self.said: list[str] = []
         self.profile = find_robot(robot, None)
         loop = ClockLoop(self.clock)
-        self.robot = SimulatedRobot(
+        self.robot = RobotOnWire(
             MemoryTransport(self.wire, loop, "/robot"), self.profile, self.clock, self.said.append, **more
         )
         self.said.clear()
         self.transport = MemoryTransport(self.wire, loop, "/engine")
-        self.carriers = read_carriers(self.profile, self.transport.fields)
+        self.carriers = read_mappings(self.profile, self.transport.fields)
         self.clients: dict[str, ActionClient] = {}
         self.feedback: list[Message] = []
 
@@ -67,7 +67,7 @@ class Rig:
     def send(self, action: str, **parameters: Any) -> Sent:
         client = self.client(action)
         goal = Sent()
-        message = self.carriers[action].message(parameters, node="/engine", goal="1/1", frame="base_link")
+        message = self.carriers[action].make_message(parameters, node="/engine", goal="1/1", frame="base_link")
 
         def answered(accepted: bool) -> None:
             goal.accepted = accepted
@@ -100,20 +100,20 @@ class Sent:
 
 @every_robot
 def test_a_goal_is_read_back_as_it_was_meant(robot: str) -> None:
-    profile = written_out(find_robot(robot, None))
+    profile = with_all_carriers(find_robot(robot, None))
     transport = MemoryTransport(MemoryWire(), ClockLoop(VirtualClock()), "/engine")
-    carriers = read_carriers(profile, transport.fields)
+    carriers = read_mappings(profile, transport.fields)
     assert len(carriers) > 4
     for name, carrier in carriers.items():
         shared = [profile.actions[other] for other, its in carriers.items() if its.name == carrier.name]
         spec = profile.actions[name]
         for call in CALLS.get(name, []):
-            meant = {each: convert(spec.parameters[each], value) for each, value in call.items()}
-            message = carrier.message(meant, node="/engine", goal="1/1", frame="base_link")
+            meant = {each: convert_parameter(spec.parameters[each], value) for each, value in call.items()}
+            message = carrier.make_message(meant, node="/engine", goal="1/1", frame="base_link")
             type = carrier.type if carrier.kind == "topic" else f"{carrier.type}_Goal"
             read, parameters = GoalReader(shared).read(transport.wire.types.complete(type, message))
             assert read.name == name
-            expected = {each: value for each, value in meant.items() if each not in carrier.left_out}
+            expected = {each: value for each, value in meant.items() if each not in carrier.unused_parameters}
             if carrier.kind == "topic":  # the time is kept by who sends
                 expected.pop("duration", None)
             assert {each: value for each, value in expected.items() if parameters.get(each) != value} == {}
@@ -135,7 +135,7 @@ def test_what_the_robot_says_in_the_terminal() -> None:
 def test_a_topic_is_shown_too() -> None:
     rig = Rig("ros4hri")
     carrier = rig.carriers["Emotion"]
-    message = carrier.message({"value": "fear"}, node="/engine", goal="1/1", frame="base_link")
+    message = carrier.make_message({"value": "fear"}, node="/engine", goal="1/1", frame="base_link")
     rig.transport.publisher(carrier.name, carrier.type).publish(message)
     rig.run(1)
     assert rig.said == ["Emotion fear"]
@@ -181,7 +181,7 @@ def test_cancel_what_runs_and_what_waits() -> None:
     rig = Rig()
     first, second = rig.send("Speech", message="x" * 140), rig.send("Speech", message="y" * 140)
     rig.run(0.5)
-    answers: list[CancelAnswer] = []
+    answers: list[CancelResponse] = []
     rig.client("Speech").cancel(second.id, answers.append)
     rig.run(0.01)
     assert (answers[0].code, answers[0].goals, second.status) == (CANCEL_NONE, (second.id,), CANCELED)
@@ -216,11 +216,11 @@ def test_an_error_code_where_the_result_has_one() -> None:
     rig.run(3)
     assert failed.status == ABORTED
     assert (
-        rig.carriers["Speech"].error(failed.result) == "it went wrong on the robot (simulated fault) (error code 255)"
+        rig.carriers["Speech"].failure(failed.result) == "it went wrong on the robot (simulated fault) (error code 255)"
     )
     fine = rig.send("Speech", message="Hello")
     rig.run(3)
-    assert (fine.status, rig.carriers["Speech"].error(fine.result)) == (SUCCEEDED, "")
+    assert (fine.status, rig.carriers["Speech"].failure(fine.result)) == (SUCCEEDED, "")
 
 
 @pytest.mark.slow
@@ -228,7 +228,7 @@ def test_one_that_hangs_does_not_even_answer_a_cancel() -> None:
     rig = Rig(faults=("Speech=hang",))
     goal = rig.send("Speech", message="Hello")
     rig.run(1)
-    answers: list[CancelAnswer] = []
+    answers: list[CancelResponse] = []
     rig.client("Speech").cancel(goal.id, answers.append)
     rig.run(3600)
     assert (goal.accepted, goal.status, answers) == (True, None, [])
@@ -239,11 +239,11 @@ def test_a_robot_that_vanishes_and_comes_back_knows_nothing() -> None:
     goal = rig.send("Speech", message="x" * 140)
     client = rig.client("Speech")
     rig.run(1.9)
-    assert client.servers() == 1
+    assert client.count_servers() == 1
     rig.run(0.2)
-    assert (client.servers(), goal.status) == (0, None)
+    assert (client.count_servers(), goal.status) == (0, None)
     rig.run(3)
-    assert client.servers() == 1
+    assert client.count_servers() == 1
     again = Sent()
     client.get_result(goal.id, again.ended)
     new = rig.send("Speech", message="Hello")
@@ -258,7 +258,7 @@ def test_at_its_end_nobody_is_left_waiting() -> None:
     rig.robot.close()
     rig.run(1)
     assert [goal.result for goal in (runs, waits)] == [{"reason": "the simulated robot was switched off"}] * 2
-    assert rig.client("Speech").servers() == 0
+    assert rig.client("Speech").count_servers() == 0
     assert rig.clock.next_at is None
 
 
@@ -287,16 +287,16 @@ def test_a_robot_that_does_not_exist(robot: str | None, says: str) -> None:
 @pytest.mark.parametrize("robot", ["rise", "floka"])
 async def test_the_greeting_runs_over_the_wire(robot: str) -> None:
     loaded = load(SCENARIOS / "greeting", robot=robot, mode="real")
-    assert loaded.scenario is not None, loaded.findings
+    assert loaded.scenario is not None, loaded.diagnostics
     profile: RobotProfile = loaded.scenario.robot
     loop = asyncio.get_running_loop()
     clock = RealClock(loop, 10.0)
     wire = MemoryWire()
     said: list[str] = []
-    robot_node = SimulatedRobot(MemoryTransport(wire, loop, "/robot"), profile, clock, said.append)
+    robot_node = RobotOnWire(MemoryTransport(wire, loop, "/robot"), profile, clock, said.append)
     transport = MemoryTransport(wire, loop, "/rise")
     engine = Engine(
-        loaded.scenario, Ros2Robot(profile, clock, transport, read_carriers(profile, transport.fields)), clock, 1
+        loaded.scenario, Ros2Robot(profile, clock, transport, read_mappings(profile, transport.fields)), clock, 1
     )
     engine.start()
     try:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.port import CANCEL_TYPE, STATUS_TYPE, PortError, action_types
-from rise_adapters.ros2.types import SHARE, Types
+from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
+from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS_TYPE, PortError, action_types
 
 pytest.importorskip("rosbags", reason="the standard definitions come with the extra dds")
 
@@ -20,36 +20,36 @@ MESSAGES: list[dict[str, Any]] = json.loads((DATA / "cdr.json").read_text(encodi
 
 
 @pytest.fixture(scope="module")
-def types() -> Types:
-    return Types(environment={})
+def types() -> InterfaceCatalog:
+    return InterfaceCatalog(environment={})
 
 
-def share(folder: Path, **files: str) -> Types:
+def share(folder: Path, **files: str) -> InterfaceCatalog:
     """A folder of a user's own definitions: `A` gives `lab/msg/A.msg`, `A_action` gives `lab/action/A.action`."""
     for name, text in files.items():
         name, _, kind = name.partition("_")
         path = folder / "lab" / (kind or "msg") / f"{name}.{kind or 'msg'}"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    return Types([folder], environment={})
+    return InterfaceCatalog([folder], environment={})
 
 
 # --- hashes --------------------------------------------------------------------------------------------------------
 
 
-def test_hashes_are_those_of_ros(types: Types) -> None:
+def test_hashes_are_those_of_ros(types: InterfaceCatalog) -> None:
     assert len(HASHES) > 150
     assert {name: types.type_hash(name) for name in HASHES} == HASHES
 
 
 def test_every_shipped_type_has_an_official_hash() -> None:
-    files = [path for path in SHARE.rglob("*.*") if path.suffix in (".msg", ".srv", ".action")]
+    files = [path for path in SHARE_FOLDER.rglob("*.*") if path.suffix in (".msg", ".srv", ".action")]
     assert len(files) >= 20
     for path in files:
         assert f"{path.parts[-3]}/{path.parts[-2]}/{path.stem}" in HASHES
 
 
-def test_a_published_hash(types: Types) -> None:
+def test_a_published_hash(types: InterfaceCatalog) -> None:
     """As `ros2 topic info -v` shows it of any Jazzy talker."""
     published = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
     assert types.type_hash("std_msgs/msg/String") == published
@@ -65,7 +65,7 @@ def test_comments_constants_and_defaults_do_not_count(tmp_path: Path) -> None:
     assert types.fields("lab/msg/A") == types.fields("lab/msg/B") == {"level": "uint8", "names": "string<=5[<=2]"}
 
 
-def test_char_is_another_name_of_uint8(types: Types, tmp_path: Path) -> None:
+def test_char_is_another_name_of_uint8(types: InterfaceCatalog, tmp_path: Path) -> None:
     assert types.fields("service_msgs/msg/ServiceEventInfo")["client_gid"] == "uint8[16]"
     own = share(tmp_path, A="char letter\nchar[] letters\n")
     assert own.fields("lab/msg/A") == {"letter": "uint8", "letters": "uint8[]"}
@@ -75,14 +75,14 @@ def test_char_is_another_name_of_uint8(types: Types, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sample", MESSAGES, ids=[f"{number}-{one['type']}" for number, one in enumerate(MESSAGES)])
-def test_bytes_are_those_of_ros(types: Types, sample: dict[str, Any]) -> None:
+def test_bytes_are_those_of_ros(types: InterfaceCatalog, sample: dict[str, Any]) -> None:
     codec, official = types.codec(sample["type"]), bytes.fromhex(sample["cdr"])
     assert codec.pack(sample["message"]) == official + bytes(-len(official) & 3)
     assert json.loads(json.dumps(codec.unpack(official), default=list)) == sample["message"]
 
 
 @pytest.mark.slow
-def test_bytes_are_those_of_another_writer(types: Types) -> None:
+def test_bytes_are_those_of_another_writer(types: InterfaceCatalog) -> None:
     """All standard messages, with zeros, and against a second, independent implementation."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -97,7 +97,7 @@ def test_bytes_are_those_of_another_writer(types: Types) -> None:
         assert types.codec(name).pack(types.codec(name).unpack(zeros)) == zeros
 
 
-def test_what_is_left_out_is_zero_and_what_arrives_is_complete(types: Types) -> None:
+def test_what_is_left_out_is_zero_and_what_arrives_is_complete(types: InterfaceCatalog) -> None:
     codec = types.codec("geometry_msgs/msg/PointStamped")
     assert codec.unpack(codec.pack({"point": {"y": 2}})) == {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
@@ -160,7 +160,9 @@ def test_every_shape_of_field_comes_back(tmp_path: Path) -> None:
         ({"header": {"stamp": {"nanosec": -1}}}, "the field 'header.stamp.nanosec' takes a whole number (uint32)"),
     ],
 )
-def test_a_message_that_does_not_fit_is_refused_by_its_field(types: Types, message: dict[str, Any], said: str) -> None:
+def test_a_message_that_does_not_fit_is_refused_by_its_field(
+    types: InterfaceCatalog, message: dict[str, Any], said: str
+) -> None:
     codec = types.codec("geometry_msgs/msg/PointStamped")
     with pytest.raises(PortError) as refused:
         codec.pack(message)
@@ -192,7 +194,7 @@ def test_a_value_that_does_not_fit_is_refused(tmp_path: Path, field: str, value:
     assert str(refused.value) == said
 
 
-def test_bytes_that_are_no_such_message_are_refused(types: Types) -> None:
+def test_bytes_that_are_no_such_message_are_refused(types: InterfaceCatalog) -> None:
     codec = types.codec("std_msgs/msg/Float64MultiArray")
     whole = codec.pack({"data": [1.0, 2.0], "layout": {"dim": [{"label": "x"}]}})
     for size in range(4, len(whole) - 7):
@@ -206,7 +208,7 @@ def test_bytes_that_are_no_such_message_are_refused(types: Types) -> None:
         codec.unpack(b"\x00\x07" + whole[2:])
 
 
-def test_whatever_bytes_come_they_are_a_message_or_are_refused_at_once(types: Types) -> None:
+def test_whatever_bytes_come_they_are_a_message_or_are_refused_at_once(types: InterfaceCatalog) -> None:
     chance = random.Random(7)
     for name in ("diagnostic_msgs/msg/DiagnosticArray", "sensor_msgs/msg/JointState", "std_msgs/msg/ByteMultiArray"):
         codec, refused = types.codec(name), 0
@@ -226,7 +228,7 @@ def test_a_sequence_of_messages_without_fields_ends_with_the_bytes(tmp_path: Pat
         codec.unpack(codec.pack({})[:4] + b"\xff\xff\xff\xff")
 
 
-def test_a_text_that_is_no_utf8_still_arrives(types: Types) -> None:
+def test_a_text_that_is_no_utf8_still_arrives(types: InterfaceCatalog) -> None:
     codec = types.codec("std_msgs/msg/String")
     assert codec.unpack(codec.pack({"data": "ab"}).replace(b"ab", b"\xe4b")) == {"data": "\ufffdb"}
 
@@ -234,7 +236,7 @@ def test_a_text_that_is_no_utf8_still_arrives(types: Types) -> None:
 # --- what is derived -----------------------------------------------------------------------------------------------
 
 
-def test_what_an_action_implies(types: Types) -> None:
+def test_what_an_action_implies(types: InterfaceCatalog) -> None:
     parts = action_types("rise_interfaces/action/Speech")
     assert types.fields(f"{parts['send_goal']}_Request") == {
         "goal_id": "unique_identifier_msgs/msg/UUID",
@@ -253,7 +255,7 @@ def test_what_an_action_implies(types: Types) -> None:
     assert types.fields(STATUS_TYPE) == {"status_list": "action_msgs/msg/GoalStatus[]"}
 
 
-def test_a_whole_service_or_action_has_a_hash_but_no_messages(types: Types) -> None:
+def test_a_whole_service_or_action_has_a_hash_but_no_messages(types: InterfaceCatalog) -> None:
     for name, parts in (
         ("std_srvs/srv/SetBool", "std_srvs/srv/SetBool_Request, and the same with _Response"),
         (
@@ -267,7 +269,7 @@ def test_a_whole_service_or_action_has_a_hash_but_no_messages(types: Types) -> N
         assert str(refused.value) == f"{name} is no message; its messages are {parts}"
 
 
-def test_a_message_without_fields(types: Types) -> None:
+def test_a_message_without_fields(types: InterfaceCatalog) -> None:
     assert types.fields("std_srvs/srv/Empty_Request") == {}
     codec = types.codec("std_srvs/srv/Empty_Request")
     assert codec.unpack(codec.pack({})) == {}
@@ -282,20 +284,20 @@ def test_a_users_folder_counts_first_then_a_sourced_workspace(tmp_path: Path) ->
         path.parent.mkdir(parents=True)
         path.write_text(f"string data\nint32 number{number}\n", encoding="utf-8")
     sourced = {"AMENT_PREFIX_PATH": f"{tmp_path}/nothing:{tmp_path}/sourced"}
-    assert list(Types([tmp_path / "own"], sourced).fields("std_msgs/msg/String")) == ["data", "number0"]
-    assert list(Types([], sourced).fields("std_msgs/msg/String")) == ["data", "number1"]
-    assert list(Types([], {}).fields("std_msgs/msg/String")) == ["data"]
+    assert list(InterfaceCatalog([tmp_path / "own"], sourced).fields("std_msgs/msg/String")) == ["data", "number0"]
+    assert list(InterfaceCatalog([], sourced).fields("std_msgs/msg/String")) == ["data", "number1"]
+    assert list(InterfaceCatalog([], {}).fields("std_msgs/msg/String")) == ["data"]
 
 
 def test_the_folder_of_one_package_will_do(tmp_path: Path) -> None:
     share(tmp_path, Wave_action="string hand\n---\n---\n")
-    types = Types([tmp_path / "lab"], environment={})
+    types = InterfaceCatalog([tmp_path / "lab"], environment={})
     assert types.fields("lab/action/Wave_Goal") == {"hand": "string"}
 
 
 def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
     with pytest.raises(PortError, match=r"folder of ROS definitions .* does not exist"):
-        Types([tmp_path / "nowhere"], environment={})
+        InterfaceCatalog([tmp_path / "nowhere"], environment={})
 
 
 @pytest.mark.parametrize(
@@ -311,7 +313,7 @@ def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
         ("pepper_msgs/action/Wave", "Source the ROS workspace that has it, or name the folder of its definitions"),
     ],
 )
-def test_a_type_that_is_not_known(types: Types, name: str, said: str) -> None:
+def test_a_type_that_is_not_known(types: InterfaceCatalog, name: str, said: str) -> None:
     with pytest.raises(PortError) as refused:
         types.fields(name)
     assert said in str(refused.value)
@@ -365,7 +367,7 @@ def test_texts_of_two_bytes_a_letter_have_a_hash_but_no_bytes(tmp_path: Path) ->
     path = tmp_path / "example_interfaces" / "msg" / "WString.msg"
     path.parent.mkdir(parents=True)
     path.write_text("wstring data\n", encoding="utf-8")
-    types = Types([tmp_path], environment={})
+    types = InterfaceCatalog([tmp_path], environment={})
     official = "RIHS01_32033e06d9dfe5468c5d6e1dc8b7a23c8910bad071cfd4e151a951d580e68dd8"
     assert types.type_hash("example_interfaces/msg/WString") == official
     with pytest.raises(PortError, match=r"the field data of .*WString is a wstring .*`dds` cannot carry"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.scenario import Loaded, load
+from rise_engine.scenario import LoadResult, load
 
 LISTINGS = Path(__file__).with_name("listings")
 """Listings 1 to 3 of Groß et al., RISE: an open-source architecture for interdisciplinary and reproducible
@@ -20,13 +20,13 @@ def folder(path: Path, files: dict[str, str | bytes]) -> Path:
     return path
 
 
-def loaded(path: Path, files: dict[str, str | bytes]) -> Loaded:
+def loaded(path: Path, files: dict[str, str | bytes]) -> LoadResult:
     return load(folder(path, files))
 
 
-def found(result: Loaded) -> list[str]:
+def found(result: LoadResult) -> list[str]:
     """Findings as `file:line:column code`."""
-    return [f"{finding.place} {finding.code}" for finding in result.findings]
+    return [f"{diagnostic.location} {diagnostic.code}" for diagnostic in result.diagnostics]
 
 
 def act(body: str, name: str = "A") -> str:

@@ -22,7 +22,7 @@ def files() -> dict[str, str | bytes]:
 
 def test_they_load_without_a_finding(tmp_path: Path) -> None:
     result = loaded(tmp_path, files())
-    assert result.findings == []
+    assert result.diagnostics == []
     assert result.scenario is not None
 
 
@@ -83,4 +83,4 @@ def test_on_every_installed_robot(tmp_path: Path) -> None:
 
     for robot in robot_names(tmp_path):
         result = loaded(tmp_path, {**files(), "scenario.toml": f'robot = "{robot}"\n'})
-        assert result.findings == [], robot
+        assert result.diagnostics == [], robot

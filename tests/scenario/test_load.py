@@ -36,8 +36,8 @@ FILES: dict[str, str | bytes] = {
 
 
 def test_a_whole_scenario(tmp_path: Path) -> None:
-    scenario, findings = loaded(tmp_path, FILES)
-    assert findings == []
+    scenario, diagnostics = loaded(tmp_path, FILES)
+    assert diagnostics == []
     assert isinstance(scenario, Scenario)
     assert (scenario.title, scenario.mode, scenario.robot.name) == ("T", "real", "generic")
     assert scenario.folder == str(tmp_path)
@@ -57,8 +57,8 @@ def test_a_whole_scenario(tmp_path: Path) -> None:
 
 
 def test_an_empty_folder_is_a_scenario(tmp_path: Path) -> None:
-    scenario, findings = load(tmp_path)
-    assert findings == [] and scenario.title == tmp_path.name and scenario.mode == "debug"
+    scenario, diagnostics = load(tmp_path)
+    assert diagnostics == [] and scenario.title == tmp_path.name and scenario.mode == "debug"
 
 
 def test_the_path_of_scenario_toml(tmp_path: Path) -> None:
@@ -69,11 +69,11 @@ def test_the_path_of_scenario_toml(tmp_path: Path) -> None:
 def test_arguments_take_precedence(tmp_path: Path) -> None:
     folder(tmp_path, {**FILES, "other/b.xml": act(SPEECH, "B") + "", "wm.json": '{"z": 1, "start": 0}'})
     folder(tmp_path, {"robots/r.toml": "[actions.Speech]"})
-    scenario, findings = load(tmp_path, robot="r", mode="debug", places={"memory": "wm.json"})
-    assert findings == [] and (scenario.robot.name, scenario.mode) == ("r", "debug")
+    scenario, diagnostics = load(tmp_path, robot="r", mode="debug", places={"memory": "wm.json"})
+    assert diagnostics == [] and (scenario.robot.name, scenario.mode) == ("r", "debug")
     assert scenario.memory == {"z": 1, "start": 0}
-    assert [f.code for f in load(tmp_path, places={"acts": "nowhere"}).findings] == ["unreadable"]
-    assert [f.code for f in load(tmp_path, mode="fast").findings] == ["wrong-value"]
+    assert [f.code for f in load(tmp_path, places={"acts": "nowhere"}).diagnostics] == ["unreadable"]
+    assert [f.code for f in load(tmp_path, mode="fast").diagnostics] == ["wrong-value"]
 
 
 def test_a_place_may_be_one_file(tmp_path: Path) -> None:
@@ -91,11 +91,11 @@ def test_the_hash_is_that_of_the_content(tmp_path: Path) -> None:
 
 def test_findings_are_json(tmp_path: Path) -> None:
     result = loaded(tmp_path, {"rules/r.xml": in_state("<x/>")})
-    assert msgspec.json.decode(msgspec.json.encode(result.findings)) == [
+    assert msgspec.json.decode(msgspec.json.encode(result.diagnostics)) == [
         {
             "severity": "error",
             "code": "unknown-element",
-            "message": result.findings[0].message,
+            "message": result.diagnostics[0].message,
             "place": {"file": "rules/r.xml", "line": 3, "column": 10},
         }
     ]
@@ -104,7 +104,7 @@ def test_findings_are_json(tmp_path: Path) -> None:
 def test_windows_line_ends(tmp_path: Path) -> None:
     text = in_state('<if\n cond="a\n &lt; &gt;"/>').replace("\n", "\r\n")
     result = loaded(tmp_path, {"rules/r.xml": text})
-    assert [str(f.place) for f in result.findings if f.code == "condition"] == ["rules/r.xml:5:7"]
+    assert [str(f.location) for f in result.diagnostics if f.code == "condition"] == ["rules/r.xml:5:7"]
 
 
 SEEDS = {
@@ -145,7 +145,7 @@ def test_random_files_never_raise(name: str, content: str | bytes) -> None:
 def check(files: dict[str, bytes]) -> None:
     with TemporaryDirectory() as path:
         result = load(folder(Path(path), dict(files)))
-    assert (result.scenario is None) == any(f.severity == "error" for f in result.findings)
-    for finding in result.findings:
-        assert finding.message and "\n" not in finding.code
-        assert finding.place.line >= 1 and finding.place.column >= 1
+    assert (result.scenario is None) == any(f.severity == "error" for f in result.diagnostics)
+    for diagnostic in result.diagnostics:
+        assert diagnostic.message and "\n" not in diagnostic.code
+        assert diagnostic.location.line >= 1 and diagnostic.location.column >= 1

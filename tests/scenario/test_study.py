@@ -9,8 +9,8 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.scenario import load
-from rise_engine.scenario.settings import TOP_KEYS
-from rise_engine.scenario.study import condition_problem, conditions
+from rise_engine.scenario.scenario_toml import TOP_KEYS
+from rise_engine.scenario.study import condition_problem, study_conditions
 from tests.scenario.folders import SPEECH, act, found, loaded, rule
 
 GREETING = Path(__file__).parents[2] / "scenarios" / "greeting"
@@ -35,7 +35,7 @@ def test_a_condition_is_one_of_the_study_s(study: dict[str, object], condition: 
     scenario = replace(scenario, study=study)
     found = condition_problem(scenario, condition)
     assert problem in found and bool(problem) == bool(found)
-    assert all(isinstance(one, str) for one in conditions(scenario))
+    assert all(isinstance(one, str) for one in study_conditions(scenario))
 
 
 @pytest.mark.parametrize(
@@ -84,11 +84,11 @@ def test_no_table_takes_an_entry_that_nobody_reads(tmp_path: Path, toml: str) ->
     """A slip names the right entry, at its place, and the scenario is refused."""
     files = {"scenario.toml": toml, "acts/a.xml": act(SPEECH), "rules/r.xml": rule('<State id="S"/>')}
     result = loaded(tmp_path, {**files})
-    unknown = [each for each in result.findings if each.code == "unknown-key"]
+    unknown = [each for each in result.diagnostics if each.code == "unknown-key"]
     assert len(unknown) == 1 and result.scenario is None
     wrong = unknown[0].message.split("`")[1]
     assert f"did you mean `{TABLES[toml]}`?" in unknown[0].message
-    place = unknown[0].place
+    place = unknown[0].location
     assert toml.split("\n")[place.line - 1][place.column - 1 :].startswith(wrong)
 
 

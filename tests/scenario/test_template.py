@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.scenario.template import MissingValue, Slot, TemplateError, parse_template
-from rise_tui.model.speech import completion, filled
+from rise_engine.scenario.template import MemorySlot, MissingValueError, TemplateError, parse_template
+from rise_tui.model.free_speech import complete_speech, fill_speech
 from tests.scenario.folders import act, found, loaded
 
 
@@ -41,7 +41,7 @@ from tests.scenario.folders import act, found, loaded
 )
 def test_a_separator_is_said_only_with_a_value(text: str, memory: dict[str, Any], expected: str) -> None:
     assert parse_template(text).fill(memory) == expected
-    assert filled(text, memory).text == expected.strip(), "the console says the same"
+    assert fill_speech(text, memory).text == expected.strip(), "the console says the same"
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_what_is_malformed_is_said(text: str, column: int, said: str) -> None:
     with pytest.raises(TemplateError) as error:
         parse_template(text)
     assert said in str(error.value) and error.value.column == column
-    assert filled(text, {}).problem == str(error.value)
+    assert fill_speech(text, {}).problem == str(error.value)
 
 
 PIECES = st.text(alphabet=' ,.!ab"{}|“1', max_size=30)
@@ -78,7 +78,7 @@ def test_any_text_is_read_or_refused_at_a_place_within_it(text: str) -> None:
         assert "".join(p if isinstance(p, str) else "" for p in template.parts).count("{") <= text.count("{")
         try:
             template.fill({})
-        except MissingValue as missing:
+        except MissingValueError as missing:
             assert missing.key in template.keys
 
 
@@ -90,7 +90,7 @@ def test_any_text_is_read_or_refused_at_a_place_within_it(text: str) -> None:
 def test_what_is_written_comes_back(before: str, after: str, fallback: str | None) -> None:
     end = "" if fallback is None else f"|{fallback}"
     part = parse_template(f'{{"{before}"key.0"{after}"{end}}}').parts[0]
-    assert part == Slot("key.0", fallback or "", before, after)
+    assert part == MemorySlot("key.0", fallback or "", before, after)
 
 
 def test_the_check_knows_separators(tmp_path: Path) -> None:
@@ -106,8 +106,8 @@ def test_the_check_knows_separators(tmp_path: Path) -> None:
         "acts/a.xml:3:39 wrong-type",
         "acts/a.xml:4:44 template",
     ]
-    assert "did you mean `name`?" in result.findings[0].message
-    assert "only for texts" in result.findings[2].message
+    assert "did you mean `name`?" in result.diagnostics[0].message
+    assert "only for texts" in result.diagnostics[2].message
 
 
 @pytest.mark.parametrize(
@@ -115,4 +115,4 @@ def test_the_check_knows_separators(tmp_path: Path) -> None:
     [('Thanks{", "pa', 'Thanks{", "participant}'), ("Thanks {pa", "Thanks {participant}"), ('Thanks{", ', "")],
 )
 def test_the_say_line_completes_a_key_behind_a_separator(typed: str, expected: str) -> None:
-    assert completion(typed, (), (), ["participant"]) == expected
+    assert complete_speech(typed, (), (), ["participant"]) == expected

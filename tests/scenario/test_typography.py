@@ -48,9 +48,9 @@ CASES: list[tuple[str, str, str, str]] = [
 def test_it_is_named_at_its_place(tmp_path: Path, file: str, text: str, place: str, named: str) -> None:
     files: dict[str, str | bytes] = {"memory.json": MEMORY, file: text}
     result = loaded(tmp_path, files)
-    assert found(result)[0] == f"{file}:{place}", result.findings
-    assert len(result.findings) == 1
-    message = result.findings[0].message
+    assert found(result)[0] == f"{file}:{place}", result.diagnostics
+    assert len(result.diagnostics) == 1
+    message = result.diagnostics[0].message
     assert named in message and "write" in message
 
 
@@ -65,7 +65,7 @@ def test_in_texts_they_are_letters_like_others(tmp_path: Path) -> None:
         },
     )
     assert [each for each in found(result) if "reads-differently" not in each] == []
-    assert not any("looks like a blank" in finding.message for finding in result.findings)
+    assert not any("looks like a blank" in diagnostic.message for diagnostic in result.diagnostics)
 
 
 def test_on_the_command_line() -> None:
@@ -82,5 +82,5 @@ def test_with_the_marks_mended_the_rest_is_checked(tmp_path: Path) -> None:
 
 def test_another_straight_mark_is_not_taken_for_one(tmp_path: Path) -> None:
     result = loaded(tmp_path, {"rules/r.xml": in_state("<if cond=\"a = 'x' and a = <\"/>")})
-    assert all(finding.message for finding in result.findings)
-    assert not any("typographic" in finding.message for finding in result.findings)
+    assert all(diagnostic.message for diagnostic in result.diagnostics)
+    assert not any("typographic" in diagnostic.message for diagnostic in result.diagnostics)

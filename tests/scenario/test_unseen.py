@@ -8,7 +8,7 @@ from unicodedata import normalize
 import pytest
 from lxml import etree
 
-from rise_engine.nearest_name import suggestion, unlike
+from rise_engine.nearest_name import did_you_mean, lookalike_note
 from tests.scenario.folders import SPEECH, act, found, loaded, rule
 
 RULE = '<InteractionRule name="R" initial="S">\n<State id="S">{}</State>\n</InteractionRule>'
@@ -18,9 +18,9 @@ BLANKS = ["\u00a0", "\u0085", "\u2028", "\u3000", "\u200b", "\u2003", "\ufeff"]
 @pytest.mark.parametrize("blank", BLANKS, ids=ascii)
 def test_a_blank_that_xml_does_not_know_between_tags(tmp_path: Path, blank: str) -> None:
     result = loaded(tmp_path, {"rules/r.xml": RULE.format(f"<onEntry/>\n {blank}<onExit/>")})
-    (finding,) = result.findings
-    assert (finding.code, str(finding.place)) == ("unexpected-text", "rules/r.xml:3:2")
-    assert f"U+{ord(blank):04X}" in finding.message and "delete it" in finding.message
+    (diagnostic,) = result.diagnostics
+    assert (diagnostic.code, str(diagnostic.location)) == ("unexpected-text", "rules/r.xml:3:2")
+    assert f"U+{ord(blank):04X}" in diagnostic.message and "delete it" in diagnostic.message
 
 
 def test_its_place_behind_comments_and_as_an_entity(tmp_path: Path) -> None:
@@ -54,8 +54,8 @@ def test_a_blank_that_xml_does_not_know_within_a_tag_or_around_all(
     tmp_path: Path, blank: str, text: str, place: str
 ) -> None:
     result = loaded(tmp_path, {"rules/r.xml": text.replace("?", blank).format("")})
-    told = [finding for finding in result.findings if f"U+{ord(blank):04X}" in finding.message]
-    assert [str(finding.place) for finding in told] == [f"rules/r.xml:{place}"]
+    told = [diagnostic for diagnostic in result.diagnostics if f"U+{ord(blank):04X}" in diagnostic.message]
+    assert [str(diagnostic.location) for diagnostic in told] == [f"rules/r.xml:{place}"]
     assert len(result.errors) == 1
 
 
@@ -64,7 +64,7 @@ def test_beside_continue(tmp_path: Path) -> None:
     speech = SPEECH.replace("<message>", "<onFailure>\u00a0continue</onFailure><message>")
     result = loaded(tmp_path, {"acts/a.xml": act(speech)})
     assert found(result) == ["acts/a.xml:2:42 wrong-value"]
-    assert "U+00A0 (NO-BREAK SPACE)" in result.findings[0].message
+    assert "U+00A0 (NO-BREAK SPACE)" in result.diagnostics[0].message
 
 
 @pytest.mark.parametrize("character", ["\u200d", "\ufeff", "\U0001f600", "\u2c00"], ids=ascii)
@@ -74,9 +74,9 @@ def test_a_name_that_only_one_parser_accepts(tmp_path: Path, character: str, whe
     text = RULE.format("").replace(where.format(""), where.format(character))
     etree.fromstring(text.encode())
     result = loaded(tmp_path, {"rules/r.xml": text})
-    (finding,) = result.findings
-    assert finding.code == "not-well-formed" and f"U+{ord(character):04X}" in finding.message
-    assert str(finding.place) == f"rules/r.xml:2:{7 if where.startswith('State') else 10}"
+    (diagnostic,) = result.diagnostics
+    assert diagnostic.code == "not-well-formed" and f"U+{ord(character):04X}" in diagnostic.message
+    assert str(diagnostic.location) == f"rules/r.xml:2:{7 if where.startswith('State') else 10}"
 
 
 def test_a_second_byte_order_mark(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ CONFLICT = "<<<<<<< HEAD\n{}\n=======\n{}\n>>>>>>> other\n"
 def test_a_merge_that_was_not_resolved(tmp_path: Path, file: str, text: str, line: int) -> None:
     result = loaded(tmp_path, {file: text})
     assert found(result) == [f"{file}:{line}:1 merge-conflict"]
-    assert ">>>>>>>" in result.findings[0].message and "keep one" in result.findings[0].message
+    assert ">>>>>>>" in result.diagnostics[0].message and "keep one" in result.diagnostics[0].message
 
 
 def test_only_the_first_mark_is_left(tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def test_only_the_first_mark_is_left(tmp_path: Path) -> None:
 
 def test_what_only_looks_like_one(tmp_path: Path) -> None:
     text = RULE.format("<!--\n<<<<<<< see below\n-->").replace("<State", "<!--\n=======\n--><State")
-    assert loaded(tmp_path, {"rules/r.xml": text}).findings == []
+    assert loaded(tmp_path, {"rules/r.xml": text}).diagnostics == []
 
 
 # --- names that look alike ------------------------------------------------------------------------------------------
@@ -144,14 +144,14 @@ WHOLE, APART = "Grün", normalize("NFD", "Grün")
 def test_a_letter_with_an_accent_as_one_character_and_as_two(tmp_path: Path) -> None:
     body = f'<State id="S"><transition cond="a" target="{APART}"/></State><State id="{WHOLE}"/>'
     result = loaded(tmp_path, {"rules/r.xml": rule(body)})
-    (told,) = [finding.message for finding in result.errors]
+    (told,) = [diagnostic.message for diagnostic in result.errors]
     assert "two characters, U+0075 (LATIN SMALL LETTER U) and U+0308 (COMBINING DIAERESIS) here" in told
     assert "as U+00FC (LATIN SMALL LETTER U WITH DIAERESIS) there; copy the name from there" in told
 
 
 def test_also_the_names_of_acts_and_in_settings(tmp_path: Path) -> None:
     files = {"acts/a.xml": act(SPEECH, WHOLE), "scenario.toml": f'[keys]\n1 = {{ act = "{APART}" }}\n'}
-    (told,) = [finding.message for finding in loaded(tmp_path, files).errors]
+    (told,) = [diagnostic.message for diagnostic in loaded(tmp_path, files).errors]
     assert "two characters" in told and "U+00FC" in told
 
 
@@ -168,8 +168,8 @@ def test_also_the_names_of_acts_and_in_settings(tmp_path: Path) -> None:
     ],
 )
 def test_what_makes_names_different(word: str, known: str, told: str) -> None:
-    assert (told in unlike(word, known)) and bool(unlike(word, known)) == bool(told)
-    assert suggestion(word, [known]).startswith(f"; did you mean `{known}`?")
+    assert (told in lookalike_note(word, known)) and bool(lookalike_note(word, known)) == bool(told)
+    assert did_you_mean(word, [known]).startswith(f"; did you mean `{known}`?")
 
 
 def test_a_memory_key_in_two_characters(tmp_path: Path) -> None:
@@ -177,6 +177,6 @@ def test_a_memory_key_in_two_characters(tmp_path: Path) -> None:
         "memory.json": f'{{"{APART}": 1}}',
         "rules/r.xml": RULE.format(f'<transition cond="{APART} = 1" target="S"/>'),
     }
-    first, second = loaded(tmp_path, files).findings
+    first, second = loaded(tmp_path, files).diagnostics
     assert first.code == "unwritable-key" and f'write "{WHOLE}"' in first.message
     assert second.code == "condition" and "type it again as one character: `ü`" in second.message

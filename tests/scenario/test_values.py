@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.json_codec import JsonError, plain, read_json
-from rise_engine.scenario import call_parameters, convert, expected_seconds, limit_seconds
-from rise_engine.scenario.actions import core_actions
-from rise_engine.scenario.graph import knots, reachable
-from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, normal_key
-from rise_engine.scenario.model import Call, Parameter
-from rise_engine.scenario.template import MissingValue, key_template, parse_template
+from rise_engine.scenario import convert_parameter, expected_seconds, fill_parameters, limit_seconds
+from rise_engine.scenario.action_declarations import core_actions
+from rise_engine.scenario.graph import component_numbers, reachable_from
+from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, bindable_key_name
+from rise_engine.scenario.model import ActionCall, Parameter
+from rise_engine.scenario.template import MissingValueError, key_template, parse_template
 
 
 def nested(levels: int) -> Any:
@@ -101,7 +101,7 @@ def test_json_refused(text: str, offset: int) -> None:
     ],
 )
 def test_keys(written: str, name: str) -> None:
-    assert normal_key(written) == name
+    assert bindable_key_name(written) == name
 
 
 REFUSED = """ctrl+h ctrl+i ctrl+m ctrl+[ ctrl+space ctrl+1 ctrl+enter shift+enter alt+enter ctrl+shift+n alt+1 alt+n
@@ -111,7 +111,7 @@ ctrl+a ctrl+b ctrl+s ctrl+z ctrl+q F1 F10 F11 shift+n super+n ctrl+. ctrl++ hell
 @pytest.mark.parametrize("written", [*REFUSED.split(), "", "\n", "\x00"])
 def test_keys_refused(written: str) -> None:
     with pytest.raises(KeyRefusedError) as refused:
-        normal_key(written)
+        bindable_key_name(written)
     assert str(refused.value)
 
 
@@ -121,7 +121,7 @@ def test_keys_refused(written: str) -> None:
 )
 def test_keys_of_the_console(written: str) -> None:
     with pytest.raises(KeyRefusedError) as refused:
-        normal_key(written)
+        bindable_key_name(written)
     assert refused.value.taken
 
 
@@ -129,7 +129,7 @@ def test_key_names_are_textuals() -> None:
     keys = pytest.importorskip("textual.keys")
     for character, name in PUNCTUATION.items():
         assert keys._character_to_key(character) == name
-    assert keys._character_to_key("§") == normal_key("§")
+    assert keys._character_to_key("§") == bindable_key_name("§")
     assert all(name == name.lower() for name in CONSOLE_KEYS)
 
 
@@ -159,7 +159,7 @@ NAME = Parameter("value", "name", codes={"happy": 1}, names=("wave",))
     ],
 )
 def test_convert(parameter: Parameter, value: object, result: object) -> None:
-    converted = convert(parameter, value)
+    converted = convert_parameter(parameter, value)
     assert converted == result and type(converted) is type(result)
 
 
@@ -199,28 +199,28 @@ def test_convert(parameter: Parameter, value: object, result: object) -> None:
 )
 def test_convert_refuses(parameter: Parameter, value: object) -> None:
     with pytest.raises(ValueError, match=parameter.name):
-        convert(parameter, value)
+        convert_parameter(parameter, value)
 
 
 def test_call_parameters() -> None:
     spec = core_actions()["Speech"]
-    call = Call("Speech", {"message": parse_template("Hi {name|you}, {n}!"), "rate": key_template("speed")})
-    assert call_parameters(call, spec, {"n": 2.0, "speed": 2}) == {"message": "Hi you, 2!", "rate": 2}
-    with pytest.raises(MissingValue, match="speed"):
-        call_parameters(call, spec, {"n": 1})
+    call = ActionCall("Speech", {"message": parse_template("Hi {name|you}, {n}!"), "rate": key_template("speed")})
+    assert fill_parameters(call, spec, {"n": 2.0, "speed": 2}) == {"message": "Hi you, 2!", "rate": 2}
+    with pytest.raises(MissingValueError, match="speed"):
+        fill_parameters(call, spec, {"n": 1})
     with pytest.raises(ValueError, match="rate"):
-        call_parameters(call, spec, {"n": 1, "speed": "fast"})
+        fill_parameters(call, spec, {"n": 1, "speed": "fast"})
 
 
 def test_reasons_name_the_memory_keys() -> None:
     spec = core_actions()["Emotion"]
     with pytest.raises(ValueError) as refused:
-        call_parameters(Call("Emotion", {"duration": key_template("d")}), spec, {"d": True})
+        fill_parameters(ActionCall("Emotion", {"duration": key_template("d")}), spec, {"d": True})
     assert str(refused.value) == "duration is a number (ms); true (memory key `d`) is not"
     with pytest.raises(ValueError, match=r"`1x2` \(memory keys `a`, `b`\) is not"):
-        call_parameters(Call("Emotion", {"duration": parse_template("{a}x{b}")}), spec, {"a": 1, "b": 2})
+        fill_parameters(ActionCall("Emotion", {"duration": parse_template("{a}x{b}")}), spec, {"a": 1, "b": 2})
     with pytest.raises(ValueError, match=r"no name `grim` \(memory key `mood`\)"):
-        call_parameters(Call("Emotion", {"value": parse_template("{mood}")}), spec, {"mood": "grim"})
+        fill_parameters(ActionCall("Emotion", {"value": parse_template("{mood}")}), spec, {"mood": "grim"})
 
 
 JUNK = [None, True, 0, 10**400, -(10**4000), 1e300, float("inf"), float("nan"), "", "9" * 5000, "x" * 10**6]
@@ -230,10 +230,10 @@ JUNK = [None, True, 0, 10**400, -(10**4000), 1e300, float("inf"), float("nan"), 
 def test_no_value_breaks_parameters_and_durations(value: Any) -> None:
     for spec in core_actions().values():
         for name in spec.parameters:
-            call = Call(spec.name, {name: parse_template("{n}")})
+            call = ActionCall(spec.name, {name: parse_template("{n}")})
             try:
-                parameters = call_parameters(call, spec, {"n": value})
-            except (ValueError, MissingValue) as error:
+                parameters = fill_parameters(call, spec, {"n": value})
+            except (ValueError, MissingValueError) as error:
                 assert len(str(error)) < 500
                 parameters = {name: value}
             assert 0 <= expected_seconds(spec, parameters) <= 86_400
@@ -254,12 +254,12 @@ def test_durations() -> None:
 @given(st.lists(st.lists(st.integers(0, 7), max_size=4), min_size=8, max_size=8))
 def test_knots_are_what_reaches_each_other(ways: list[list[int]]) -> None:
     edges = {str(n): [str(each) for each in targets] for n, targets in enumerate(ways)}
-    knot = knots(edges)
+    knot = component_numbers(edges)
     for a in edges:
         for b in edges:
-            assert (knot[a] == knot[b]) == (b in reachable(a, edges) and a in reachable(b, edges))
+            assert (knot[a] == knot[b]) == (b in reachable_from(a, edges) and a in reachable_from(b, edges))
 
 
 def test_knots_of_a_long_chain_need_no_stack() -> None:
     long = {str(n): [str(n + 1)] for n in range(50_000)} | {"50000": ["0"]}
-    assert len(set(knots(long).values())) == 1
+    assert len(set(component_numbers(long).values())) == 1

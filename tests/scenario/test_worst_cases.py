@@ -177,6 +177,6 @@ def _not_for_ever() -> Iterator[None]:
 @pytest.mark.parametrize("name", CASES)
 def test_the_worst_is_read_soon(tmp_path: Path, name: str) -> None:
     file, make = CASES[name]
-    findings = load(folder(tmp_path, {file: make()})).findings
-    for finding in findings:
-        assert len(finding.message) < 200_000
+    diagnostics = load(folder(tmp_path, {file: make()})).diagnostics
+    for diagnostic in diagnostics:
+        assert len(diagnostic.message) < 200_000

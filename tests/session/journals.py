@@ -12,7 +12,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario import load
 from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
-from rise_engine.session.lines import header_line, input_line, record_bytes, with_checksum
+from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum
 
 from ..kernel.harness import Session, dialog, gaze, pause, speech, write
 
@@ -70,7 +70,7 @@ class Made:
         place = write(root / "study", acts=ACTS, rules=RULES, memory=MEMORY, toml=toml)
         self.study = place
         loaded = load(place)
-        assert loaded.scenario is not None, loaded.findings
+        assert loaded.scenario is not None, loaded.diagnostics
         self.scenario = loaded.scenario
         self.session = Recording(self.scenario)
         play(self.session)
@@ -78,7 +78,7 @@ class Made:
             self.session.submit("stopAll")
             self.session.confirm_stop("body")
             self.session.do(SessionEnded(reason="over"))
-        self.folder = folders.create(
+        self.folder = folders.create_session(
             root / "sessions",
             self.scenario,
             loaded.files,
@@ -92,12 +92,12 @@ class Made:
 
     def write_session(self) -> None:
         """The journal of everything that has happened."""
-        self.lines = [header_line("rise-tui 0.2.0")]
+        self.lines = [encode_header("rise-tui 0.2.0")]
         self.step_lines: list[int] = []
         """Index in `lines` of each input."""
         for n, (fact, records) in enumerate(self.session.steps, 1):
             self.step_lines.append(len(self.lines))
-            self.lines += [input_line(n, fact), *(with_checksum(record_bytes(record)) for record in records)]
+            self.lines += [encode_input(n, fact), *(with_checksum(encode_record(record)) for record in records)]
         self.whole = b"".join(self.lines)
         self.write(self.whole)
 

@@ -17,9 +17,9 @@ from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.session.export import COLUMNS, cell, export
+from rise_engine.session.export import COLUMNS, export, table_cell
 from rise_engine.session.folder import INFO, SessionError, find_session
-from rise_engine.session.lines import record_bytes
+from rise_engine.session.journal_format import encode_record
 
 from ..engine.processes import ENGINE
 from .journals import Made
@@ -49,7 +49,7 @@ def run(*arguments: object) -> Result:
 
 def test_lines_are_the_records_alone(made: Made) -> None:
     data, problems = exported(made, "jsonl")
-    assert data == b"".join(record_bytes(record) + b"\n" for record in made.records)
+    assert data == b"".join(encode_record(record) + b"\n" for record in made.records)
     assert problems == []
     assert all(list(json.loads(line))[:4] == ["kind", "seq", "t", "wall"] for line in data.splitlines())
 
@@ -68,7 +68,7 @@ def test_the_table_round_trips(made: Made) -> None:
     assert data.endswith(b"\r\n") and data.startswith(",".join(COLUMNS).encode() + b"\r\n")
     for row, record in zip(rows, made.records, strict=True):
         assert (row.pop("session"), row.pop("mode")) == (made.folder.name, "debug")
-        value = json.loads(record_bytes(record))
+        value = json.loads(encode_record(record))
         value.pop("mode", None)
         for name, text in row.items():
             each = value.get(name)
@@ -97,7 +97,7 @@ def test_the_table_round_trips(made: Made) -> None:
     ],
 )
 def test_cells(value: Any, text: str) -> None:
-    assert cell(value) == text
+    assert table_cell(value) == text
 
 
 def test_what_cannot_be_read_is_said_and_the_rest_is_exported(made: Made) -> None:
@@ -263,7 +263,7 @@ def test_as_processes(made: Made) -> None:
     call = [ENGINE, "export", made.folder.name, "--format", "jsonl"]
     done = subprocess.run(call, capture_output=True, env=environment, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
-    assert done.stdout == b"".join(record_bytes(record) + b"\n" for record in made.records)
+    assert done.stdout == b"".join(encode_record(record) + b"\n" for record in made.records)
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(call, stdout=writer, stderr=subprocess.PIPE, env=environment, timeout=60, check=False)

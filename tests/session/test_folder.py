@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from rise_engine.scenario import load
-from rise_engine.session.folder import JOURNAL, create, describe, read_info
+from rise_engine.session.folder import JOURNAL, create_session, describe_session, read_info
 
 from .journals import ACTS, TOML, write
 
@@ -15,13 +15,13 @@ def test_it_names_participant_condition_and_wizard(tmp_path: Path) -> None:
     loaded = load(write(tmp_path / "study", acts=ACTS, toml=TOML))
     assert loaded.scenario is not None
     who = {"participant": "P07", "condition": "B", "wizard": 'anna "A"'}
-    folder = create(
+    folder = create_session(
         tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, speed=1.0, faults=(), versions={}, **who
     )
     (folder / JOURNAL).touch()
     info = read_info(folder)
     assert (info.participant, info.condition, info.wizard) == ("P07", "B", 'anna "A"')
-    sentence = describe(folder)
+    sentence = describe_session(folder)
     assert ", participant P07, condition B, begun 20" in sentence
     assert re.search(r'by anna "A", ran \d+ s, last record ', sentence)
 
@@ -29,9 +29,11 @@ def test_it_names_participant_condition_and_wizard(tmp_path: Path) -> None:
 def test_nobody_is_named_who_was_not(tmp_path: Path) -> None:
     loaded = load(write(tmp_path / "study", acts=ACTS, toml=TOML))
     assert loaded.scenario is not None
-    folder = create(tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, speed=1.0, faults=(), versions={})
+    folder = create_session(
+        tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, speed=1.0, faults=(), versions={}
+    )
     (folder / JOURNAL).touch()
-    assert describe(folder).startswith("Sample study (debug, generic), begun 20")
+    assert describe_session(folder).startswith("Sample study (debug, generic), begun 20")
     text = (folder / "session.toml").read_text("utf-8").replace('wizard = ""\n', "")
     (folder / "session.toml").write_text(text, "utf-8")
     assert read_info(folder).wizard == "", "as older versions wrote it"

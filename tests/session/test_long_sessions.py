@@ -16,18 +16,18 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.client.replay import ReplayClient
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.link.replay_client import ReplayClient
-from rise_engine.link.spawn import Started, start_engine
-from rise_engine.session import reading
+from rise_engine.kernel.view import SessionView
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.server.spawn import EngineStarted, start_engine
+from rise_engine.session import journal_reader
 from rise_engine.session.export import export
-from rise_engine.session.lines import record_bytes
-from rise_engine.session.reading import read_journal
+from rise_engine.session.journal_format import encode_record
+from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover
-from rise_engine.session.replay import Replay, compare
-from rise_engine.session_options import SessionOptions
-from rise_engine.view import View
+from rise_engine.session.replay import Replay, compare_replay
 
 from .journals import Made
 
@@ -60,7 +60,7 @@ def test_the_journal_is_never_all_in_memory(made: Made) -> None:
     records = sum(1 for _ in read_journal(made.journal).read_records())
     assert records == len(made.records) > 10_000
     assert peak(lambda: read_journal(made.journal)) < size / 4
-    assert peak(lambda: compare(made.folder)) < size / 4
+    assert peak(lambda: compare_replay(made.folder)) < size / 4
     assert peak(lambda: export(made.folder, "jsonl", Nowhere())) < size / 4
 
 
@@ -71,8 +71,8 @@ class Nowhere(io.BytesIO):
 
 @pytest.mark.slow
 def test_recovery_keeps_the_state_and_nothing_of_the_way_there(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rise_engine.view.TASK_LOG", 100)
-    monkeypatch.setattr("rise_engine.view.FORGET", 10)
+    monkeypatch.setattr("rise_engine.kernel.view.MAX_ENDED_TASKS", 100)
+    monkeypatch.setattr("rise_engine.kernel.view.FORGET_AT_ONCE", 10)
     found = recover(made.folder)
     assert found.inputs == len(made.session.steps)
     assert len(found.view.tasks) < 120 and found.view.forgotten > 4_800
@@ -82,12 +82,12 @@ def test_recovery_keeps_the_state_and_nothing_of_the_way_there(made: Made, monke
 def test_a_view_forgets_the_oldest_that_have_ended_and_says_how_many(
     made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = View()
+    whole = SessionView()
     for record in made.records:
         whole.apply(record)
-    monkeypatch.setattr("rise_engine.view.TASK_LOG", 50)
-    monkeypatch.setattr("rise_engine.view.FORGET", 5)
-    view, begun = View(), 0
+    monkeypatch.setattr("rise_engine.kernel.view.MAX_ENDED_TASKS", 50)
+    monkeypatch.setattr("rise_engine.kernel.view.FORGET_AT_ONCE", 5)
+    view, begun = SessionView(), 0
     for record in made.records:
         view.apply(record)
         begun = max(begun, record.id if isinstance(record, TaskRecord) else 0)
@@ -108,13 +108,13 @@ def test_lines_that_stand_in_another_order_than_they_were_written_are_the_same(m
     moved = [*lines[: at + 1], lines[following], *lines[at + 1 : following], *lines[following + 1 :]]
     made.write(b"".join(moved))
     try:
-        assert compare(made.folder).identical
+        assert compare_replay(made.folder).identical
     finally:
         made.write(made.whole)
 
 
 def test_who_waits_is_told_how_far_it_is(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "TELL_SECONDS", 0.0)
+    monkeypatch.setattr(journal_reader, "PROGRESS_SECONDS", 0.0)
     told: list[str] = []
     recover(made.folder, tell=told.append)
     size, total = made.journal.stat().st_size, f"{len(made.records):,}"
@@ -127,8 +127,8 @@ def test_a_replay_gives_one_step_at_a_time(made: Made) -> None:
     contents = read_journal(made.journal)
     steps = Replay(Kernel(made.scenario, 7), contents).steps()
     first = next(steps)
-    assert first.n == 1 and [record_bytes(record) for record in first.records] == [
-        record_bytes(record) for record in made.session.steps[0][1]
+    assert first.n == 1 and [encode_record(record) for record in first.records] == [
+        encode_record(record) for record in made.session.steps[0][1]
     ]
     steps.close()
 
@@ -145,8 +145,8 @@ async def test_a_console_that_watches_a_replay_has_no_more_than_it_has_seen(made
 
 PROGRAM = """
 import os, sys
-from rise_engine.serve import serve, to_starter
-from rise_engine.session_options import SessionOptions
+from rise_engine.server.process import serve, to_starter
+from rise_engine.protocol.session_options import SessionOptions
 import msgspec
 from rise_engine.session import reading
 reading.TELL_SECONDS = 0.0
@@ -172,7 +172,7 @@ def test_a_starter_waits_as_long_as_the_engine_works_and_is_told(
     told: list[str] = []
     found = start_engine(SessionOptions(str(made.study), unfinished=str(made.folder)), told.append)
     monkeypatch.setattr("sys.executable", python)
-    assert isinstance(found, Started), found
+    assert isinstance(found, EngineStarted), found
     stopped = subprocess.run(
         [python, "-m", "rise_engine", "stop", found.name], capture_output=True, text=True, env=os.environ, check=False
     )

@@ -1,4 +1,4 @@
-"""The session's one connection to ROS 2: its robot, and what it shows to other nodes (`rise_engine.bridge.Bridge`)."""
+"""The session's one connection to ROS 2: its robot, and what it shows to other nodes (`rise_engine.ports.bridge.Bridge`)."""
 
 from __future__ import annotations
 
@@ -8,26 +8,31 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.carriers.fields import Fields
-from rise_adapters.ros2.choose import available, open_transport
-from rise_adapters.ros2.mapping import Carrier, CarrierErrors, profile_findings, read_carriers, read_options
-from rise_adapters.ros2.neighbours import Neighbours, Session, meeting, refusal
-from rise_adapters.ros2.parameters import Option, ParameterServices, Setting, as_options
-from rise_adapters.ros2.port import PortError, Transport
+from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_problems, read_mappings, read_options
+from rise_adapters.ros2.mapping.field_types import ReadFields
+from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
+from rise_adapters.ros2.session_node.neighbours import (
+    NeighbourSessions,
+    SessionAnnouncement,
+    describe_other_session,
+    describe_refusal,
+)
+from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
-from rise_engine.bridge import BridgeError, Wire
+from rise_adapters.ros2.transport.selection import open_transport, why_unavailable
 from rise_engine.kernel.inputs import Note
-from rise_engine.link.room import Room
-from rise_engine.robot import Clock, Robot
+from rise_engine.ports.bridge import BridgeError, RosConnection
+from rise_engine.ports.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
+from rise_engine.server.hub import SessionHub
 
 _LOG = logging.getLogger(__name__)
 
 WATCH_SECONDS = 0.5
 """How often it is looked whether the connection still stands."""
-NODE = "rise"
+DEFAULT_NODE_NAME = "rise"
 """What the engine's node is called, unless `__node` says otherwise."""
 INTERFACE_TYPES = (
     "rise_interfaces/action/DomainTask_Goal",
@@ -38,14 +43,14 @@ INTERFACE_TYPES = (
 
 
 class Ros2Bridge:
-    """Implements `rise_engine.bridge.Bridge`."""
+    """Implements `rise_engine.ports.bridge.Bridge`."""
 
     def __init__(
         self,
         transport: Transport,
         profile: RobotProfile | None,
-        mappings: Mapping[str, Carrier],
-        neighbours: Neighbours,
+        mappings: Mapping[str, ActionMapping],
+        neighbours: NeighbourSessions,
         reconnect: Callable[[], Awaitable[Transport]],
         *,
         rosout: bool = True,
@@ -60,7 +65,7 @@ class Ros2Bridge:
         self._reconnect = reconnect
         self._rosout = rosout
         self._robot: Ros2Robot | None = None
-        self._room: Room | None = None
+        self._hub: SessionHub | None = None
         self._interface: RosSessionInterface | None = None
         self._watching = asyncio.get_running_loop().create_task(self._watch_connection())
 
@@ -69,20 +74,20 @@ class Ros2Bridge:
         self._robot = Ros2Robot(self._profile, clock, self._transport, self._mappings)
         return self._robot
 
-    def join(self, room: Room) -> None:
-        self._room = room
+    def join(self, hub: SessionHub) -> None:
+        self._hub = hub
         self._open_interface(self._neighbours)
 
-    def _open_interface(self, neighbours: Neighbours) -> None:
-        assert self._room is not None
+    def _open_interface(self, neighbours: NeighbourSessions) -> None:
+        assert self._hub is not None
         self._neighbours = neighbours
-        self._interface = RosSessionInterface(self._transport, self._room, neighbours, rosout=self._rosout)
-        ParameterServices(self._transport, partial(settings_of, self._room))
-        neighbours.met = self._note_other_session
-        neighbours.serve(self._room.engine.scenario.title, Path(self._room.folder).name)
+        self._interface = RosSessionInterface(self._transport, self._hub, neighbours, rosout=self._rosout)
+        ParameterServices(self._transport, partial(session_parameters, self._hub))
+        neighbours.on_other_session = self._note_other_session
+        neighbours.announce_serving(self._hub.engine.scenario.title, Path(self._hub.folder).name)
 
-    def _note_other_session(self, other: Session) -> None:
-        self._note(meeting(other))
+    def _note_other_session(self, other: SessionAnnouncement) -> None:
+        self._note(describe_other_session(other))
 
     async def close(self) -> None:
         self._watching.cancel()
@@ -96,7 +101,7 @@ class Ros2Bridge:
         said = ""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
-            why = self._transport.lost()
+            why = self._transport.failure()
             if not why:
                 continue
             if not said:
@@ -117,8 +122,8 @@ class Ros2Bridge:
             try:
                 if self._robot is not None:
                     self._robot.use(fresh)
-                if self._room is not None and not self._room.engine.ended:
-                    self._open_interface(Neighbours(fresh, self._neighbours.me))
+                if self._hub is not None and not self._hub.engine.ended:
+                    self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
                 self._note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
                 self._note(f"the new connection to ROS cannot be used: {error}")
@@ -126,36 +131,38 @@ class Ros2Bridge:
 
     def _note(self, text: str) -> None:
         _LOG.warning("%s", text)
-        if self._room is not None and not self._room.engine.ended:
-            self._room.engine.post(Note(text=text))
+        if self._hub is not None and not self._hub.engine.ended:
+            self._hub.engine.post(Note(text=text))
 
 
-async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
-    """Connect (`rise_engine.bridge.BridgeOpener`)."""
+async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2Bridge:
+    """Connect (`rise_engine.ports.bridge.BridgeOpener`)."""
     try:
-        _, arguments = as_options(wire.arguments, NODE, {})  # the command line has taken its own
+        _, arguments = parameters_as_options(
+            wire.arguments, DEFAULT_NODE_NAME, {}
+        )  # the command line has taken its own
     except PortError as error:
         raise BridgeError([str(error)]) from None
     try:
         share = [Path(each) for each in read_options(profile).share] if profile is not None else []
-    except CarrierErrors:
+    except MappingError:
         assert profile is not None
-        raise BridgeError(profile_findings(profile)) from None  # also what is wrong elsewhere in it
+        raise BridgeError(mapping_problems(profile)) from None  # also what is wrong elsewhere in it
 
     def connect() -> Awaitable[Transport]:
-        return open_transport(wire.transport, arguments, node=NODE, share=share)
+        return open_transport(wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
 
     transport = await connect()
     try:
-        neighbours = Neighbours(transport)
+        neighbours = NeighbourSessions(transport)
         for type in INTERFACE_TYPES:
             transport.fields(type)
-        mappings = read_carriers(profile, transport.fields) if profile is not None else {}
-        other = await neighbours.ask()
+        mappings = read_mappings(profile, transport.fields) if profile is not None else {}
+        other = await neighbours.find_earlier()
         if other is not None:
             neighbours.close()
-            raise BridgeError(refusal(other, transport))
-    except CarrierErrors as errors:
+            raise BridgeError(describe_refusal(other, transport))
+    except MappingError as errors:
         transport.close()
         raise BridgeError(errors.findings) from None
     except PortError as error:
@@ -168,31 +175,33 @@ async def open_bridge(wire: Wire, profile: RobotProfile | None) -> Ros2Bridge:
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
 
 
-def settings_of(room: Room) -> dict[str, Setting]:
+def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
     """A session's settings as parameters of its node."""
-    about = room.about()
+    about = hub.summary()
     return {
-        "title": Setting(about.title, "of the scenario"),
-        "scenario": Setting(about.scenario_folder, "its folder"),
-        "session": Setting(about.folder, "the session's folder"),
-        "mode": Setting(about.mode, "debug: the robot is simulated; real"),
-        "robot": Setting(about.robot, "the robot's profile"),
-        "seed": Setting(about.seed, "for everything picked at random"),
-        "participant": Setting(about.participant, "who takes part"),
-        "condition": Setting(about.condition, "of the study"),
+        "title": ReadableParameter(about.title, "of the scenario"),
+        "scenario": ReadableParameter(about.scenario_folder, "its folder"),
+        "session": ReadableParameter(about.folder, "the session's folder"),
+        "mode": ReadableParameter(about.mode, "debug: the robot is simulated; real"),
+        "robot": ReadableParameter(about.robot, "the robot's profile"),
+        "seed": ReadableParameter(about.seed, "for everything picked at random"),
+        "participant": ReadableParameter(about.participant, "who takes part"),
+        "condition": ReadableParameter(about.condition, "of the study"),
     }
 
 
 def read_parameters(
     arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Parameters of the session's node as options of `rise-engine serve` (`rise_engine.bridge.ParameterReader`)."""
+    """Parameters of the session's node as options of `rise-engine serve` (`rise_engine.ports.bridge.ParameterReader`)."""
     options = {
-        flag.removeprefix("--").replace("-", "_"): Option(flag, switch=flag in switches, many=flag in many)
+        flag.removeprefix("--").replace("-", "_"): ParameterOption(
+            flag, switch=flag in switches, repeatable=flag in many
+        )
         for flag in (*switches, *single, *many)
     }
     try:
-        return as_options(arguments, NODE, options, written)
+        return parameters_as_options(arguments, DEFAULT_NODE_NAME, options, written)
     except PortError as error:
         raise BridgeError([str(error)]) from None
 
@@ -202,20 +211,20 @@ def check_profile(profile: RobotProfile) -> list[str]:
     same that a session, which takes the types from where the check takes them, is refused for."""
     try:
         fields = _field_reader(read_options(profile).share)
-    except CarrierErrors:
-        return profile_findings(profile)
+    except MappingError:
+        return mapping_problems(profile)
     except PortError as error:
         return [str(error)]
-    return profile_findings(profile, fields)
+    return mapping_problems(profile, fields)
 
 
-def _field_reader(share: Sequence[str]) -> Fields | None:
+def _field_reader(share: Sequence[str]) -> ReadFields | None:
     """The types as the transport has them that a session would use here; None: there is none."""
-    missing = available()
+    missing = why_unavailable()
     if not missing["rclpy"]:
         return InstalledTypes().fields
     if missing["dds"]:
         return None
-    from rise_adapters.ros2.types import Types  # needs rosbags, which is an extra
+    from rise_adapters.ros2.transport.interfaces import InterfaceCatalog  # needs rosbags, which is an extra
 
-    return Types(share).fields
+    return InterfaceCatalog(share).fields

@@ -13,16 +13,16 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from rise_adapters.ros2 import vendors
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import (
+from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.transport import vendors
+from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
     FEEDBACK,
     GET_RESULT,
     SEND_GOAL,
     STATUS_TOPIC,
-    End,
     QoS,
+    RemoteEndpoint,
     Transport,
     action_topic,
     action_types,
@@ -85,7 +85,7 @@ class EndpointComparison(Struct, frozen=True):
 NOT_COMPARED = EndpointComparison()
 
 
-def compare(transport: Transport, mapping: Carrier) -> EndpointComparison:
+def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     """Compare what is there now with what the profile says of one action."""
     found = _compare_action(transport, mapping) if mapping.kind == "action" else _compare_topic(transport, mapping)
     return EndpointComparison(
@@ -97,7 +97,7 @@ def compare(transport: Transport, mapping: Carrier) -> EndpointComparison:
     )
 
 
-def describe_absence(comparison: EndpointComparison, mapping: Carrier, full: str) -> str:
+def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, full: str) -> str:
     """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
     if comparison.seen:
         return f"{full} is seen at {_join(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
@@ -140,14 +140,14 @@ class _Collected:
         self.nodes: dict[str, None] = {}
 
 
-def _compare_action(transport: Transport, mapping: Carrier) -> _Collected:
+def _compare_action(transport: Transport, mapping: ActionMapping) -> _Collected:
     full = transport.resolve(mapping.name)
     found, types = _Collected(full, "offered"), action_types(mapping.type)
     services = (SEND_GOAL, GET_RESULT, CANCEL_GOAL)
     seen: set[tuple[str, bool]] = set()
     for part in services:
         asked, answered = f"{types[part]}_Request", f"{types[part]}_Response"
-        for end in transport.server_ends(action_topic(full, part)):
+        for end in transport.server_endpoints(action_topic(full, part)):
             found.nodes[end.node] = None
             answers = end.type.endswith("_Response")
             seen.add((part, answers))
@@ -162,7 +162,7 @@ def _compare_action(transport: Transport, mapping: Carrier) -> _Collected:
     takes, answers_all = (all((part, answers) in seen for part in services) for answers in (False, True))
     found.complete = takes and (answers_all or not any(answers for _, answers in seen))
     for part, wanted in ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos)):
-        for end in transport.publisher_ends(action_topic(full, part)):
+        for end in transport.publisher_endpoints(action_topic(full, part)):
             misfit = _type_misfit(transport, found, mapping.type, end, types[part])
             if misfit is not None:
                 found.unusable.append(misfit)
@@ -172,12 +172,12 @@ def _compare_action(transport: Transport, mapping: Carrier) -> _Collected:
     return found
 
 
-def _compare_topic(transport: Transport, mapping: Carrier) -> _Collected:
+def _compare_topic(transport: Transport, mapping: ActionMapping) -> _Collected:
     full = transport.resolve(mapping.name)
     found = _Collected(full, "taken")
     misfits: list[Misfit] = []
     fits = False
-    for end in transport.subscriber_ends(full):
+    for end in transport.subscriber_endpoints(full):
         found.nodes[end.node] = None
         misfit = _type_misfit(transport, found, mapping.type, end, mapping.type)
         if misfit is None and (lacks := qos_conflict(mapping.topic_qos, end.qos)):
@@ -195,19 +195,19 @@ def _compare_topic(transport: Transport, mapping: Carrier) -> _Collected:
     return found
 
 
-def _middleware_misfit(transport: Transport, full: str, end: End) -> Misfit | None:
+def _middleware_misfit(transport: Transport, full: str, end: RemoteEndpoint) -> Misfit | None:
     if vendors.services_cross(transport.vendor, end.vendor) != "no":
         return None
     says = (
-        f"is offered{_owner(end)} over {vendors.called(end.vendor)}, and this program uses "
-        f"{vendors.called(transport.vendor)}: services and actions do not cross from one to the other"
+        f"is offered{_owner(end)} over {vendors.vendor_name(end.vendor)}, and this program uses "
+        f"{vendors.vendor_name(transport.vendor)}: services and actions do not cross from one to the other"
     )
     return Misfit(OTHER_MIDDLEWARE, full, says, same_middleware_remedy(transport, end.vendor))
 
 
 def same_middleware_remedy(transport: Transport, other: str) -> str:
     """What to do about two vendors."""
-    own, theirs = vendors.rmw(transport.vendor), vendors.rmw(other)
+    own, theirs = vendors.rmw_of_vendor(transport.vendor), vendors.rmw_of_vendor(other)
     there = f"start the robot's program with RMW_IMPLEMENTATION={own} on its computer" if own else ""
     if not theirs:
         return there or "use the same middleware on both sides"
@@ -216,7 +216,9 @@ def same_middleware_remedy(transport: Transport, other: str) -> str:
     return f"{there}, or {here}" if there else here
 
 
-def _type_misfit(transport: Transport, found: _Collected, named: str, end: End, wanted: str) -> Misfit | None:
+def _type_misfit(
+    transport: Transport, found: _Collected, named: str, end: RemoteEndpoint, wanted: str
+) -> Misfit | None:
     """`named`: as the profile names the type; `wanted`: what of it this end has to carry."""
     if end.type != wanted:
         there = ros_type(end.type) or "something that is no type of ROS"
@@ -273,7 +275,7 @@ def _qos_misfit(full: str, statement: str, key: str, setting: str) -> Misfit:
 # --- words --------------------------------------------------------------------------------------------------------
 
 
-def _why_unreachable(mapping: Carrier) -> str:
+def _why_unreachable(mapping: ActionMapping) -> str:
     if mapping.kind == "action":
         return "one of its services is missing, or has a deadline or liveliness that this program does not promise"
     return "it wants a deadline or liveliness that this program does not promise"
@@ -285,7 +287,7 @@ def describe_node(name: str) -> str:
     return f"a program {name or 'whose node is not known'}"
 
 
-def _owner(end: End) -> str:
+def _owner(end: RemoteEndpoint) -> str:
     """Whose it is. (That is announced separately, and may come later or never.)"""
     return f" by {describe_node(end.node)}" if end.node else ""
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from rise_adapters.ros2 import vendors
 from rise_adapters.ros2.compatibility import (
     SAME_RELEASE,
     describe_node,
@@ -12,20 +11,21 @@ from rise_adapters.ros2.compatibility import (
     ros_type,
     same_middleware_remedy,
 )
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import FEEDBACK, Transport, action_topic
+from rise_adapters.ros2.mapping import ActionMapping
+from rise_adapters.ros2.transport import vendors
+from rise_adapters.ros2.transport.port import FEEDBACK, Transport, action_topic
 
 
-def names_elsewhere(transport: Transport, mapping: Carrier) -> list[str]:
+def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
     """The full names under which others offer an action of the mapping's type (listen to a topic of it)."""
     own = transport.resolve(mapping.name)
     names: list[str] = []
     for topic in transport.topics():
         if mapping.kind == "action":
             name = topic.removesuffix(action_topic("", FEEDBACK))
-            found = transport.publisher_ends(topic) if name != topic else []
+            found = transport.publisher_endpoints(topic) if name != topic else []
         else:
-            name, found = topic, transport.subscriber_ends(topic)
+            name, found = topic, transport.subscriber_endpoints(topic)
         if name != own and any(ros_type(end.type) == mapping.type for end in found):
             names.append(name)
     return names
@@ -34,10 +34,10 @@ def names_elsewhere(transport: Transport, mapping: Carrier) -> list[str]:
 def describe_strangers(transport: Transport) -> list[str]:
     """A sentence about each program that can be seen but not be talked to as ROS wants it."""
     return [
-        f"{describe_node(who)} uses {vendors.called(vendor)}: topics may arrive, services and actions "
+        f"{describe_node(who)} uses {vendors.vendor_name(vendor)}: topics may arrive, services and actions "
         f"{'do' if vendors.services_cross(transport.vendor, vendor) == 'no' else 'may'} not. "
         f"What to do: {same_middleware_remedy(transport, vendor)}"
-        for who, vendor in transport.strangers()
+        for who, vendor in transport.programs_of_other_vendors()
     ]
 
 
@@ -47,7 +47,7 @@ def describe_other_versions(transport: Transport, topic: str, type: str) -> list
     return [
         f"{describe_node(end.node)} publishes {full} with another version of {type} than this node listens for: what "
         f"arrives would be garbage. What to do: {SAME_RELEASE}"
-        for end in transport.publisher_ends(topic)
+        for end in transport.publisher_endpoints(topic)
         if end.type == type and own and end.hash and end.hash != own
     ]
 
@@ -56,8 +56,8 @@ def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
     """Of what other nodes have on one topic, who does not hear whom, and who would hear garbage: a sentence for each
     pair."""
     found: dict[str, None] = {}
-    for publisher in transport.publisher_ends(topic):
-        for listener in transport.subscriber_ends(topic):
+    for publisher in transport.publisher_endpoints(topic):
+        for listener in transport.subscriber_endpoints(topic):
             who, whom = describe_node(publisher.node), describe_node(listener.node)
             if publisher.type != listener.type:
                 if publisher.type and listener.type:

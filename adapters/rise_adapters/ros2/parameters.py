@@ -21,11 +21,11 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-from rise_adapters.ros2.names import check_namespace
-from rise_adapters.ros2.port import Handle, Message, PortError, Reply, Transport
-from rise_engine.nearest_name import suggestion
+from rise_adapters.ros2.transport.names import check_namespace
+from rise_adapters.ros2.transport.port import Closable, Message, PortError, SendReply, Transport
+from rise_engine.nearest_name import did_you_mean
 
-Value: TypeAlias = "bool | int | float | str | list[str] | None"
+ParameterValue: TypeAlias = "bool | int | float | str | list[str] | None"
 SIM_TIME = "use_sim_time"
 _QOS = "qos_overrides."
 _FLAGS = ("-p", "--param")
@@ -33,36 +33,36 @@ _FILE = "--params-file"
 _TYPES = "rcl_interfaces/srv/"
 
 
-class Given(Struct, frozen=True):
+class GivenParameter(Struct, frozen=True):
     """A parameter as it was given."""
 
     name: str
     value: Any
     """A text, or a list of them: what it means is up to the option. (So the participant 007 stays 007.)"""
-    for_all: bool = False
+    for_all_nodes: bool = False
     """It stands in a file for whatever nodes there are (`/**`): one that does not know it passes it over."""
 
 
-class Option(Struct, frozen=True):
+class ParameterOption(Struct, frozen=True):
     """An option of a command line that can be given as a parameter, too."""
 
     flag: str
     """`--dwell`"""
     switch: bool = False
     """It takes no value."""
-    many: bool = False
+    repeatable: bool = False
     """It can be given several times: the parameter is a list."""
 
 
 # --- what is given --------------------------------------------------------------------------------------------------
 
 
-def split(arguments: Sequence[str], node: str) -> tuple[list[Given], tuple[str, ...]]:
+def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenParameter], tuple[str, ...]]:
     """The parameters among ROS's arguments that are meant for `node` (its name, without namespace), in the order in
     which they count, the last most; and the other arguments. Raises PortError."""
     own, namespace = _node_and_namespace(arguments, node)
     full = f"{namespace.rstrip('/')}/{own}"
-    given: list[Given] = []
+    given: list[GivenParameter] = []
     others: list[str] = []
     rest = iter(arguments)
     for argument in rest:
@@ -81,16 +81,16 @@ def split(arguments: Sequence[str], node: str) -> tuple[list[Given], tuple[str, 
             raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
         if of_node in ("", own, full):
             read = _yaml(text, f"{argument} {value}")
-            given.append(Given(name, "" if read is None else read))
+            given.append(GivenParameter(name, "" if read is None else read))
     return given, tuple(others)
 
 
-def as_options(
-    arguments: Sequence[str], node: str, options: Mapping[str, Option], written: Sequence[str] = ()
+def parameters_as_options(
+    arguments: Sequence[str], node: str, options: Mapping[str, ParameterOption], written: Sequence[str] = ()
 ) -> tuple[list[str], tuple[str, ...]]:
     """Parameters as options of the command line, to stand before what is `written` there, which counts more; and ROS's
     other arguments. Raises PortError."""
-    given, others = split(arguments, node)
+    given, others = split_parameters(arguments, node)
     chosen: dict[str, Any] = {}
     for each in given:
         name = each.name.replace("-", "_")
@@ -103,14 +103,14 @@ def as_options(
             )
         elif name in options:
             chosen[name] = each.value
-        elif not each.for_all:
-            raise PortError(f"the parameter {each.name} is unknown{suggestion(name, [*options, SIM_TIME])}")
+        elif not each.for_all_nodes:
+            raise PortError(f"the parameter {each.name} is unknown{did_you_mean(name, [*options, SIM_TIME])}")
     # Of an option the last one counts; but of one that can be given several times, all do.
     flags = {word.partition("=")[0] for word in written}
     words: list[str] = []
     for name, value in chosen.items():
         made = list(_option_words(name, options[name], value))
-        if not (options[name].many and options[name].flag in flags):
+        if not (options[name].repeatable and options[name].flag in flags):
             words += made
     return words, others
 
@@ -123,7 +123,7 @@ def _no_sim_time(value: Any) -> None:
         )
 
 
-def _option_words(name: str, option: Option, value: Any) -> Iterator[str]:
+def _option_words(name: str, option: ParameterOption, value: Any) -> Iterator[str]:
     if option.switch:
         truth = _read_truth(value)
         if truth is None:
@@ -132,7 +132,7 @@ def _option_words(name: str, option: Option, value: Any) -> Iterator[str]:
             yield option.flag
         return
     values = value if isinstance(value, list) else [value]
-    if isinstance(value, list) and not option.many:
+    if isinstance(value, list) and not option.repeatable:
         raise PortError(f"the parameter {name} is one value, not the list {value!r}")
     for each in values:
         if not isinstance(each, str):
@@ -159,7 +159,7 @@ def _node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
     return found.get("__node", node), check_namespace(found.get("__ns", "/"))
 
 
-def _read_file(path: Path, full: str) -> Iterator[Given]:
+def _read_file(path: Path, full: str) -> Iterator[GivenParameter]:
     try:
         read = _yaml(path.read_text("utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
@@ -171,7 +171,7 @@ def _read_file(path: Path, full: str) -> Iterator[Given]:
     for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
         if _matches(pattern, full):
             for name, value in _flatten(section, ""):
-                yield Given(name, value, for_all="*" in pattern)
+                yield GivenParameter(name, value, for_all_nodes="*" in pattern)
 
 
 def _sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -219,24 +219,24 @@ def _yaml(text: str, where: str) -> Any:
 # --- what others see ------------------------------------------------------------------------------------------------
 
 
-class Setting(Struct, frozen=True):
+class ReadableParameter(Struct, frozen=True):
     """A parameter that others can read."""
 
-    value: Value
-    about: str = ""
+    value: ParameterValue
+    description: str = ""
 
 
-NO_SIM_TIME = {SIM_TIME: Setting(False, "always false: people take part, and the record is in their time")}
+NO_SIM_TIME = {SIM_TIME: ReadableParameter(False, "always false: people take part, and the record is in their time")}
 """Every node of ROS has this one."""
 
 
 class ParameterServices:
     """Answers `ros2 param` for one node."""
 
-    def __init__(self, transport: Transport, settings: Callable[[], Mapping[str, Setting]]) -> None:
+    def __init__(self, transport: Transport, settings: Callable[[], Mapping[str, ReadableParameter]]) -> None:
         """`settings` is asked at each request. Raises PortError."""
         self._own = settings
-        self._handles: list[Handle] = [
+        self._handles: list[Closable] = [
             transport.serve(f"~/{name}", f"{_TYPES}{type}", answer)
             for name, type, answer in (
                 ("list_parameters", "ListParameters", self._list),
@@ -252,10 +252,10 @@ class ParameterServices:
         for handle in self._handles:
             handle.close()
 
-    def _settings(self) -> dict[str, Setting]:
+    def _settings(self) -> dict[str, ReadableParameter]:
         return {**self._own(), **NO_SIM_TIME}
 
-    def _list(self, request: Message, reply: Reply) -> None:
+    def _list(self, request: Message, reply: SendReply) -> None:
         wanted = request["prefixes"]
         names = [
             name
@@ -264,15 +264,23 @@ class ParameterServices:
         ]
         reply({"result": {"names": names}})
 
-    def _get(self, request: Message, reply: Reply) -> None:
+    def _get(self, request: Message, reply: SendReply) -> None:
         settings = self._settings()
-        reply({"values": [as_value(settings[name].value) if name in settings else {} for name in request["names"]]})
+        reply(
+            {"values": [parameter_value(settings[name].value) if name in settings else {} for name in request["names"]]}
+        )
 
-    def _types(self, request: Message, reply: Reply) -> None:
+    def _types(self, request: Message, reply: SendReply) -> None:
         settings = self._settings()
-        reply({"types": bytes(kind_of(settings[name].value) if name in settings else 0 for name in request["names"])})
+        reply(
+            {
+                "types": bytes(
+                    parameter_type(settings[name].value) if name in settings else 0 for name in request["names"]
+                )
+            }
+        )
 
-    def _describe(self, request: Message, reply: Reply) -> None:
+    def _describe(self, request: Message, reply: SendReply) -> None:
         settings = self._settings()
         described = []
         for name in request["names"]:
@@ -280,27 +288,32 @@ class ParameterServices:
             described.append(
                 {"name": name}
                 if known is None
-                else {"name": name, "type": kind_of(known.value), "description": known.about, "read_only": True}
+                else {
+                    "name": name,
+                    "type": parameter_type(known.value),
+                    "description": known.description,
+                    "read_only": True,
+                }
             )
         reply({"descriptors": described})
 
-    def _set(self, request: Message, reply: Reply) -> None:
+    def _set(self, request: Message, reply: SendReply) -> None:
         reply({"results": [self._refused(each["name"]) for each in request["parameters"]]})
 
-    def _set_atomically(self, request: Message, reply: Reply) -> None:
+    def _set_atomically(self, request: Message, reply: SendReply) -> None:
         names = [each["name"] for each in request["parameters"]]
         reply({"result": self._refused(names[0]) if names else {"successful": True}})
 
     def _refused(self, name: str) -> Message:
         settings = self._settings()
         if name not in settings:
-            reason = f"there is no parameter {name}{suggestion(name, settings)}"
+            reason = f"there is no parameter {name}{did_you_mean(name, settings)}"
         else:
             reason = f"{name} is read when the program starts: --ros-args -p {name}:=..."
         return {"successful": False, "reason": reason}
 
 
-def kind_of(value: Value) -> int:
+def parameter_type(value: ParameterValue) -> int:
     """As rcl_interfaces/msg/ParameterType numbers them."""
     match value:
         case None:
@@ -320,7 +333,7 @@ def kind_of(value: Value) -> int:
 _FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value", 9: "string_array_value"}
 
 
-def as_value(value: Value) -> Message:
+def parameter_value(value: ParameterValue) -> Message:
     """As a rcl_interfaces/msg/ParameterValue."""
-    kind = kind_of(value)
+    kind = parameter_type(value)
     return {"type": kind, _FIELDS[kind]: value} if kind else {}

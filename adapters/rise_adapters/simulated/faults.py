@@ -20,11 +20,11 @@ from typing import Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import nearest
+from rise_engine.nearest_name import nearest_name
 from rise_engine.scenario.model import RobotProfile
 
-Kind: TypeAlias = Literal["reject", "fail", "slow", "hang"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+FaultKind: TypeAlias = Literal["reject", "fail", "slow", "hang"]
+FAULT_KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
 
 _FORM = "write ACTION=reject, ACTION=fail, ACTION=slow:FACTOR or ACTION=hang (each also with @N), or vanish@SECONDS"
 _NUMBER = r"\d+(?:\.\d+)?"
@@ -37,25 +37,25 @@ class ActionFault(Struct, frozen=True):
 
     action: str
     """The action's name, or `*`."""
-    kind: Kind
+    kind: FaultKind
     factor: float = 1.0
     """For `slow`: how many times longer it takes."""
     nth: int | None = None
     """Which goal of that action, counted from 1; null: each."""
 
-    def hits(self, action: str, count: int) -> bool:
+    def applies_to(self, action: str, count: int) -> bool:
         """Whether it concerns the `count`-th goal of `action`."""
         return self.action in ("*", action) and self.nth in (None, count)
 
 
-class Vanish(Struct, frozen=True):
+class LinkFault(Struct, frozen=True):
     """The link to the robot is lost from `at` until `back` (seconds of session time; null: for good)."""
 
     at: float
     back: float | None = None
 
 
-Fault: TypeAlias = ActionFault | Vanish
+Fault: TypeAlias = ActionFault | LinkFault
 
 
 def parse_fault(text: str, profile: RobotProfile) -> Fault:
@@ -67,8 +67,8 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
         raise ValueError(f"the fault {text!r} cannot be read: {_FORM}")
     action, kind = match["action"].strip(), match["kind"]
     _check_action(text, action, profile)
-    if kind not in KINDS:
-        near = nearest(kind, KINDS)
+    if kind not in FAULT_KINDS:
+        near = nearest_name(kind, FAULT_KINDS)
         hint = f"did you mean {near!r}?" if near is not None else _FORM
         raise ValueError(f"the fault {text!r} has the unknown kind {kind!r}: {hint}")
     factor = 1.0
@@ -84,7 +84,7 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
     return ActionFault(action, kind, factor, nth)
 
 
-def _vanish(text: str) -> Vanish:
+def _vanish(text: str) -> LinkFault:
     match = _VANISH.fullmatch(text)
     if match is None:
         raise ValueError(
@@ -93,7 +93,7 @@ def _vanish(text: str) -> Vanish:
     at, back = float(match["at"]), None if match["back"] is None else float(match["back"])
     if back is not None and back <= at:
         raise ValueError(f"the fault {text!r} cannot be read: the robot must come back after it has vanished")
-    return Vanish(at, back)
+    return LinkFault(at, back)
 
 
 def _factor(text: str, factor: str | None) -> float:
@@ -112,7 +112,7 @@ def _check_action(text: str, action: str, profile: RobotProfile) -> None:
     spec = profile.actions.get(action)
     if spec is None:
         possible = [name for name, spec in profile.actions.items() if spec.supported and not spec.engine]
-        near = nearest(action, possible)
+        near = nearest_name(action, possible)
         hint = f"did you mean {near!r}?" if near is not None else f"it has {', '.join(possible)}"
         raise ValueError(f"the fault {text!r} names an action that {profile.title} does not have: {hint}")
     if spec.engine:

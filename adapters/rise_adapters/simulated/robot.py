@@ -13,10 +13,10 @@ from functools import partial
 from random import Random
 from typing import Any
 
-from rise_adapters.simulated.faults import ActionFault, Vanish, parse_fault
+from rise_adapters.simulated.faults import ActionFault, LinkFault, parse_fault
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
-from rise_engine.robot import Clock, Report, Timer
+from rise_engine.ports.robot import Clock, ReportCallback, Timer
 from rise_engine.scenario.model import RobotProfile
 
 _OPTIONS = {"latency": (0.02, 60.0), "stopping": (0.05, 60.0), "variation": (0.0, 0.5)}
@@ -41,7 +41,7 @@ class _SimulatedGoal:
 
 
 class SimulatedRobot:
-    """Implements `rise_engine.robot.Robot`; the class itself is the `Driver`."""
+    """Implements `rise_engine.ports.robot.Robot`; the class itself is the `Driver`."""
 
     def __init__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> None:
         """Raises ValueError with a sentence when an option or a fault cannot be understood."""
@@ -53,11 +53,11 @@ class SimulatedRobot:
         self._random = Random(seed)
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
-        self._vanishes = [fault for fault in parsed if isinstance(fault, Vanish)]
+        self._vanishes = [fault for fault in parsed if isinstance(fault, LinkFault)]
         self._goals: dict[str, _SimulatedGoal] = {}
         self._counts: Counter[str] = Counter()
         self._links_down = 0
-        self._report: Report = _ignore
+        self._report: ReportCallback = _ignore
         self._timers: list[Timer] = []
         self._seen: float | None = None
 
@@ -74,7 +74,7 @@ class SimulatedRobot:
 
     # --- the port -----------------------------------------------------------------------------------------------
 
-    def connect(self, report: Report) -> None:
+    def connect(self, report: ReportCallback) -> None:
         self._report = report
         for vanish in self._vanishes:
             self._timers.append(self._clock.call_at(vanish.at, partial(self._cut_link, vanish)))
@@ -165,7 +165,7 @@ class SimulatedRobot:
         confirmed = tuple(part for part in self.parts if part not in silent)
         self._report(StopReport(confirmed=confirmed, unconfirmed=tuple(sorted(silent))))
 
-    def _cut_link(self, vanish: Vanish) -> None:
+    def _cut_link(self, vanish: LinkFault) -> None:
         self._links_down += 1
         for goal in self._goals.values():
             goal.drop_timers()
@@ -179,7 +179,7 @@ class SimulatedRobot:
 
     def _next_fault(self, action: str) -> ActionFault | None:
         count = self._counts[action]
-        return next((fault for fault in self._faults if fault.hits(action, count)), None)
+        return next((fault for fault in self._faults if fault.applies_to(action, count)), None)
 
     def _describe_link(self) -> str:
         return f"simulated {self._profile.title}: nothing leaves this machine"

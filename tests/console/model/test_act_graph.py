@@ -6,14 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.scenario import load
-from rise_engine.scenario.model import Act, Action, Call
+from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_tui.model.act_graph import ActRow, act_rows
 from tests.console.fake import DEMO
 
 
 def act(*waits: str) -> Act:
     """Actions 1, 2, 3, ...; each with the ids for which it waits."""
-    return Act("A", tuple(Action(str(n), (Call("Wait", {}),), tuple(text.split())) for n, text in enumerate(waits, 1)))
+    return Act(
+        "A", tuple(Action(str(n), (ActionCall("Wait", {}),), tuple(text.split())) for n, text in enumerate(waits, 1))
+    )
 
 
 def drawn(some: Act, most: int = 12) -> list[str]:

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import pytest
 
 from rise_engine.kernel.records import RobotRecord
-from rise_tui.actions import key_in_words
-from rise_tui.model.alarms import alarms, degraded, lines, parts
+from rise_tui.actions import key_name
+from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text, group_parts
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store
-from rise_tui.text import plain, width_of
+from rise_tui.rendering.text import line_width, plain_text
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
 
@@ -31,7 +31,7 @@ def store_after(*happenings: Callable[[FakeClient], object], **options: object) 
 
 
 def said(store: Store) -> list[str]:
-    return [plain(line) for line in lines(alarms(store, key_in_words))]
+    return [plain_text(line) for line in alarm_lines(current_alarms(store, key_name))]
 
 
 def test_nothing_is_wrong() -> None:
@@ -83,8 +83,8 @@ def test_a_robot_that_is_back_is_no_alarm() -> None:
 def test_a_degraded_robot_is_said_in_words_and_is_no_red_alarm() -> None:
     record = RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze")
     store = store_after(lambda client: client.emit(record))
-    assert alarms(store, key_in_words) == []
-    assert degraded(store) == "◐ robot degraded since 00:01:23: no server for gaze"
+    assert current_alarms(store, key_name) == []
+    assert degraded_text(store) == "◐ robot degraded since 00:01:23: no server for gaze"
 
 
 def stopped(client: FakeClient) -> None:
@@ -130,23 +130,23 @@ def test_a_stop_that_could_not_be_recorded_is_told_all_the_same() -> None:
 
 def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None:
     store = store_after(lose, full)
-    store.gone = "its process is not there any more"
+    store.gone_reason = "its process is not there any more"
     told = said(store)
     assert "ENGINE GONE" in told[0] and "F9 neither" in told[1] and "recovers" in told[2]
-    store.over = True
+    store.ended_in_order = True
     assert "SESSION ENDED" in said(store)[0] and "LOST" not in "".join(said(store))
 
 
 def test_everything_fits_in_80_columns() -> None:
     made = [store_after(*some) for some in ((lose,), (full,), (stopped,), (lose, full), (lose, stopped, full))]
     gone = store_after()
-    gone.gone = "the engine was killed"
+    gone.gone_reason = "the engine was killed"
     for store in (*made, gone):
-        assert all(width_of(line) <= 80 for line in lines(alarms(store, key_in_words))), said(store)
+        assert all(line_width(line) <= 80 for line in alarm_lines(current_alarms(store, key_name))), said(store)
 
 
 def test_parts_of_several_robots() -> None:
-    assert parts(("pepper/arms", "pepper/gaze", "lamp")) == "pepper: arms, gaze; lamp"
+    assert group_parts(("pepper/arms", "pepper/gaze", "lamp")) == "pepper: arms, gaze; lamp"
 
 
 # --- on the screen --------------------------------------------------------------------------------------------------
@@ -156,34 +156,36 @@ def test_parts_of_several_robots() -> None:
 async def test_a_lost_robot_stays_on_the_screen_until_it_is_back(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
         lose(it.client)
-        await it.until(lambda: "ROBOT LOST   for 0 s" in it.screen.alarm.text and it.screen.alarm.display)
-        height = it.screen.alarm.region.height
+        await it.until(lambda: "ROBOT LOST   for 0 s" in it.screen.alarm_bar.text and it.screen.alarm_bar.display)
+        height = it.screen.alarm_bar.region.height
         it.client.time += 4
-        await it.until(lambda: "ROBOT LOST   for 4 s" in it.screen.alarm.text)
+        await it.until(lambda: "ROBOT LOST   for 4 s" in it.screen.alarm_bar.text)
         await it.press("down", "escape")
-        assert it.screen.alarm.display and it.screen.alarm.region.height == height == 3
+        assert it.screen.alarm_bar.display and it.screen.alarm_bar.region.height == height == 3
         it.client.journal(trouble=FULL)
-        await it.until(lambda: "NOT RECORDING" in it.screen.alarm.text)
-        assert it.screen.alarm.region.height == 3
+        await it.until(lambda: "NOT RECORDING" in it.screen.alarm_bar.text)
+        assert it.screen.alarm_bar.region.height == 3
         it.client.journal()
         it.client.emit(RobotRecord(0, 0.0, "", status="connected", detail=""))
-        await it.until(lambda: not it.screen.alarm.display)
+        await it.until(lambda: not it.screen.alarm_bar.display)
 
 
 async def test_a_degraded_robot_takes_one_amber_line_also_beside_the_question_for_control() -> None:
     async with console(size=(80, 24)) as it:
         it.client.emit(RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze"))
-        await it.until(lambda: "no server for gaze" in it.screen.call.text and it.screen.call.region.height == 1)
+        await it.until(
+            lambda: "no server for gaze" in it.screen.attention_bar.text and it.screen.attention_bar.region.height == 1
+        )
         it.client.control_record("asked", "wizard:ben", "wizard:anna")
-        await it.until(lambda: it.screen.call.region.height == 2)
-        assert it.screen.call.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
-        assert not it.screen.alarm.display
+        await it.until(lambda: it.screen.attention_bar.region.height == 2)
+        assert it.screen.attention_bar.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
+        assert not it.screen.alarm_bar.display
 
 
 async def test_an_alarm_is_no_notice_that_a_key_takes_away() -> None:
     async with console() as it:
         lose(it.client)
-        await it.until(lambda: it.screen.alarm.display)
-        it.screen.session.tell(Notice("something else"))
+        await it.until(lambda: it.screen.alarm_bar.display)
+        it.screen.session.show_notice(Notice("something else"))
         await it.until(lambda: "something else" in it.notice)
-        assert "ROBOT LOST" in it.screen.alarm.text
+        assert "ROBOT LOST" in it.screen.alarm_bar.text

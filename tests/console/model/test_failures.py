@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.link.messages import state_of, view_of
+from rise_engine.protocol.messages import with_tasks, without_tasks
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_tui.actions import BY_ID, key_in_words
-from rise_tui.model.failures import Unsaid, lines, unanswered, unsaid
+from rise_tui.actions import BY_ID, key_name
+from rise_tui.model.failures import Unsaid, failure_lines, unanswered_failures, unsaid_texts
 from rise_tui.model.store import Store
-from rise_tui.text import plain, width_of
+from rise_tui.rendering.text import line_width, plain_text
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -56,7 +56,7 @@ def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int
         happening(client, task)
     client.end_task(task, "Instruct", "ABORTED", "it went wrong")
     store = Store(client.hello(), "anna", client.now)
-    return unsaid(store.scenario, store.view.tasks[task], store.memory)
+    return unsaid_texts(store.scenario, store.view.tasks[task], store.memory)
 
 
 def said_hello(client: FakeClient, task: int) -> None:
@@ -103,7 +103,7 @@ def test_they_are_told_to_whoever_attaches_later() -> None:
     client.act("Greet", "ABORTED", reason="no voice")
     client.act("Praise", "ABORTED", reason="no voice")
     view = client.hello().view
-    again = view_of(state_of(view), view.tasks.values())
+    again = with_tasks(without_tasks(view), view.tasks.values())
     assert again.failed == view.failed == [1, 2]
 
 
@@ -115,12 +115,12 @@ def store_after(*acts: tuple[str, str], **options: object) -> Store:
 
 
 def bar(store: Store, width: int = 80, most: int = 8) -> list[str]:
-    return [plain(line) for line in lines(store, width, most, key_in_words)]
+    return [plain_text(line) for line in failure_lines(store, width, most, key_name)]
 
 
 def test_of_several_the_first_is_shown_and_the_others_are_counted() -> None:
     store = store_after(("Greet", "ABORTED"), ("Praise", "ABORTED"), ("Greet", "ABORTED"))
-    assert [task.behavior for task in unanswered(store)] == ["Greet", "Praise"]
+    assert [task.behavior for task in unanswered_failures(store)] == ["Greet", "Praise"]
     head, reason, *_, keys = bar(store)
     assert "✗ ACT FAILED   Greet" in head and head.endswith("1 more ")
     assert "no voice" in reason and "ctrl+e repeat" in keys and "ctrl+k go on without it" in keys
@@ -147,10 +147,10 @@ def test_who_cannot_act_sees_it_without_the_keys(options: dict[str, object], sai
 
 def test_while_nothing_may_start_only_going_on_is_offered() -> None:
     store = store_after(("Greet", "ABORTED"))
-    store.guard = "SAFE"
+    store.input_mode = "SAFE"
     *_, keys = bar(store)
     assert "not now: SAFE" in keys and "ctrl+e" not in keys and "ctrl+k go on" in keys
-    assert BY_ID["repeat"].unavailable(store) and not BY_ID["go-on"].unavailable(store)
+    assert BY_ID["repeat"].why_unavailable(store) and not BY_ID["go-on"].why_unavailable(store)
 
 
 @pytest.mark.parametrize("width", [40, 80, 120, 200])
@@ -159,17 +159,17 @@ def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width:
     client = FakeClient(demo())
     text = " ".join(f"word{number}" for number in range(300))
     client.task("say", text, "ABORTED", reason="a reason of some length " * 20)
-    found = lines(Store(client.hello(), "anna", client.now), width, most, key_in_words)
-    assert len(found) <= most and all(width_of(line) <= width for line in found)
-    assert "word0" in plain(found[-2]) + plain(found[3])
-    assert plain(found[-2]).endswith("all of it: act pane" if width > 40 else "…")
+    found = failure_lines(Store(client.hello(), "anna", client.now), width, most, key_name)
+    assert len(found) <= most and all(line_width(line) <= width for line in found)
+    assert "word0" in plain_text(found[-2]) + plain_text(found[3])
+    assert plain_text(found[-2]).endswith("all of it: act pane" if width > 40 else "…")
 
 
 # --- on the screen ----------------------------------------------------------------------------------------------------
 
 
 async def shown(it: Console) -> None:
-    await it.until(lambda: it.screen.failure.display and it.screen.failure.region.height >= 4)
+    await it.until(lambda: it.screen.failure_bar.display and it.screen.failure_bar.region.height >= 4)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
@@ -179,12 +179,12 @@ async def test_it_stays_on_every_pane_until_it_is_answered(size: tuple[int, int]
         await shown(it)
         for _ in range(6):
             await it.press("f3")
-            assert it.screen.failure.display and "Greet" in it.screen.failure.text
+            assert it.screen.failure_bar.display and "Greet" in it.screen.failure_bar.text
         await it.press("f4", "escape", "g")  # zoomed, left, and another act started
-        assert "ctrl+e repeat" in it.screen.failure.text or "runs again" in it.screen.failure.text
+        assert "ctrl+e repeat" in it.screen.failure_bar.text or "runs again" in it.screen.failure_bar.text
         await it.press("ctrl+k")
         await it.sent("goOn", str(id))
-        await it.until(lambda: not it.screen.failure.display)
+        await it.until(lambda: not it.screen.failure_bar.display)
 
 
 async def test_beside_an_alarm_the_panes_can_still_be_seen() -> None:
@@ -192,9 +192,9 @@ async def test_beside_an_alarm_the_panes_can_still_be_seen() -> None:
         it.client.task("say", " ".join(["word"] * 200), "ABORTED", reason="a reason of some length " * 9)
         await shown(it)
         it.client.stop("latched", ("pepper/speech",))
-        await it.until(lambda: it.screen.alarm.display and it.screen.alarm.region.height == 3)
-        await it.until(lambda: "ctrl+k go on" in it.screen.failure.text)
-        assert it.screen.panes.region.height >= 4 and it.screen.failure.region.height >= 5
+        await it.until(lambda: it.screen.alarm_bar.display and it.screen.alarm_bar.region.height == 3)
+        await it.until(lambda: "ctrl+k go on" in it.screen.failure_bar.text)
+        assert it.screen.pane_layout.region.height >= 4 and it.screen.failure_bar.region.height >= 5
 
 
 async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_bar_away() -> None:
@@ -204,26 +204,26 @@ async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_
         await it.press("ctrl+e")
         await it.sent(ACT, "Greet")
         assert it.client.sent[-1].calling_type == "Blocking"
-        await it.until(lambda: "it runs again" in it.screen.failure.text)
+        await it.until(lambda: "it runs again" in it.screen.failure_bar.text)
         it.client.end_task(2, "Greet")
-        await it.until(lambda: not it.screen.failure.display)
+        await it.until(lambda: not it.screen.failure_bar.display)
 
 
 async def test_its_keys_can_be_clicked_too() -> None:
     async with console(size=(80, 24)) as it:
         it.client.act("Greet", "ABORTED", reason="no voice")
         await shown(it)
-        *others, keys = it.screen.failure.text.splitlines()
-        await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), 0))
-        await it.pilot.click(it.screen.failure, offset=(0, len(others)))
+        *others, keys = it.screen.failure_bar.text.splitlines()
+        await it.pilot.click(it.screen.failure_bar, offset=(keys.index("repeat"), 0))
+        await it.pilot.click(it.screen.failure_bar, offset=(0, len(others)))
         assert it.client.asked() == []
-        await it.pilot.click(it.screen.failure, offset=(keys.index("without"), len(others)))
+        await it.pilot.click(it.screen.failure_bar, offset=(keys.index("without"), len(others)))
         await it.sent("goOn", "1")
         assert it.client.asked() == [("goOn", "1")]
         it.client.act("Praise", "ABORTED", reason="no voice")
-        await it.until(lambda: "Praise" in it.screen.failure.text and it.screen.failure.display)
-        *others, keys = it.screen.failure.text.splitlines()
-        await it.pilot.click(it.screen.failure, offset=(keys.index("repeat"), len(others)))
+        await it.until(lambda: "Praise" in it.screen.failure_bar.text and it.screen.failure_bar.display)
+        *others, keys = it.screen.failure_bar.text.splitlines()
+        await it.pilot.click(it.screen.failure_bar, offset=(keys.index("repeat"), len(others)))
         await it.sent(ACT, "Praise")
 
 
@@ -231,7 +231,7 @@ async def test_what_was_said_freely_is_said_again() -> None:
     async with console() as it:
         it.client.task("say", "One moment please", "ABORTED", reason="no voice")
         await shown(it)
-        assert "“One moment please”" in it.screen.failure.text
+        assert "“One moment please”" in it.screen.failure_bar.text
         await it.press("ctrl+e")
         await it.sent("say", "One moment please")
 
@@ -244,7 +244,9 @@ async def test_the_same_care_as_for_every_start() -> None:
         await it.until(lambda: "not now, SAFE" in it.notice)
         await it.press("ctrl+x")
         it.client.stop("latched", ("pepper/speech",))
-        await it.until(lambda: "STOPPED" in it.screen.alarm.text and "not now: STOPPED" in it.screen.failure.text)
+        await it.until(
+            lambda: "STOPPED" in it.screen.alarm_bar.text and "not now: STOPPED" in it.screen.failure_bar.text
+        )
         await it.press("ctrl+e")
         await it.until(lambda: "Repeat the failed act: not now, STOPPED" in it.notice)
         assert it.client.asked() == []

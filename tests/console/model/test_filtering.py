@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_tui.model.filtering import LONGEST, BrokenFilter, Filter
+from rise_tui.model.filtering import MOST_CHARACTERS, Filter, InvalidFilter
 from rise_tui.model.row_search import RowSearch
 
 ROW = "00:14:32.1 wizard:anna act Blocking R_Instruction_2 done"
@@ -74,7 +74,7 @@ def test_digits_of_a_word_stand_together() -> None:
     ],
 )
 def test_what_is_no_filter_says_where_and_why(typed: str, said: str) -> None:
-    with pytest.raises(BrokenFilter, match="^" + re.escape(said)):
+    with pytest.raises(InvalidFilter, match="^" + re.escape(said)):
         Filter(typed)
 
 
@@ -86,14 +86,14 @@ def test_repetitions_that_end_soon_are_taken(typed: str) -> None:
 @pytest.mark.parametrize("typed", ["/(a+)+b", "/((a|aa)+)+$b", "/(.*a){20}=", "/^(([a-z])+.)+[A-Z]([a-z])+$"])
 def test_an_expression_that_explodes_is_given_up_and_both_ways_say_so(typed: str) -> None:
     filter = Filter(typed)
-    with pytest.raises(BrokenFilter, match="takes too long"):
+    with pytest.raises(InvalidFilter, match="takes too long"):
         filter.matches("a" * 5000)
-    with pytest.raises(BrokenFilter, match="takes too long"):
-        filter.places("a" * 5000)
+    with pytest.raises(InvalidFilter, match="takes too long"):
+        filter.match_spans("a" * 5000)
 
 
 def test_an_expression_sees_a_row_up_to_a_limit_and_words_see_all() -> None:
-    row = "x" * LONGEST + " needle"
+    row = "x" * MOST_CHARACTERS + " needle"
     assert Filter("needle").matches(row) and not Filter("/needle").matches(row)
 
 
@@ -111,7 +111,7 @@ def test_an_expression_sees_a_row_up_to_a_limit_and_words_see_all() -> None:
     ],
 )
 def test_where_it_matches(typed: str, text: str, places: list[tuple[int, int]]) -> None:
-    assert Filter(typed).places(text) == places
+    assert Filter(typed).match_spans(text) == places
 
 
 texts = st.text(st.sampled_from("abAB_12 :/ß(İ"), max_size=30)
@@ -129,10 +129,10 @@ def test_a_word_that_is_there_is_found(word: str, text: str) -> None:
 def test_places_are_in_order_apart_and_inside(typed: str, text: str) -> None:
     try:
         filter = Filter(typed)
-    except BrokenFilter:
+    except InvalidFilter:
         return
     end = -1
-    for start, stop in filter.places(text):
+    for start, stop in filter.match_spans(text):
         assert end < start < stop <= len(text)
         end = stop
 
@@ -141,7 +141,7 @@ def test_places_are_in_order_apart_and_inside(typed: str, text: str) -> None:
 def test_any_expression_ends_soon_or_is_refused(pattern: str) -> None:
     try:
         Filter("re:" + pattern).matches("ab" * 40 + "a" * 60 + "!")
-    except BrokenFilter as broken:
+    except InvalidFilter as broken:
         assert str(broken)
 
 

@@ -9,11 +9,11 @@ import pytest
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import KeyBinding, Scenario
-from rise_tui.model.key_strip import strip, strip_rows
+from rise_tui.model.key_strip import key_strip_height, key_strip_lines
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import StudyKeys, title_of
+from rise_tui.model.study_keys import StudyKeys, key_title
+from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.screens.help import HelpScreen
-from rise_tui.text import plain, width_of
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
 
@@ -32,12 +32,12 @@ def store_of(of: Scenario, client: FakeClient | None = None) -> Store:
 
 
 def shown(store: Store, width: int = 80, rows: int = 2) -> list[str]:
-    found = strip(store, width, rows)
-    assert len(found.lines) == rows and all(width_of(line) <= width for line in found.lines)
+    found = key_strip_lines(store, width, rows)
+    assert len(found.lines) == rows and all(line_width(line) <= width for line in found.lines)
     for key, line, start, end in found.pieces:
         if key is not None:
-            assert plain(found.lines[line])[start:end].split()[0].lstrip("◇►↑").startswith(key.label)
-    return [plain(line).rstrip() for line in found.lines]
+            assert plain_text(found.lines[line])[start:end].split()[0].lstrip("◇►↑").startswith(key.label)
+    return [plain_text(line).rstrip() for line in found.lines]
 
 
 @pytest.mark.parametrize(
@@ -58,21 +58,21 @@ def shown(store: Store, width: int = 80, rows: int = 2) -> list[str]:
     ],
 )
 def test_what_a_key_is_called(function: str, behavior: str, label: str, title: str) -> None:
-    assert title_of(KeyBinding("x", "x", function, behavior, title=label)) == title  # type: ignore[arg-type]
+    assert key_title(KeyBinding("x", "x", function, behavior, title=label)) == title  # type: ignore[arg-type]
 
 
 def test_keys_that_a_rule_may_wait_for_lead_then_events_values_and_rules_then_acts_in_the_order_of_the_file() -> None:
     keys = StudyKeys(demo())
-    assert [key.label for key in keys.answers] == ["n", "a"]
-    assert [key.label for key in keys.others] == ["m", "u"]
-    assert [key.label for key in keys.acts] == ["g", "p", "b", "."]
+    assert [key.label for key in keys.answer_keys] == ["n", "a"]
+    assert [key.label for key in keys.other_keys] == ["m", "u"]
+    assert [key.label for key in keys.act_keys] == ["g", "p", "b", "."]
     line = " n next  a Again  m Main  u understood  g Greet  p Praise  b Goodbye  . Filler"
     assert shown(store_of(demo()), 200, 1) == [line]
 
 
 def test_a_rule_that_only_answers_itself_is_not_waited_for() -> None:
     """LabLinking's main rule raises events that choose its own first state."""
-    assert [key.label for key in StudyKeys(scenario("lablinking")).answers] == ["n", "r"]
+    assert [key.label for key in StudyKeys(scenario("lablinking")).answer_keys] == ["n", "r"]
 
 
 def test_awaited_keys_are_marked_and_come_first_and_the_others_do_not_move() -> None:
@@ -113,11 +113,13 @@ def test_what_cannot_be_used_is_dimmed_and_what_there_is_no_room_for_is_counted(
     lines = shown(store)
     assert lines[1].endswith(" more ?")
     left = int(lines[1].split("+")[1].split()[0])
-    keys = [piece for piece in strip(store, 80, 2).pieces if piece.key is not None]
+    keys = [piece for piece in key_strip_lines(store, 80, 2).pieces if piece.key is not None]
     assert len(keys) + left == len(store.scenario.keys)
-    store.guard = "SAFE"
-    off = {tone for text, tone in strip(store, 80, 2).lines[0] if text.strip() and "understood" not in text}
-    assert "key" not in {tone for text, tone in strip(store, 80, 2).lines[0] if text == "n"} and "muted" in off
+    store.input_mode = "SAFE"
+    off = {tone for text, tone in key_strip_lines(store, 80, 2).lines[0] if text.strip() and "understood" not in text}
+    assert (
+        "key" not in {tone for text, tone in key_strip_lines(store, 80, 2).lines[0] if text == "n"} and "muted" in off
+    )
 
 
 @pytest.mark.parametrize("name", ["lablinking", "lab_opening"])
@@ -125,8 +127,8 @@ def test_what_cannot_be_used_is_dimmed_and_what_there_is_no_room_for_is_counted(
 def test_every_key_that_starts_no_act_is_there_at_every_size(name: str, width: int, height: int) -> None:
     of = scenario(name)
     store = store_of(of)
-    rows = strip_rows(of, store.study_keys, width, height)
-    there = {piece.key.key for piece in strip(store, width, rows).pieces if piece.key is not None}
+    rows = key_strip_height(of, store.study_keys, width, height)
+    there = {piece.key.key for piece in key_strip_lines(store, width, rows).pieces if piece.key is not None}
     wanted = {key.key for key in of.keys.values() if key.function != "startCommunicationRobotAct"}
     assert rows <= 2 and len(wanted - there) <= (4 if (name, width) == ("lab_opening", 80) else 0)
 
@@ -135,12 +137,12 @@ def test_a_scenario_without_keys_has_no_strip() -> None:
     from msgspec.structs import replace
 
     of = replace(demo(), keys={})
-    assert strip_rows(of, StudyKeys(of), 80, 24) == 0 and strip(store_of(of), 80, 0).pieces == ()
+    assert key_strip_height(of, StudyKeys(of), 80, 24) == 0 and key_strip_lines(store_of(of), 80, 0).pieces == ()
 
 
 async def test_a_key_in_the_strip_can_be_clicked_and_the_rest_opens_help() -> None:
     async with console(size=(70, 24)) as it:
-        bar = it.screen.painting.strip
+        bar = it.screen.refresh_scheduler.key_strip
         x = bar.text.index("n next")
         await it.pilot.click(bar, offset=(x, 0))
         await it.sent("raiseEventTopic", "/next")

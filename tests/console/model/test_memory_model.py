@@ -12,12 +12,18 @@ from hypothesis import strategies as st
 
 from rise_engine.expression import lookup
 from rise_engine.kernel.records import MemoryRecord
+from rise_engine.kernel.view import MemoryView
 from rise_engine.scenario import load
-from rise_engine.view import MemoryView
-from rise_tui.memory_file import edited, same
-from rise_tui.model.nested import NoSuchPart, part, parts, removed, replaced, written
+from rise_tui.config.initial_memory import (
+    MemoryNotWritable,
+    describe_changes,
+    memory_file_path,
+    memory_file_text,
+    save_memory,
+)
+from rise_tui.config.memory_file import edit_memory_text, json_equal
+from rise_tui.model.json_path import NoSuchPath, children, path_text, value_at, with_removed, with_replaced
 from rise_tui.model.undo import MOST, UndoStack
-from rise_tui.start_values import NotWritable, changes, file_of, text_of, write
 from tests.console.fake import demo
 
 json_values = st.recursive(
@@ -30,7 +36,7 @@ json_values = st.recursive(
 
 
 def paths(value: Any, lead: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
-    return [found for step, inner in parts(value) for found in [(*lead, step), *paths(inner, (*lead, step))]]
+    return [found for step, inner in children(value) for found in [(*lead, step), *paths(inner, (*lead, step))]]
 
 
 @given(json_values, st.data())
@@ -39,23 +45,23 @@ def test_a_part_is_replaced_and_nothing_else(value: Any, data: st.DataObject) ->
     before = json.dumps(value)
     if found:
         path = data.draw(st.sampled_from(found))
-        changed = replaced(value, path, "NEW")
-        assert part(changed, path) == "NEW" and json.dumps(value) == before
-        assert replaced(changed, path, part(value, path)) == value
-        assert lookup({"k": value}, written(("k", *path))) == (True, part(value, path))
-        gone = removed(value, path)
+        changed = with_replaced(value, path, "NEW")
+        assert value_at(changed, path) == "NEW" and json.dumps(value) == before
+        assert with_replaced(changed, path, value_at(value, path)) == value
+        assert lookup({"k": value}, path_text(("k", *path))) == (True, value_at(value, path))
+        gone = with_removed(value, path)
         assert json.dumps(value) == before and len(paths(gone)) < len(found)
 
 
 @pytest.mark.parametrize("path", [("b",), ("a", 5), ("a", "x"), (0,), ("a", 0, "deep")])
 def test_what_is_not_there_says_so(path: tuple[str | int, ...]) -> None:
     value = {"a": [1, 2]}
-    with pytest.raises(NoSuchPart):
-        part(value, path)
-    with pytest.raises(NoSuchPart):
-        replaced(value, path, 1)
-    with pytest.raises(NoSuchPart):
-        removed(value, path)
+    with pytest.raises(NoSuchPath):
+        value_at(value, path)
+    with pytest.raises(NoSuchPath):
+        with_replaced(value, path, 1)
+    with pytest.raises(NoSuchPath):
+        with_removed(value, path)
 
 
 # --- undo ------------------------------------------------------------------------------------------------------------
@@ -77,16 +83,16 @@ class Memory:
         record = MemoryRecord(0, 0.0, "", key, value, old.value if old else None, source, created=old is None)
         self.view[key] = MemoryView(value, record.old, source, 0.0)
         if source == "me":
-            self.stack.took(record)
+            self.stack.record_change(record)
 
     def delete(self, key: str, source: str = "me") -> None:
         old = self.view.pop(key).value
         if source == "me":
-            self.stack.took(MemoryRecord(0, 0.0, "", key, None, old, source, deleted=True))
+            self.stack.record_change(MemoryRecord(0, 0.0, "", key, None, old, source, deleted=True))
 
     def undo(self) -> str:
         """Press undo once; what it asks for is done as an engine would."""
-        step = self.stack.next(self.view)
+        step = self.stack.next_step(self.view)
         if step.function == "deleteValue":
             self.delete(step.behavior)
         elif step.function == "assignValue":
@@ -138,7 +144,7 @@ def test_what_was_added_and_is_gone_already_needs_no_undo() -> None:
 def test_an_own_change_between_the_undo_and_its_record_stays() -> None:
     memory = Memory(a=1, b=1)
     memory.set("a", 2)
-    memory.stack.next(memory.view)  # asked for; its record comes after the next one
+    memory.stack.next_step(memory.view)  # asked for; its record comes after the next one
     memory.set("b", 2)
     memory.set("a", 1)
     assert len(memory.stack) == 1 and "b is 1 again" in memory.undo()
@@ -149,7 +155,7 @@ def test_the_stack_is_bounded() -> None:
     for number in range(MOST + 50):
         memory.set("a", number)
     assert len(memory.stack) == MOST
-    memory.stack.forget()
+    memory.stack.clear()
     assert memory.undo().startswith("nothing")
 
 
@@ -227,7 +233,7 @@ def test_only_what_changed_is_written_anew(text: str, changed: dict[str, Any], l
     for old, new in lines.items():
         assert expected.count(old) == 1, old
         expected = expected.replace(old, new)
-    assert edited(text, before, now) == expected
+    assert edit_memory_text(text, before, now) == expected
 
 
 values = st.recursive(
@@ -247,20 +253,22 @@ def test_whatever_changes_is_what_is_read_again(
 ) -> None:
     document = {"WorkingMemory": [{key: value} for key, value in before.items()]} if listed else before
     text = json.dumps(document, indent=indent)
-    assert edited(text, before, before) == text
-    assert same(memory_of(edited(text, before, now)), now, in_order=False)
+    assert edit_memory_text(text, before, before) == text
+    assert json_equal(memory_of(edit_memory_text(text, before, now)), now, in_order=False)
 
 
 def test_what_somebody_else_has_changed_in_the_file_meanwhile_stays() -> None:
-    assert edited('{"a": 1, "b": 7, "c": 3}', {"a": 1, "b": 2}, {"a": 5, "b": 2}) == '{"a": 5, "b": 7, "c": 3}'
+    assert (
+        edit_memory_text('{"a": 1, "b": 7, "c": 3}', {"a": 1, "b": 2}, {"a": 5, "b": 2}) == '{"a": 5, "b": 7, "c": 3}'
+    )
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"a": 1, "a": 2}', '{"WorkingMemory": [1]}', '{"a": 1', '{"a": NaN}'])
 def test_a_file_that_is_no_memory_is_left_alone(text: str, tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     path.write_text(text)
-    with pytest.raises(NotWritable, match=r"memory\.json: "):
-        write(path, {"a": 1}, {"a": 2})
+    with pytest.raises(MemoryNotWritable, match=r"memory\.json: "):
+        save_memory(path, {"a": 1}, {"a": 2})
     assert path.read_text() == text and [each.name for each in tmp_path.iterdir()] == ["memory.json"]
 
 
@@ -268,17 +276,17 @@ def test_start_values_are_written_and_read_back(tmp_path: Path) -> None:
     folder = scenario_in(tmp_path)
     scenario = load(str(folder)).scenario
     assert scenario is not None
-    path = file_of(scenario)
+    path = memory_file_path(scenario)
     path.chmod(0o640)
     memory = {"task": 5, "name": 'Ada "A"', "list": [1, {"x": None}], "é": True}
-    write(path, scenario.memory, memory)
+    save_memory(path, scenario.memory, memory)
     assert path == folder / "memory.json" and path.stat().st_mode & 0o777 == 0o640
     again = load(str(folder)).scenario
     assert again is not None and again.memory == memory
     assert [each.name for each in folder.iterdir() if each.name.startswith(".")] == []
     path.unlink()
-    write(path, scenario.memory, memory)
-    assert path.read_text("utf-8") == text_of(memory)
+    save_memory(path, scenario.memory, memory)
+    assert path.read_text("utf-8") == memory_file_text(memory)
 
 
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
@@ -290,7 +298,7 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     scenario = load(str(folder)).scenario
     assert scenario is not None
     before = (shared / "memory.json").read_text("utf-8")
-    write(file_of(scenario), scenario.memory, {**scenario.memory, "task": 3})
+    save_memory(memory_file_path(scenario), scenario.memory, {**scenario.memory, "task": 3})
     assert (folder / "memory.json").is_symlink()
     assert (shared / "memory.json").read_text("utf-8") == before.replace('"task": 2', '"task": 3')
     assert [each.name for each in shared.iterdir()] == ["memory.json"]
@@ -303,14 +311,14 @@ def test_a_folder_that_cannot_be_written_is_said_before_anything_is_asked(
     scenario = load(str(folder)).scenario
     assert scenario is not None
     monkeypatch.setattr("os.access", lambda path, mode: False)  # root may write everywhere
-    with pytest.raises(NotWritable, match="cannot be written by you; work on a copy of the study's folder"):
-        file_of(scenario)
+    with pytest.raises(MemoryNotWritable, match="cannot be written by you; work on a copy of the study's folder"):
+        memory_file_path(scenario)
 
 
 @given(st.dictionaries(st.text("abc", min_size=1, max_size=3), json_values, max_size=5))
 def test_any_memory_is_valid_json(memory: dict[str, Any]) -> None:
     merged: dict[str, Any] = {}
-    for entry in json.loads(text_of(memory))["WorkingMemory"]:
+    for entry in json.loads(memory_file_text(memory))["WorkingMemory"]:
         merged |= entry
     assert merged == memory and list(merged) == list(memory)
 
@@ -324,8 +332,8 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path: Path, monkeypat
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(NotWritable, match="No space left"):
-        write(path, {}, {"a": 1})
+    with pytest.raises(MemoryNotWritable, match="No space left"):
+        save_memory(path, {}, {"a": 1})
     assert path.read_text("utf-8") == before and sorted(each.name for each in folder.iterdir()) == sorted(
         each.name for each in Path(demo().folder).iterdir()
     )
@@ -336,14 +344,14 @@ def test_no_folder_is_said(tmp_path: Path) -> None:
     scenario = load(str(folder)).scenario
     assert scenario is not None
     folder.rename(tmp_path / "elsewhere")
-    with pytest.raises(NotWritable, match="not on this computer"):
-        file_of(scenario)
+    with pytest.raises(MemoryNotWritable, match="not on this computer"):
+        memory_file_path(scenario)
 
 
 def test_changes_are_named() -> None:
-    assert changes({"a": 1, "b": 2, "c": True}, {"a": 1, "b": 3, "d": "x", "c": 1}) == [
+    assert describe_changes({"a": 1, "b": 2, "c": True}, {"a": 1, "b": 3, "d": "x", "c": 1}) == [
         "b: 2 → 3",
         "c: true → 1",
         "d: (new) → x",
     ]
-    assert changes({"a": 1}, {}) == ["a: 1 → (no such key)"]
+    assert describe_changes({"a": 1}, {}) == ["a: 1 → (no such key)"]

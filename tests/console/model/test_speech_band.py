@@ -11,10 +11,10 @@ from msgspec.structs import replace
 from rise_engine.kernel.records import CueRecord, MemoryRecord, SessionRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import FillerSettings, Scenario
-from rise_tui.actions import key_in_words
-from rise_tui.model.speech_band import band, sentence_rows
+from rise_tui.actions import key_name
+from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.store import Store
-from rise_tui.text import Tone, plain, width_of
+from rise_tui.rendering.text import TextRole, line_width, plain_text
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
 from tests.scenario.folders import act, folder, rule
@@ -45,9 +45,9 @@ class Played:
         self.client.emit = emitted  # type: ignore[method-assign]
 
     def lines(self, width: int = 80, rows: int = 2) -> list[str]:
-        made = band(self.store, width, rows, key_in_words)
-        assert len(made) == rows + 1 and all(width_of(line) <= width for line in made)
-        return [plain(line).rstrip() for line in made]
+        made = speech_band_lines(self.store, width, rows, key_name)
+        assert len(made) == rows + 1 and all(line_width(line) <= width for line in made)
+        return [plain_text(line).rstrip() for line in made]
 
     @property
     def first(self) -> str:
@@ -57,8 +57,8 @@ class Played:
     def next(self) -> str:
         return self.lines()[-1]
 
-    def tones(self) -> set[Tone]:
-        return {tone for text, tone in band(self.store, 80, 2, key_in_words)[0] if text.strip()}
+    def tones(self) -> set[TextRole]:
+        return {tone for text, tone in speech_band_lines(self.store, 80, 2, key_name)[0] if text.strip()}
 
     def greet(self) -> int:
         """Greet says its first sentence."""
@@ -103,7 +103,7 @@ def test_a_sentence_that_was_said_before_is_estimated_by_how_long_it_took() -> N
 def test_this_robots_pace_counts_for_other_sentences_too() -> None:
     it = Played()
     it.greet()
-    usual = it.store.saying().seconds
+    usual = it.store.current_sentence().seconds
     assert usual is not None
     other = Played()
     task = other.client.act("Praise")
@@ -112,7 +112,7 @@ def test_this_robots_pace_counts_for_other_sentences_too() -> None:
     other.client.action(task, "Praise", "1", "Speech", "succeeded", message="Hello Bob!")
     other.client.end_task(task, "Praise")
     other.greet()
-    slow = other.store.saying().seconds
+    slow = other.store.current_sentence().seconds
     assert slow == pytest.approx(2 * usual)
 
 
@@ -166,7 +166,7 @@ def test_the_sentence_is_never_cut_and_what_does_not_fit_is_a_window_around_what
     it.client.action(task, "say", "say", "Speech", "accepted", message=words)
     begin = " ".join(it.lines(rows=3))
     assert "word0 " in begin and " …" in begin and "word99" not in begin
-    seconds = it.store.saying().seconds
+    seconds = it.store.current_sentence().seconds
     assert seconds is not None
     it.client.time += seconds * 0.5
     middle = " ".join(it.lines(rows=3))
@@ -179,7 +179,7 @@ def test_the_sentence_is_never_cut_and_what_does_not_fit_is_a_window_around_what
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_every_sentence_of_the_shipped_studies_is_shown_whole_at_every_size(name: str, width: int, height: int) -> None:
     of = scenario(name)
-    rows = sentence_rows(of, of.memory, width, height)
+    rows = sentence_height(of, of.memory, width, height)
     assert rows <= (4 if height >= 30 else 3)
     for each in of.acts.values():
         for action in each.actions:
@@ -218,7 +218,7 @@ def test_an_action_with_another_name_that_speaks_is_what_the_robot_says(tmp_path
 def test_who_sees_only_the_last_known_state_is_not_told_that_it_is_said() -> None:
     it = Played()
     it.greet()
-    it.store.gone = "killed"
+    it.store.gone_reason = "killed"
     assert it.first.endswith("not known") and it.next == " next  nothing: the engine has gone"
 
 
@@ -228,7 +228,7 @@ def test_a_console_that_attaches_late_knows_what_was_said_last() -> None:
     it.client.action(task, "Greet", "1", "Speech", "failed", message="Hello Ada!")
     it.client.end_task(task, "Greet", "ABORTED", "no voice")
     late = Store(it.client.hello(), "ben", it.client.now)
-    assert late.saying() == it.store.saying() and late.saying().kind == "unsaid"
+    assert late.current_sentence() == it.store.current_sentence() and late.current_sentence().kind == "unsaid"
 
 
 # --- what comes next ------------------------------------------------------------------------------------------------
@@ -311,7 +311,7 @@ def test_what_only_a_condition_decides_is_said_to_be_perhaps(tmp_path: Path) -> 
 def test_the_session_is_over() -> None:
     it = Played()
     it.client.emit(SessionRecord(0, 0.0, "", status="ended", reason="by anna"))
-    it.store.gone, it.store.over = "ended by anna", True
+    it.store.gone_reason, it.store.ended_in_order = "ended by anna", True
     assert it.next == " next  nothing: the session is over"
 
 
@@ -322,11 +322,11 @@ def test_the_session_is_over() -> None:
 @pytest.mark.parametrize("size", SIZES)
 async def test_it_stands_below_the_top_line_with_a_height_that_never_changes(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
-        region = it.screen.painting.band.region
-        assert region.y == 1 and region.height == len(it.screen.painting.band.lines)
+        region = it.screen.refresh_scheduler.speech_band.region
+        assert region.y == 1 and region.height == len(it.screen.refresh_scheduler.speech_band.lines)
         it.client.rule("Main", "started", "greeting", trigger="start")
         task = it.client.act("Greet", source="rule:Main")
         it.client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada! " * 30)
-        await it.until(lambda: "► “Hello Ada!" in it.screen.painting.band.text)
-        assert it.screen.painting.band.region == region
-        await it.until(lambda: "→ waiting" in it.screen.painting.band.text)
+        await it.until(lambda: "► “Hello Ada!" in it.screen.refresh_scheduler.speech_band.text)
+        assert it.screen.refresh_scheduler.speech_band.region == region
+        await it.until(lambda: "→ waiting" in it.screen.refresh_scheduler.speech_band.text)

@@ -12,10 +12,10 @@ from rich.cells import cell_len
 from rise_engine.expression import Expression
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Rule, State, Transition
-from rise_tui.model.state_drawing import HERE, Now, draw
-from rise_tui.model.state_graph import Edge, Layout, lay_out, most_lanes
-from rise_tui.model.state_order import order_of
-from rise_tui.text import plain
+from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
+from rise_tui.model.state_graph import GraphEdge, GraphLayout, lay_out_graph, most_lanes
+from rise_tui.model.state_order import find_state_order
+from rise_tui.rendering.text import plain_text
 
 
 def rule(**ways: str) -> Rule:
@@ -50,8 +50,8 @@ def forty() -> Rule:
     return Rule("Forty", "start", states)
 
 
-def texts(layout: Layout, now: Now | None = None) -> list[str]:
-    return [plain(row.line) for row in draw(layout, now or Now())]
+def texts(layout: GraphLayout, now: GraphPosition | None = None) -> list[str]:
+    return [plain_text(row.line) for row in draw_state_graph(layout, now or GraphPosition())]
 
 
 # --- drawings that somebody has looked at ---------------------------------------------------------------------------
@@ -65,7 +65,7 @@ def test_five_states() -> None:
         goodbye="R_Goodbye_end over",
         over="",
     )
-    assert [line.rstrip() for line in texts(lay_out(five, 60), Now("waiting", ("instruct", 0)))] == [
+    assert [line.rstrip() for line in texts(lay_out_graph(five, 60), GraphPosition("waiting", ("instruct", 0)))] == [
         "   ╭►◎ instruct  may follow  start",
         "   │ ↓ R_Instruct_end  taken last",
         " ╭─│►● waiting  here",
@@ -96,7 +96,7 @@ def test_the_rule_of_the_paper() -> None:
         "State 4": State("State 4"),
     }
     paper = Rule("Interaction Loop", "State 1", states, priority=1)
-    assert [line.rstrip() for line in texts(lay_out(paper, 50), Now("State 3", ("State 2", 0)))] == [
+    assert [line.rstrip() for line in texts(lay_out_graph(paper, 50), GraphPosition("State 3", ("State 2", 0)))] == [
         "     ○ State 1  start",
         "     ↓ R_Greeting_end",
         " ╭──►◎ State 2  may follow",
@@ -111,7 +111,7 @@ def test_the_rule_of_the_paper() -> None:
 def test_one_rail_for_all_that_come_back() -> None:
     """It begins with the nearest of them, so that it stands inside although it is the longest in the end."""
     rooms = rule(hall="ask think, to_a a, to_b b, to_c c", think="x hall", a="x hall", b="x hall", c="x hall")
-    assert [line.rstrip() for line in texts(lay_out(rooms, 80))] == [
+    assert [line.rstrip() for line in texts(lay_out_graph(rooms, 80))] == [
         "     ╭──►○ hall  start",
         "     │ ╭─┤ to_a",
         "   ╭─│─│─┤ to_b",
@@ -131,7 +131,7 @@ def test_one_rail_for_all_that_come_back() -> None:
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_forty_states(width: int) -> None:
     """The drawings in the folder `drawings`, as they were looked at."""
-    drawn = texts(lay_out(forty(), width), Now("t2b", ("t2a", 0)))
+    drawn = texts(lay_out_graph(forty(), width), GraphPosition("t2b", ("t2a", 0)))
     looked_at = (Path(__file__).parent / "drawings" / f"forty_{width}.txt").read_text("utf-8")
     assert [line.rstrip() for line in drawn] == looked_at.splitlines()
 
@@ -141,7 +141,7 @@ def test_the_rule_of_the_study() -> None:
     scenario = load(str(Path(__file__).parents[3] / "scenarios" / "lablinking")).scenario
     assert scenario is not None
     layout = check(scenario.rules["Table setting"], 80)
-    drawn = [line.rstrip() for line in texts(layout, Now("After the welcome", ("Welcome", 0)))]
+    drawn = [line.rstrip() for line in texts(layout, GraphPosition("After the welcome", ("Welcome", 0)))]
     assert drawn[:11] == [
         "           ○ Start  start                           ↓ begin_welcome",
         "       ╭───┤   begin_task_1",
@@ -185,7 +185,7 @@ def rules(draw_: st.DrawFn) -> Rule:
 STROKES = {"│": "ud", "╭": "dr", "╰": "ur", "├": "udr", "─": "lr", "►": "l", " ": ""}
 
 
-def follow(layout: Layout, drawn: list[str], edge: Edge) -> int:
+def follow(layout: GraphLayout, drawn: list[str], edge: GraphEdge) -> int:
     """The row at which a way's rail has its arrow, read from the characters alone."""
     column, row = layout.gutter, edge.row
     assert drawn[row][column] in "┤╯"
@@ -206,8 +206,8 @@ def follow(layout: Layout, drawn: list[str], edge: Edge) -> int:
     return found[0]
 
 
-def check(some: Rule, width: int) -> Layout:
-    layout = lay_out(some, width)
+def check(some: Rule, width: int) -> GraphLayout:
+    layout = lay_out_graph(some, width)
     drawn = texts(layout)
     assert sorted(layout.row_of) == sorted(some.states)
     wanted = {(name, index) for name, state in some.states.items() for index in range(len(state.transitions))}
@@ -243,22 +243,22 @@ def check(some: Rule, width: int) -> Layout:
 @given(rules(), st.integers(34, 130))
 def test_everything_is_there_once_and_rails_lead_where_they_should(some: Rule, width: int) -> None:
     layout = check(some, width)
-    assert layout == lay_out(some, width)
+    assert layout == lay_out_graph(some, width)
 
 
 @pytest.mark.slow
 @settings(max_examples=150)
 @given(rules(), st.integers(34, 130), st.data())
 def test_only_marks_change(some: Rule, width: int, data: st.DataObject) -> None:
-    layout = lay_out(some, width)
+    layout = lay_out_graph(some, width)
     still = texts(layout)
     here = data.draw(st.sampled_from(sorted(some.states)))
     last = data.draw(st.sampled_from([None, *sorted(layout.edges)]))
-    rows = draw(layout, Now(here, last))
+    rows = draw_state_graph(layout, GraphPosition(here, last))
     assert [row.id for row in rows].count(HERE) == 1 and rows[layout.row_of[here]].id == HERE
     assert len(rows) == len(still)
     for before, row, plan in zip(still, rows, layout.rows, strict=True):
-        now = plain(row.line)
+        now = plain_text(row.line)
         assert cell_len(now) <= width
         assert now[: layout.gutter] == before[: layout.gutter]
         if plan.is_state:
@@ -289,7 +289,7 @@ def test_forty_states_at_every_width() -> None:
 
 
 def order(some: Rule) -> str:
-    return " ".join(order_of(some).states)
+    return " ".join(find_state_order(some).states)
 
 
 def test_the_usual_course_reads_from_top_to_bottom() -> None:
@@ -301,8 +301,8 @@ def test_the_usual_course_reads_from_top_to_bottom() -> None:
 
 def test_what_no_course_reaches_stands_last_and_says_so() -> None:
     some = rule(a="x b", lost="x b, y more", b="", more="x lost")
-    assert order(some) == "a b lost more" and order_of(some).reached == 2
-    drawn = texts(lay_out(some, 60))
+    assert order(some) == "a b lost more" and find_state_order(some).reached == 2
+    drawn = texts(lay_out_graph(some, 60))
     assert [line.split()[-1] for line in drawn if "never reached" in line] == ["reached", "reached"]
     assert "never" not in next(line for line in drawn if "○ b" in line)
 
@@ -310,7 +310,7 @@ def test_what_no_course_reaches_stands_last_and_says_so() -> None:
 @pytest.mark.slow
 @given(rules())
 def test_an_order_has_every_state_once_and_the_first_state_first(some: Rule) -> None:
-    states, reached = order_of(some)
+    states, reached = find_state_order(some)
     assert sorted(states) == sorted(some.states) and states[0] == some.initial
     found = {some.initial}
     while new := {w.target for name in found for w in some.states[name].transitions if w.target} - found:

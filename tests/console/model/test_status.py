@@ -11,10 +11,10 @@ from msgspec.structs import replace
 from textual.geometry import Region
 
 from rise_engine.kernel.records import CueRecord, RobotRecord, SessionRecord
-from rise_engine.link.client import Journaling, Pulse
+from rise_engine.protocol.client import Heartbeat, JournalStatus
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
-from rise_tui.text import plain, width_of
+from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.widgets.bars import StatusLine
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
@@ -31,8 +31,8 @@ def made(client: FakeClient | None = None, participant: str = "P07", condition: 
 
 def text(store: Store, width: int) -> str:
     line = status_line(store, width)
-    assert width_of(line) == width
-    return plain(line)
+    assert line_width(line) == width
+    return plain_text(line)
 
 
 def late_cue(store: Store) -> None:
@@ -40,11 +40,11 @@ def late_cue(store: Store) -> None:
 
 
 def locked(store: Store) -> None:
-    store.guard = "LOCKED"
+    store.input_mode = "LOCKED"
 
 
 def old(store: Store) -> None:
-    store.pulse = Pulse(store.now() - 4.5)
+    store.heartbeat = Heartbeat(store.now() - 4.5)
 
 
 def lost(store: Store) -> None:
@@ -114,7 +114,7 @@ def test_who_watches_sees_that_it_is_stopped_before_room_is_kept_for_a_cue(width
 @pytest.mark.parametrize("role", ["wizard", "observer"])
 def test_whose_console_it_was_when_the_session_has_ended(role: str) -> None:
     store = made(FakeClient(demo(), you=f"{role}:ben", role=role))  # type: ignore[arg-type]
-    store.gone, store.over = "ended by wizard:anna", True
+    store.gone_reason, store.ended_in_order = "ended by wizard:anna", True
     assert text(store, 200).endswith(f" ENDED   {role} ben ")
 
 
@@ -131,22 +131,22 @@ def test_a_long_title_is_cut_and_the_participant_stays() -> None:
 def test_the_age_of_the_robots_last_sign_of_life(seen: float | None, shown: str) -> None:
     """While all is well the line does not change with it: an idle console costs its clock and nothing else."""
     store = made()
-    store.pulse = Pulse(None if seen is None else store.now() - seen)
+    store.heartbeat = Heartbeat(None if seen is None else store.now() - seen)
     assert f"● connected{shown}  ● REC" in text(store, 200)
 
 
 def test_an_old_sign_of_life_is_amber_although_the_link_says_connected() -> None:
     store = made()
-    store.pulse = Pulse(store.now() - 3.5)
+    store.heartbeat = Heartbeat(store.now() - 3.5)
     assert [tone for piece, tone in status_line(store, 120) if "connected" in piece] == ["wait"]
 
 
 def test_whether_it_is_recorded() -> None:
     assert "○ NO REC" in text(made(FakeClient(demo(), folder="")), 120)
     store = made()
-    store.journaling = Journaling(trouble="the disk is full")
+    store.journal_status = JournalStatus(trouble="the disk is full")
     assert "✗ NOT REC" in text(store, 80) and " PAUSED " in text(store, 80) and "LIVE" not in text(store, 80)
-    store.journaling = Journaling(behind=3.2)
+    store.journal_status = JournalStatus(behind=3.2)
     assert "disk 3 s behind" in text(store, 80)
 
 
@@ -159,30 +159,30 @@ async def test_a_pulse_reaches_the_line_with_the_clock() -> None:
     client = FakeClient(demo())
     async with console(client=client) as it:
         client.pulse(client.time - 5)
-        await it.until(lambda: "connected 5.0 s" in it.screen.status.text)
+        await it.until(lambda: "connected 5.0 s" in it.screen.status_line.text)
 
 
 async def test_a_second_repaints_the_status_line_once() -> None:
     async with console() as it:
-        await it.until(lambda: "LIVE" in it.screen.status.text)
+        await it.until(lambda: "LIVE" in it.screen.status_line.text)
         painted: list[tuple[int, int]] = []
-        refresh = it.screen.status.refresh
+        refresh = it.screen.status_line.refresh
 
         def watched(*regions: Region, **options: Any) -> StatusLine:
             painted.extend((region.x, region.width) for region in regions)
             refresh(*regions, **options)
-            return it.screen.status
+            return it.screen.status_line
 
-        it.screen.status.refresh = watched  # type: ignore[method-assign]
+        it.screen.status_line.refresh = watched  # type: ignore[method-assign]
         it.client.time += 1
         await it.until(lambda: painted)
-        assert painted == [(0, it.screen.status.size.width)]
-        assert "00:01" in it.screen.status.text
+        assert painted == [(0, it.screen.status_line.size.width)]
+        assert "00:01" in it.screen.status_line.text
 
 
 def test_a_robot_that_has_just_come_back_was_just_heard_of() -> None:
     store = made()
-    store.pulse = Pulse(store.now() - 42)
+    store.heartbeat = Heartbeat(store.now() - 42)
     assert "● connected 42.0 s" in text(store, 200)
     store.apply([RobotRecord(98, store.now() - 3, "", "lost", "unplugged")])
     assert "✗ lost 42.0 s" in text(store, 200)

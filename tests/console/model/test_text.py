@@ -3,19 +3,19 @@ from __future__ import annotations
 import pytest
 from rich.cells import cell_len
 
-from rise_tui.text import (
-    age,
+from rise_tui.rendering.text import (
+    align_at_both_ends,
     clean,
-    clock,
     crop,
-    duration,
     fit,
-    plain,
-    seconds,
-    spread,
-    type_of_text,
-    value_text,
-    width_of,
+    format_age,
+    format_clock,
+    format_duration,
+    format_seconds,
+    format_value,
+    line_width,
+    parse_typed_value,
+    plain_text,
 )
 
 
@@ -41,19 +41,19 @@ from rise_tui.text import (
     ],
 )
 def test_the_type_of_a_typed_text(text: str, value: object, kind: str) -> None:
-    assert type_of_text(text)[:2] == (value, kind)
+    assert parse_typed_value(text)[:2] == (value, kind)
 
 
 @pytest.mark.parametrize("text", ["{", '{"a": }', '"abc', "[1,]", '{"a": 1, "a": 2}'])
 def test_what_looks_like_json_and_is_none_says_so(text: str) -> None:
-    assert type_of_text(text)[2].startswith("not JSON")
+    assert parse_typed_value(text)[2].startswith("not JSON")
 
 
 @pytest.mark.parametrize(
     "value", [None, True, 3, 2.5, "fork", "5", "true", "", " x ", "null", '"', [1, "a"], {"a": {"b": 1}}, "a\nb"]
 )
 def test_what_is_shown_for_editing_reads_back_as_the_same_value(value: object) -> None:
-    assert type_of_text(value_text(value))[0] == value
+    assert parse_typed_value(format_value(value))[0] == value
 
 
 @pytest.mark.parametrize(
@@ -80,9 +80,9 @@ def test_nothing_that_a_file_contains_can_move_the_cursor_or_hide() -> None:
 
 def test_lines_are_cropped_and_spread() -> None:
     line = (("left part", "plain"), (" and more", "muted"))
-    assert plain(crop(line, 12)) == "left part a…"
-    assert width_of(spread(line, (("right", "plain"),), 14)) == 14
-    assert plain(spread((("a", "plain"),), (("b", "plain"),), 5)) == "a   b"
+    assert plain_text(crop(line, 12)) == "left part a…"
+    assert line_width(align_at_both_ends(line, (("right", "plain"),), 14)) == 14
+    assert plain_text(align_at_both_ends((("a", "plain"),), (("b", "plain"),), 5)) == "a   b"
 
 
 @pytest.mark.parametrize(
@@ -90,11 +90,11 @@ def test_lines_are_cropped_and_spread() -> None:
     [(0, "0.0"), (6.44, "6.4"), (59.94, "59.9"), (59.96, "1:00"), (185, "3:05"), (3727, "1:02:07"), (-1, "0.0")],
 )
 def test_durations(value: float, text: str) -> None:
-    assert seconds(value) == text
+    assert format_seconds(value) == text
 
 
 def test_times() -> None:
-    assert clock(872.15) == "00:14:32"
-    assert clock(872.15, tenths=True) == "00:14:32.1"
-    assert [age(value) for value in (0, 59, 60, 3599, 7200)] == ["0 s", "59 s", "1 min", "59 min", "2 h"]
-    assert duration(6.4) == "6.4 s" and duration(61) == "1:01"
+    assert format_clock(872.15) == "00:14:32"
+    assert format_clock(872.15, tenths=True) == "00:14:32.1"
+    assert [format_age(value) for value in (0, 59, 60, 3599, 7200)] == ["0 s", "59 s", "1 min", "59 min", "2 h"]
+    assert format_duration(6.4) == "6.4 s" and format_duration(61) == "1:01"

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from rich.cells import cell_len
 
 from rise_engine.kernel.records import ActionRecord, MemoryRecord, TaskRecord
-from rise_engine.scenario.model import Act, Action, ActionSpec, Call, Scenario
+from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Scenario
 from rise_engine.scenario.template import parse_template
 from rise_tui.panes.act import ActPane
 from tests.console.conftest import Console, console
@@ -27,7 +27,7 @@ def line(it: Console, start: str) -> list[str]:
 
 
 def speech(id: str, *messages: str, wait_for: tuple[str, ...] = ()) -> Action:
-    return Action(id, tuple(Call("Speech", {"message": parse_template(text)}) for text in messages), wait_for)
+    return Action(id, tuple(ActionCall("Speech", {"message": parse_template(text)}) for text in messages), wait_for)
 
 
 def scene(*actions: Action, **specs: ActionSpec) -> Scenario:
@@ -46,7 +46,7 @@ async def say(it: Console, text: str, status: str, id: int = 0, reason: str = ""
 
 async def test_before_it_starts_values_are_as_they_would_be_now() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         it.client.act("Greet")
         await it.until(lambda: "Greet" in it.text("act"))
         await it.press("end")
@@ -60,7 +60,7 @@ async def test_before_it_starts_values_are_as_they_would_be_now() -> None:
 
 async def test_after_it_started_they_are_as_they_were_sent() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         task = it.client.act("Greet")
         it.client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
         it.client.emit(MemoryRecord(0, 0.0, "", "person", "Bob", "Ada", "wizard:anna"))
@@ -70,7 +70,7 @@ async def test_after_it_started_they_are_as_they_were_sent() -> None:
 
 async def test_elapsed_and_expected_time() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         task = it.client.act("Greet")
         it.client.action(task, "Greet", "2", "Animation", "accepted", value="head_nod", duration=400)
         it.client.time += 0.3
@@ -83,7 +83,7 @@ async def test_elapsed_and_expected_time() -> None:
 
 async def test_a_failure_says_why_in_words() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         task = it.client.act("Greet")
         it.client.action(task, "Greet", "1", "Speech", "started", message="Hello")
         it.client.emit(
@@ -106,7 +106,7 @@ async def test_without_the_focus_the_details_follow_what_runs() -> None:
         await it.until(lambda: "head_nod" in details.text)
         it.client.action(task, "Greet", "2", "Animation", "succeeded")
         await it.until(lambda: "Hello Ada!" in details.text)
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         await it.press("home")
         it.client.action(task, "Greet", "3", "Wait", "accepted", duration=300)
         await it.until(lambda: "► running" in it.row("act", "Wait"))
@@ -116,9 +116,9 @@ async def test_without_the_focus_the_details_follow_what_runs() -> None:
 async def test_variants_and_what_the_robot_does_instead() -> None:
     spec = demo().robot.actions["Animation"]
     other = replace(spec, name="Wave", supported=False, substitute="Animation")
-    made = scene(speech("1", "Hm.", "Let me see."), Action("2", (Call("Wave", {}),)), Wave=other)
+    made = scene(speech("1", "Hm.", "Let me see."), Action("2", (ActionCall("Wave", {}),)), Wave=other)
     async with console(client=FakeClient(made)) as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         it.client.act("Made")
         await it.until(lambda: "Made" in it.text("act"))
         assert "1 of 2" in it.text("act") and "Wave→Animation" in it.text("act")
@@ -129,7 +129,7 @@ async def test_variants_and_what_the_robot_does_instead() -> None:
 
 async def test_free_speech_is_shown_like_an_act_while_it_is_the_newest() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         await say(it, "Wait, please.", "PENDING", 90)
         it.client.act("Greet")
         await it.until(lambda: "Greet" in it.text("act"), "what waits is not shown")
@@ -145,9 +145,9 @@ async def test_free_speech_is_shown_like_an_act_while_it_is_the_newest() -> None
 
 async def test_free_speech_that_waits_is_not_shown_and_one_named_like_an_act_is_no_act() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         await say(it, "Praise", "PENDING", 90)
-        await it.until(lambda: it.screen.session.store.said == 90)
+        await it.until(lambda: it.screen.session.store.newest_speech == 90)
         await it.pilot.pause(0.2)
         assert "select an act" in it.text("act")
         await say(it, "Praise", "ACTIVE", 90)
@@ -157,12 +157,12 @@ async def test_free_speech_that_waits_is_not_shown_and_one_named_like_an_act_is_
 async def test_an_act_that_the_wizard_selects_replaces_free_speech() -> None:
     async with console() as it:
         await say(it, "Hello.", "ACTIVE")
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         await it.until(lambda: "say" in it.text("act"))
-        it.screen.panes.go_to("acts")
+        it.screen.pane_layout.focus_pane("acts")
         await it.press("down")
-        await it.until(lambda: it.screen.session.store.act_shown != "")
-        await it.until(lambda: it.row("act", it.screen.session.store.act_shown) and "Hello." not in it.text("act"))
+        await it.until(lambda: it.screen.session.store.shown_act != "")
+        await it.until(lambda: it.row("act", it.screen.session.store.shown_act) and "Hello." not in it.text("act"))
 
 
 @pytest.mark.slow
@@ -174,7 +174,7 @@ async def test_it_fits_at_every_size(width: int, height: int) -> None:
         for n in range(1, 13)
     ]
     async with console(client=FakeClient(scene(*actions)), size=(124, 40)) as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         await it.press("f4")
         pane(it).styles.width, pane(it).styles.height = width, height
         await it.until(lambda: pane(it).size == (width, height))
@@ -183,5 +183,5 @@ async def test_it_fits_at_every_size(width: int, height: int) -> None:
         await it.until(lambda: "running" in it.text("act") and "waits" in it.text("act"))
         everything = [*it.text("act").splitlines(), *pane(it).details.text.splitlines()]
         assert not [row for row in everything if cell_len(row) > width]
-        assert pane(it).list.size.height >= 3
+        assert pane(it).row_list.size.height >= 3
         assert pane(it).details.region.bottom <= pane(it).region.bottom

@@ -9,23 +9,23 @@ import pytest
 from textual.widgets import Input
 
 from rise_engine.kernel.records import MistakeRecord, TimingRecord
-from rise_engine.view import TaskView
-from rise_tui.export import (
-    CLIPBOARD_BYTES,
-    COLUMNS,
-    NotSaved,
-    TooLong,
-    folder_for,
-    for_clipboard,
-    json_lines,
-    on_the_way,
-    save,
-    table,
-)
+from rise_engine.kernel.view import TaskView
 from rise_tui.model.log_rows import row_of
 from rise_tui.panes.log import LogPane
-from rise_tui.screens.reading import Reading
-from rise_tui.text import Line, marked, plain
+from rise_tui.panes.task_export import (
+    CLIPBOARD_BYTES,
+    COLUMNS,
+    ClipboardTooLarge,
+    ExportFailed,
+    clipboard_remark,
+    clipboard_text,
+    export_folder,
+    json_lines,
+    save_tasks,
+    table_lines,
+)
+from rise_tui.rendering.text import StyledLine, highlight_matches, plain_text
+from rise_tui.screens.detail import DetailScreen
 from rise_tui.widgets.task_log import TaskLog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -34,7 +34,7 @@ from tests.console.fake import FakeClient, demo
 def log_of(it: Console) -> tuple[LogPane, TaskLog]:
     pane = it.pane("log")
     assert isinstance(pane, LogPane)
-    return pane, pane.log_view
+    return pane, pane.task_log
 
 
 def events(it: Console, count: int, start: int = 0) -> None:
@@ -49,7 +49,7 @@ def many(it: Console, count: int) -> None:
     for id in range(1, count + 1):
         name = "/rare" if id % 1000 == 0 else "/often"
         store.view.tasks[id] = TaskView(id, "raiseEventTopic", name, "", "file", "SUCCEEDED", "", id * 0.1)
-    store.log.take_in(store.view)
+    store.log.rebuild(store.view)
 
 
 def fully_shown(pane: LogPane) -> bool:
@@ -59,7 +59,7 @@ def fully_shown(pane: LogPane) -> bool:
 async def test_a_broken_expression_is_said_and_the_last_good_filter_stays() -> None:
     async with console(size=(120, 40)) as it:
         events(it, 20)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane, log = log_of(it)
         await it.press("slash", *"/topic1")
         await it.until(lambda: log.count == 11)
@@ -79,11 +79,11 @@ async def test_what_was_found_is_marked_not_only_by_colour() -> None:
     async with console(size=(200, 50)) as it:
         events(it, 3)
         pane, log = log_of(it)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane.set_filter("topic2")
         await it.until(lambda: log.count == 1)
         assert [text for text, tone in log.row_at(0).line if tone == "match"] == ["topic2"]
-        style = log.style_of("match")
+        style = log.style_for("match")
         assert style.bold and style.underline
 
 
@@ -92,7 +92,7 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
     async with console() as it:
         pane, log = log_of(it)
         many(it, 100_000)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane.set_filter("rare")
         assert pane._search is not None and not pane._search.done
         assert log.count >= 1 and "…" in pane.title.text  # the newest are there at once
@@ -104,29 +104,29 @@ async def test_a_hundred_thousand_rows_are_searched_in_slices_and_a_keystroke_re
         pane.set_filter("rare")
         await it.until(lambda: fully_shown(pane) and log.count == 100)
         assert "100 of 100000" in pane.title.text and "…" not in pane.title.text
-        assert log.current == str(row_of(100_000))
+        assert log.current_id == str(row_of(100_000))
 
 
 async def test_rows_in_view_stay_while_older_ones_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console() as it:
         pane, log = log_of(it)
         many(it, 60_000)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         with monkeypatch.context() as still:
             still.setattr(pane._slicer, "wake", lambda: None)  # its first slice is all there is for now
             pane.set_filter("often")
             await it.press("pageup")
             assert log.count < 59_940
         pane.repaint()
-        seen = log.row_at(log.scroll_offset.y).id, log.current
+        seen = log.row_at(log.scroll_offset.y).id, log.current_id
         await it.until(lambda: fully_shown(pane) and log.count == 59_940)
-        assert (log.row_at(log.scroll_offset.y).id, log.current) == seen and not log.following
+        assert (log.row_at(log.scroll_offset.y).id, log.current_id) == seen and not log.following
 
 
 async def test_a_task_that_ends_otherwise_is_found_then() -> None:
     async with console() as it:
         pane, log = log_of(it)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane.set_filter("failed")
         task = it.client.act("Greet")
         await it.until(lambda: it.screen.session.store.log.all == [row_of(task)])
@@ -139,7 +139,7 @@ async def test_attaching_again_searches_the_new_log() -> None:
     async with console() as it:
         events(it, 30)
         pane, log = log_of(it)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane.set_filter("topic2")
         await it.until(lambda: log.count == 11)
         it.client.cut()
@@ -153,14 +153,14 @@ async def test_a_mistake_shows_in_its_row_and_can_be_found() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):
         async with console(size=size) as it:
             task = it.client.act("Greet", "SUCCEEDED")
-            it.screen.panes.go_to("log")
+            it.screen.pane_layout.focus_pane("log")
             pane, log = log_of(it)
             await it.until(lambda log=log: log.count == 1)  # type: ignore[misc]
             pane.set_filter("late")
             assert log.count == 0
             it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "late", "wizard:anna"))
-            await it.until(lambda log=log: 0 in log._painted and "! late" in plain(log._painted[0][1]))  # type: ignore[misc]
-            assert "Greet" in plain(log.row_at(0).line) and "✓" in plain(log.row_at(0).line)
+            await it.until(lambda log=log: 0 in log._painted and "! late" in plain_text(log._painted[0][1]))  # type: ignore[misc]
+            assert "Greet" in plain_text(log.row_at(0).line) and "✓" in plain_text(log.row_at(0).line)
             pane.set_filter("! late")
             assert log.count == 1
 
@@ -177,13 +177,13 @@ async def test_going_to_a_time_finds_the_nearest_row(typed: str, found: str) -> 
     async with console() as it:
         events(it, 100)  # at 100 s to 199 s
         pane, log = log_of(it)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.until(lambda: log.count == 100)
         it.screen.action_do("log.time")
         await it.until(lambda: isinstance(it.app.focused, Input))
         await it.press(*typed, "enter")
         await it.until(lambda: log.has_focus)
-        task = pane.selected
+        task = pane.selected_task
         assert task is not None and task.behavior == found
         assert log.following is (found == "/topic99")
 
@@ -192,7 +192,7 @@ async def test_now_follows_again_and_nonsense_is_said() -> None:
     async with console() as it:
         events(it, 60)
         _, log = log_of(it)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("home")
         await it.until(lambda: not log.following)
         it.screen.action_do("log.time")
@@ -201,7 +201,7 @@ async def test_now_follows_again_and_nonsense_is_said() -> None:
         assert isinstance(it.app.focused, Input)
         await it.press(*["backspace"] * 4, *"now", "enter")
         await it.until(lambda: log.following)
-        assert log.current == str(row_of(60))
+        assert log.current_id == str(row_of(60))
 
 
 # --- details ---------------------------------------------------------------------------------------------------------
@@ -216,12 +216,12 @@ async def test_details_tell_everything_and_go_on_to_the_neighbours() -> None:
         it.client.end_task(task, "Greet", "ABORTED", "the gesture failed")
         it.client.emit(TimingRecord(0, 0.0, "", task, "Greet", "ABORTED", 108.0, 109.5, 110.0, 110.0, 110.4, 110.0))
         it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "late", "wizard:anna"))
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         _, log = log_of(it)
         await it.until(lambda: log.count == 2)
         await it.press("enter")
         screen = it.app.screen
-        assert isinstance(screen, Reading)
+        assert isinstance(screen, DetailScreen)
         await it.until(lambda: "Dear reader, welcome to this study" in screen.list.text)
         text = screen.list.text
         for part in ("Greet", "✗ failed", "the gesture failed", "! late", "wizard:anna", "Blocking", "hello", "Speech"):
@@ -238,7 +238,7 @@ async def test_details_tell_everything_and_go_on_to_the_neighbours() -> None:
 async def test_stop_works_above_the_details() -> None:
     async with console() as it:
         events(it, 1)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("enter", "f9")
         await it.sent("stopAll", "")
 
@@ -260,7 +260,7 @@ async def test_a_letter_copies_the_row_and_the_notice_says_so(monkeypatch: pytes
     async with console(size=(120, 40)) as it:
         terminal = Terminal(it, monkeypatch)
         events(it, 3)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("enter", "c")
         await it.until(lambda: "copied the row" in it.notice)
         assert terminal.copied.split("\t")[:2] == ["3", "102.0"] and "/topic2" in terminal.copied
@@ -277,7 +277,7 @@ async def test_too_much_is_not_copied_and_says_what_to_do(monkeypatch: pytest.Mo
     async with console(size=(120, 40)) as it:
         terminal = Terminal(it, monkeypatch)
         many(it, 5000)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         it.pane("log").repaint()
         it.screen.action_do("log.copy-all")
         await it.until(lambda: "not copied, 5000 rows: more than 75 kB" in it.notice and "filter" in it.notice)
@@ -286,8 +286,8 @@ async def test_too_much_is_not_copied_and_says_what_to_do(monkeypatch: pytest.Mo
 
 def test_the_guard_counts_bytes_and_stops_early() -> None:
     lines = ["é" * 100] * 1000
-    with pytest.raises(TooLong):
-        for_clipboard(lines)
+    with pytest.raises(ClipboardTooLarge):
+        clipboard_text(lines)
     made = []
 
     def endless() -> Any:
@@ -295,16 +295,16 @@ def test_the_guard_counts_bytes_and_stops_early() -> None:
             made.append(1)
             yield "x" * 1000
 
-    with pytest.raises(TooLong):
-        for_clipboard(endless())
+    with pytest.raises(ClipboardTooLarge):
+        clipboard_text(endless())
     assert len(made) == CLIPBOARD_BYTES // 1001 + 1
-    assert len(base64.b64encode(for_clipboard(["x" * 70_000]).encode())) < 100_000
+    assert len(base64.b64encode(clipboard_text(["x" * 70_000]).encode())) < 100_000
 
 
 def test_what_keeps_a_copy_from_arriving() -> None:
-    assert on_the_way({"TERM": "xterm-256color"}) == ""
-    assert "set-clipboard on" in on_the_way({"TERM": "tmux-256color"})
-    assert "save to a file" in on_the_way({"STY": "1.pts", "TERM": "screen"})
+    assert clipboard_remark({"TERM": "xterm-256color"}) == ""
+    assert "set-clipboard on" in clipboard_remark({"TERM": "tmux-256color"})
+    assert "save to a file" in clipboard_remark({"STY": "1.pts", "TERM": "screen"})
 
 
 # --- save ------------------------------------------------------------------------------------------------------------
@@ -316,7 +316,7 @@ TASKS = [
 
 
 def test_a_table_keeps_every_value_in_its_cell() -> None:
-    head, first, second = table(TASKS)
+    head, first, second = table_lines(TASKS)
     assert head.split("\t") == list(COLUMNS)
     assert len(first.split("\t")) == len(second.split("\t")) == len(COLUMNS)
     cells = dict(zip(COLUMNS, first.split("\t"), strict=True))
@@ -325,19 +325,19 @@ def test_a_table_keeps_every_value_in_its_cell() -> None:
 
 
 def test_files_by_their_ending_never_over_another(tmp_path: Path) -> None:
-    path = save(str(tmp_path / "log.tsv"), TASKS, Path())
+    path = save_tasks(str(tmp_path / "log.tsv"), TASKS, Path())
     assert path.is_absolute() and len(path.read_text("utf-8").splitlines()) == 3
-    lines = [json.loads(line) for line in save("log.jsonl", TASKS, tmp_path).read_text("utf-8").splitlines()]
+    lines = [json.loads(line) for line in save_tasks("log.jsonl", TASKS, tmp_path).read_text("utf-8").splitlines()]
     assert lines[1]["behavior"] == "Grüße" and lines[1]["mistake"] == "late" and lines[1]["ended"] is None
     assert lines == [json.loads(line) for line in json_lines(TASKS)]
     assert path.stat().st_mode & 0o777 == 0o600, "who takes part is nobody else's business"
     before = path.read_text("utf-8")
-    with pytest.raises(NotSaved, match="exists already"):
-        save(str(path), [], Path())
+    with pytest.raises(ExportFailed, match="exists already"):
+        save_tasks(str(path), [], Path())
     assert path.read_text("utf-8") == before
     for name, said in (("log.doc", "end the name"), ("", "end the name"), ("no/where.tsv", "No such file")):
-        with pytest.raises(NotSaved, match=said):
-            save(str(tmp_path / name) if name else "", TASKS, tmp_path)
+        with pytest.raises(ExportFailed, match=said):
+            save_tasks(str(tmp_path / name) if name else "", TASKS, tmp_path)
 
 
 def test_a_full_disk_leaves_no_half_file(tmp_path: Path) -> None:
@@ -345,8 +345,8 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path) -> None:
         yield TASKS[0]
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(NotSaved, match="No space left"):
-        save(str(tmp_path / "log.tsv"), failing(), Path())
+    with pytest.raises(ExportFailed, match="No space left"):
+        save_tasks(str(tmp_path / "log.tsv"), failing(), Path())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -358,7 +358,7 @@ async def test_a_console_in_a_browser_saves_nothing_and_says_why(tmp_path: Path)
         await it.until(lambda: "Save the rows shown: not now, this console is in a browser" in it.notice)
         pane, _ = log_of(it)
         assert not pane.save_bar.is_open
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("enter", "s")
         await it.until(lambda: "in a browser, which writes no files" in it.notice)
     assert names_in(tmp_path) == []
@@ -369,15 +369,15 @@ def names_in(folder: Path) -> list[str]:
 
 
 def test_without_a_folder_of_the_session_it_is_the_current_one(tmp_path: Path) -> None:
-    assert folder_for(str(tmp_path)) == tmp_path
-    assert folder_for("") == folder_for(str(tmp_path / "gone")) == Path()
+    assert export_folder(str(tmp_path)) == tmp_path
+    assert export_folder("") == export_folder(str(tmp_path / "gone")) == Path()
 
 
 async def test_the_rows_shown_are_saved_to_the_folder_of_the_session(tmp_path: Path) -> None:
     (tmp_path / "mine.tsv").write_text("kept")
     async with console(size=(120, 40), client=FakeClient(demo(), folder=str(tmp_path))) as it:
         events(it, 20)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane, log = log_of(it)
         pane.set_filter("topic1")
         await it.until(lambda: log.count == 11)
@@ -404,7 +404,7 @@ async def test_scrolling_keeps_no_rows() -> None:
     async with console() as it:
         many(it, 20_000)
         _, log = log_of(it)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         it.pane("log").repaint()
         for top in range(0, 20_000, 15):
             log.scroll_to(y=top, animate=False)
@@ -415,39 +415,44 @@ async def test_scrolling_keeps_no_rows() -> None:
 
 
 def test_marking_a_line() -> None:
-    line: Line = (("abc", "muted"), ("def", "plain"))
-    assert marked(line, [(1, 4)]) == (("a", "muted"), ("bc", "match"), ("d", "match"), ("ef", "plain"))
-    assert marked(line, []) == line
-    assert marked(line, [(0, 1), (5, 6), (9, 12)]) == (("a", "match"), ("bc", "muted"), ("de", "plain"), ("f", "match"))
+    line: StyledLine = (("abc", "muted"), ("def", "plain"))
+    assert highlight_matches(line, [(1, 4)]) == (("a", "muted"), ("bc", "match"), ("d", "match"), ("ef", "plain"))
+    assert highlight_matches(line, []) == line
+    assert highlight_matches(line, [(0, 1), (5, 6), (9, 12)]) == (
+        ("a", "match"),
+        ("bc", "muted"),
+        ("de", "plain"),
+        ("f", "match"),
+    )
 
 
 async def test_older_tasks_that_are_in_the_record_only_are_told_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What can be searched, copied or saved from here is not silently incomplete (console.md 3.3)."""
-    monkeypatch.setattr("rise_engine.view.TASK_LOG", 40)
-    monkeypatch.setattr("rise_engine.view.FORGET", 10)
+    monkeypatch.setattr("rise_engine.kernel.view.MAX_ENDED_TASKS", 40)
+    monkeypatch.setattr("rise_engine.kernel.view.FORGET_AT_ONCE", 10)
     monkeypatch.chdir(tmp_path)
     async with console(size=(200, 50)) as it:
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         pane, log = log_of(it)
         store = it.screen.session.store
         events(it, 50)
         await it.until(lambda: log.count == 50)
         assert pane.title.text.strip().endswith("following")
         await it.press("up")
-        selected = log.current
+        selected = log.current_id
         events(it, 3, start=50)
         await it.until(lambda: log.count == 42)
         assert store.log.all == [row_of(id) for id in store.view.tasks] and store.view.forgotten == 11
-        assert log.current == selected, "the cursor stays on its task"
+        assert log.current_id == selected, "the cursor stays on its task"
         assert pane.title.text.strip().endswith("11 older tasks are in the record only")
         pane.set_filter("topic")
         await it.until(lambda: fully_shown(pane) and "42 of 42" in pane.title.text)
         assert pane.title.text.strip().endswith("11 older tasks are in the record only")
         events(it, 10, start=53)
         await it.until(lambda: fully_shown(pane) and "41 of 41" in pane.title.text)
-        pane.do("log.save")
+        pane.carry_out("log.save")
         await it.press("enter")
         await it.until(lambda: "saved 41 rows" in it.notice)
         assert "; 22 older tasks are in the record only: rise-engine export " in " ".join(it.notice.split())

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.kernel.records import EventRecord, NoteRecord, RobotRecord, RuleRecord
-from rise_engine.view import REMARKS, TaskView, View
-from rise_tui.model.log_rows import STEP, LogRows, row_of, task_of
+from rise_engine.kernel.view import MAX_REMARKS, SessionView, TaskView
+from rise_tui.config.preferences import Preferences
+from rise_tui.console.ui_state import UiState
+from rise_tui.model.log_rows import ROWS_PER_TASK, LogRows, row_of, task_of
 from rise_tui.panes.log import LogPane
 from rise_tui.panes.log_export import rows_of
-from rise_tui.start.keeper import Keeper
-from rise_tui.start.preferences import Preferences
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -22,7 +22,7 @@ def pane_of(it: Console) -> LogPane:
 
 
 def texts(it: Console) -> list[str]:
-    log = pane_of(it).log_view
+    log = pane_of(it).task_log
     return [" ".join("".join(text for text, _ in log.row_at(at).line).split()) for at in range(log.count)]
 
 
@@ -43,10 +43,10 @@ def texts(it: Console) -> list[str]:
     ],
 )
 def test_what_is_the_rules_own(function: str, source: str, status: str, own: bool) -> None:
-    view = View(tasks={1: TaskView(1, function, "x", "None", source, status, "", 1.0)})
+    view = SessionView(tasks={1: TaskView(1, function, "x", "None", source, status, "", 1.0)})
     rows = LogRows()
-    rows.take_in(view)
-    assert rows.all == [row_of(1)] and rows.own == int(own)
+    rows.rebuild(view)
+    assert rows.all == [row_of(1)] and rows.own_count == int(own)
 
 
 def test_rows_keep_their_order_whenever_they_are_taken_in() -> None:
@@ -57,28 +57,28 @@ def test_rows_keep_their_order_whenever_they_are_taken_in() -> None:
     client.task("raiseEventTopic", "/b", "SUCCEEDED")
     client.emit(RobotRecord(0, 0.0, "", "lost", "unplugged"))
     rows = LogRows()
-    rows.take_in(client._view)
+    rows.rebuild(client._view)
     assert [task_of(row) for row in rows.all] == [None, 1, None, None, 2, None] and rows.all == sorted(rows.all)
-    found = [rows.find(row, client._view) for row in rows.all]
+    found = [rows.task_at(row, client._view) for row in rows.all]
     assert [each.behavior for each in found if each] == ["before all", "/a", "first", "second", "/b", "lost"]
     grown = LogRows()
     for id in client._view.tasks:
         for remark in client._view.remarks:
             if remark.after == id - 1:
-                grown.remark(remark)
+                grown.add_remark(remark)
         grown.all.append(row_of(id))
         grown.main.append(row_of(id))
     for remark in client._view.remarks:
         if remark.after == 2:
-            grown.remark(remark)
+            grown.add_remark(remark)
     assert grown.all == rows.all == grown.main
 
 
 def test_more_notes_than_anybody_writes_are_bounded() -> None:
-    view = View()
-    for number in range(REMARKS + 10):
+    view = SessionView()
+    for number in range(MAX_REMARKS + 10):
         view.apply(NoteRecord(number, 1.0, "", "x" * 5000, "wizard:anna"))
-    assert len(view.remarks) == REMARKS < STEP and all(len(remark.text) == 1000 for remark in view.remarks)
+    assert len(view.remarks) == MAX_REMARKS < ROWS_PER_TASK and all(len(remark.text) == 1000 for remark in view.remarks)
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ async def test_notes_robot_failures_and_faults_are_rows_without_any_key(size: tu
         assert "✗ lost" in robot and "unplugged" in robot
         assert "Main ✗ faulted" in fault
         assert "Greet ✗ failed" in failed and "no voice" in failed
-        assert pane_of(it).display and pane_of(it).log_view.size.height >= 3  # also beside the bar about the failed act
+        assert pane_of(it).display and pane_of(it).task_log.size.height >= 3  # also beside the bar about the failed act
 
 
 async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_request() -> None:
@@ -106,7 +106,7 @@ async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_requ
         it.client.act("Greet", "SUCCEEDED", source="rule:Main")
         await it.until(lambda: len(texts(it)) == 1)
         assert "+3 by rules →" in pane_of(it).title.text
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("right")
         await it.until(lambda: len(texts(it)) == 4)
         assert "+3 by rules ←" in pane_of(it).title.text
@@ -137,16 +137,16 @@ async def test_a_filter_finds_notes_and_only_in_what_is_shown() -> None:
         pane = pane_of(it)
         pane.set_filter("laugh")
         await it.until(lambda: len(texts(it)) == 1 and "child" in texts(it)[0])
-        pane.unfold(True)
+        pane.show_own_rows(True)
         await it.until(lambda: len(texts(it)) == 2)
-        assert list(rows_of(pane.store, pane.log_view.ids))[1].behavior == "the child laughed"
+        assert list(rows_of(pane.store, pane.task_log.ids))[1].behavior == "the child laughed"
 
 
 async def test_whether_the_rules_own_is_shown_lasts() -> None:
-    keeper = Keeper(Preferences(rules_own=True))
+    keeper = UiState(Preferences(rules_own=True))
     async with console(size=(120, 40)) as it:
         keeper.restore(it.screen, "dark")
-        assert pane_of(it).unfolded and keeper.look(it.screen, "dark") == []
-        pane_of(it).unfold(False)
-        ((_, kept),) = keeper.look(it.screen, "dark")
+        assert pane_of(it).own_rows_shown and keeper.changes(it.screen, "dark") == []
+        pane_of(it).show_own_rows(False)
+        ((_, kept),) = keeper.changes(it.screen, "dark")
         assert isinstance(kept, Preferences) and not kept.rules_own

@@ -27,7 +27,7 @@ async def test_the_present_state_comes_into_view_and_the_reason_stays() -> None:
             it.client.rule("Long", "entered", f"s{n}", previous=f"s{n - 1}", trigger=f"/e{n - 1}", transition=0)
             await it.until(lambda n=n: f"● s{n}  here" in in_view(), f"s{n} is not in view")  # type: ignore[misc]
             assert f"waits for event e{n}" in it.text("rule")
-        it.screen.panes.go_to("rule")
+        it.screen.pane_layout.focus_pane("rule")
         before = graph.scroll_offset.y
         await it.press("pageup")
         await it.until(lambda: graph.scroll_offset.y < before, "the wizard cannot look at other states")

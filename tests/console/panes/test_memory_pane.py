@@ -11,8 +11,8 @@ from textual.widgets import Input
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_tui.panes.memory import MOST_PARTS, MemoryPane
+from rise_tui.screens.detail import DetailScreen
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.reading import Reading
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -32,9 +32,9 @@ def remember(it: Console, key: str, value: Any, source: str = "rule:Main") -> No
 
 async def at(it: Console, key: str) -> MemoryPane:
     pane = pane_of(it)
-    it.screen.panes.go_to("memory")
+    it.screen.pane_layout.focus_pane("memory")
     await it.until(lambda: it.row("memory", key))
-    pane.list.select(key)
+    pane.row_list.select(key)
     return pane
 
 
@@ -52,11 +52,11 @@ async def test_undo_sends_the_old_value_and_says_so() -> None:
     async with console() as it:
         await at(it, "side")
         remember(it, "side", "right", "wizard:anna")
-        await it.until(lambda: it.screen.session.store.changes)
+        await it.until(lambda: it.screen.session.store.undo_stack)
         await it.press("ctrl+u")
         await it.sent("assignValue", '{"side": "left"}')
         remember(it, "side", "left", "wizard:anna")
-        await it.until(lambda: not it.screen.session.store.changes)
+        await it.until(lambda: not it.screen.session.store.undo_stack)
         await it.press("ctrl+u")
         assert len(it.client.sent) == 1 and "nothing to undo" in it.notice
 
@@ -66,11 +66,11 @@ async def test_undo_of_a_deletion_and_of_an_addition() -> None:
         await at(it, "side")
         remember(it, "cups", 4, "wizard:anna")
         it.client.emit(MemoryRecord(0, 0.0, "", "side", None, "left", "wizard:anna", deleted=True))
-        await it.until(lambda: len(it.screen.session.store.changes) == 2)
+        await it.until(lambda: len(it.screen.session.store.undo_stack) == 2)
         await it.press("ctrl+u")
         await it.sent("assignValue", '{"side": "left"}')
         remember(it, "side", "left", "wizard:anna")
-        await it.until(lambda: len(it.screen.session.store.changes) == 1)
+        await it.until(lambda: len(it.screen.session.store.undo_stack) == 1)
         await it.press("ctrl+u")
         await it.sent("deleteValue", "cups")
 
@@ -104,7 +104,7 @@ async def test_an_undo_on_its_way_is_not_sent_twice() -> None:
     async with console(client=client) as it:
         await at(it, "side")
         remember(it, "side", "right", "wizard:anna")
-        await it.until(lambda: it.screen.session.store.changes)
+        await it.until(lambda: it.screen.session.store.undo_stack)
         await it.press("ctrl+u")
         await it.sent("assignValue", '{"side": "left"}')
         await it.press("ctrl+u")
@@ -189,10 +189,10 @@ async def test_values_unfold_and_fold() -> None:
         await it.until(lambda: ".0" in it.text("memory"))
         await it.press("left")
         assert ".0" not in it.text("memory") and ".seen" in it.row("memory", ".seen")
-        assert pane.list.current == "who\0seen"
+        assert pane.row_list.current_id == "who\0seen"
         await it.press("left")
         await it.until(lambda: ".name" not in it.text("memory"))
-        assert pane.list.current == "who"
+        assert pane.row_list.current_id == "who"
 
 
 async def test_a_part_is_edited_in_its_place() -> None:
@@ -263,7 +263,7 @@ async def test_a_long_value_can_be_read_in_full() -> None:
         assert "…" in it.row("memory", "long")
         await it.press("right")
         screen = it.app.screen
-        assert isinstance(screen, Reading)
+        assert isinstance(screen, DetailScreen)
         await it.until(lambda: all(word in screen.list.text.split() for word in words.split()))
         assert "rule:Main" in screen.list.text
         await it.press("escape")
@@ -331,7 +331,7 @@ async def test_keys_that_begin_alike_can_be_told_apart(size: tuple[int, int]) ->
     async with console(size=size) as it:
         for key in ("participant_name", "participant_number", "participant_name_of_the_second_person"):
             it.client.emit(MemoryRecord(0, 0.0, "", key, 1, None, "wizard:anna", created=True))
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.until(lambda: it.text("memory").count("parti") == 3)
         shown = [line[1:].split()[0] for line in it.text("memory").splitlines() if "parti" in line]
         assert len(set(shown)) == 3, shown

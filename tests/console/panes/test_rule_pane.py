@@ -58,7 +58,7 @@ class Painted:
 async def test_it_fits_at_every_size(width: int, height: int) -> None:
     client = FakeClient(replace(demo(), rules={"Forty": forty()}))
     async with console(client=client, size=(124, 40)) as it:
-        it.screen.panes.go_to("rule")
+        it.screen.pane_layout.focus_pane("rule")
         await it.press("f4")
         pane(it).styles.width, pane(it).styles.height = width, height
         await it.until(lambda: pane(it).size == (width, height))
@@ -70,7 +70,7 @@ async def test_it_fits_at_every_size(width: int, height: int) -> None:
                 f"{state} is not in view",
             )
             assert not [row for row in it.text("rule").splitlines() if cell_len(row) > width]
-            assert pane(it).graph.size.height >= 2 and pane(it).list.size.height >= 2
+            assert pane(it).graph.size.height >= 2 and pane(it).row_list.size.height >= 2
             assert pane(it).graph.region.bottom <= pane(it).region.bottom
 
 
@@ -143,14 +143,14 @@ async def test_the_reasons_leave_the_graph_where_it_is() -> None:
         await it.pilot.pause()
         assert pane(it).graph.region.y == y
         it.client.rule("R", "entered", "c", previous="a", trigger="/y", transition=1)
-        await it.until(lambda: pane(it).list.size.height == pane(it).list.count == 8)
+        await it.until(lambda: pane(it).row_list.size.height == pane(it).row_list.count == 8)
 
 
 async def test_enter_says_why_nothing_can_be_raised() -> None:
     async with console() as it:
         it.client.rule("Main", "entered", "greeting", trigger="start")
         await it.until(lambda: "in greeting" in it.text("rule"))
-        it.screen.panes.go_to("rule")
+        it.screen.pane_layout.focus_pane("rule")
         await it.press("enter")
         await it.until(lambda: "raises this event itself" in it.notice)
         assert ("raiseEventTopic", "Greet_end") not in it.client.asked()

@@ -4,8 +4,8 @@ import pytest
 
 from rise_engine.kernel.records import TaskRecord
 from rise_tui.panes.scheduler import SchedulerPane
-from rise_tui.screens.reading import Reading
-from rise_tui.text import plain, width_of
+from rise_tui.rendering.text import line_width, plain_text
+from rise_tui.screens.detail import DetailScreen
 from tests.console.conftest import Console, console
 
 
@@ -15,7 +15,7 @@ async def queue(it: Console) -> list[int]:
     waiting = [it.client.act(name, "PENDING") for name in ("Praise", "Filler")]
     waiting.append(it.client.task("say", "Please put the fork down", "PENDING"))
     it.client.time += 1.9
-    it.screen.panes.go_to("scheduler")
+    it.screen.pane_layout.focus_pane("scheduler")
     it.pane("scheduler").repaint()
     await it.until(lambda: "Please" in it.text("scheduler"))
     pane = it.pane("scheduler")
@@ -43,7 +43,7 @@ async def test_a_running_speech_has_no_typical_time_and_nothing_is_made_up() -> 
         it.client.task("say", "Hello", "ACTIVE")
         it.client.act("Greet", "PENDING")
         it.client.time += 2
-        it.screen.panes.go_to("scheduler")
+        it.screen.pane_layout.focus_pane("scheduler")
         await it.until(lambda: "“Hello”" in it.text("scheduler"))
         it.pane("scheduler").repaint()
         assert "for 2.0 s" in it.row("scheduler", "Hello") and "not known" in it.row("scheduler", "Greet")
@@ -58,8 +58,8 @@ async def test_a_name_a_state_and_a_time_have_room_at_every_width() -> None:
             assert isinstance(pane, SchedulerPane)
             for width in range(38, 140):
                 for row in pane.make_rows(width):
-                    assert width_of(row.line) <= width
-                text = plain(pane.make_rows(width)[0].line)
+                    assert line_width(row.line) <= width
+                text = plain_text(pane.make_rows(width)[0].line)
                 assert "Greet" in text and "► running" in text and "2.0 s left" in text
 
 
@@ -101,7 +101,7 @@ async def test_details_of_a_waiting_task_follow_it() -> None:
         ids = await queue(it)
         await it.press("home", "down", "enter")
         screen = it.app.screen
-        assert isinstance(screen, Reading)
+        assert isinstance(screen, DetailScreen)
         await it.until(lambda: "○ waiting" in screen.list.text and "waits for" in screen.list.text)
         it.client.emit(
             TaskRecord(0, 0.0, "", ids[1], "startCommunicationRobotAct", "Praise", "Blocking", "wizard:anna", "ACTIVE")

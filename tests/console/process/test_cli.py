@@ -16,8 +16,8 @@ from click.testing import CliRunner
 from rise_tui.cli import start
 from rise_tui.cli.main import main
 from rise_tui.cli.options import CommandLine
-from rise_tui.start.display import Display
-from rise_tui.start.settings import NothingChosenError
+from rise_tui.config.display import DisplayOptions
+from rise_tui.config.settings import NothingStarted
 from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of, terminal
 
@@ -42,19 +42,19 @@ def test_what_is_asked_for(asked: list[CommandLine]) -> None:
     assert done.exit_code == 0, done.output
     (it,) = asked
     assert (it.folder, it.wizard, it.keys, it.fresh, it.unfinished) == ("x", "anna", "none", True, "new")
-    assert it.display == Display("mono", "auto", mouse=False, fps=5)
+    assert it.display == DisplayOptions("mono", "auto", mouse=False, fps=5)
     assert (it.settings.participant, it.settings.condition) == ("P07", "b")
-    assert it.settings.wire.arguments == ("-r", "__ns:=/lab")
+    assert it.settings.ros.arguments == ("-r", "__ns:=/lab")
 
 
 def test_what_a_session_begins_with(asked: list[CommandLine]) -> None:
     line = ["--config", "x", "--set", "task=2", "--set", "name=Anna", "--place", "memory=pilot.json"]
     assert CliRunner().invoke(main, line).exit_code == 0
     (it,) = asked
-    assert it.settings.places == {"memory": "pilot.json"} and it.wizard is None
+    assert it.settings.paths == {"memory": "pilot.json"} and it.wizard is None
     assert it.only_for_new == ["--set", "--place"]
     assert [task["behavior"] for task in start._first_inputs(it)] == ['{"task": 2}', '{"name": "Anna"}']
-    with pytest.raises(NothingChosenError, match="--set task: write KEY=JSON"):
+    with pytest.raises(NothingStarted, match="--set task: write KEY=JSON"):
         start._first_inputs(CommandLine(sets=("task",)))
     with pytest.raises(SystemExit):
         _ = CommandLine(places=("memory",)).settings
@@ -62,7 +62,7 @@ def test_what_a_session_begins_with(asked: list[CommandLine]) -> None:
 
 def test_what_is_usual(asked: list[CommandLine]) -> None:
     assert CliRunner().invoke(main, []).exit_code == 0
-    assert asked[0].display == Display() and asked[0].web is None and asked[0].role == "wizard"
+    assert asked[0].display == DisplayOptions() and asked[0].web is None and asked[0].role == "wizard"
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,11 @@ import pytest
 aiohttp = pytest.importorskip("aiohttp")
 pytest.importorskip("textual_serve")
 
-from rise_engine.link.spawn import Started, start_engine  # noqa: E402
-from rise_engine.session_options import SessionOptions  # noqa: E402
-from rise_tui.web.door import MOST_OF_ONE, MOST_WAITING, Door, Visitor, user_of  # noqa: E402
-from rise_tui.web.guard import Guard  # noqa: E402
-from rise_tui.web.page import headers, page  # noqa: E402
+from rise_engine.protocol.session_options import SessionOptions  # noqa: E402
+from rise_engine.server.spawn import EngineStarted, start_engine  # noqa: E402
+from rise_tui.web.admission import MOST_WAITING, MOST_WAITING_OF_USER, Admission, PendingConnection, user_of_connection  # noqa: E402
+from rise_tui.web.auth import TokenAuth  # noqa: E402
+from rise_tui.web.page import console_page, security_headers  # noqa: E402
 from tests.console.fake import DEMO  # noqa: E402
 from tests.console.terminals import ROOT, UNKNOWN_TO_PYTE, alive, environment_of  # noqa: E402
 
@@ -83,7 +83,7 @@ def serving() -> Iterator[Serving]:
         for name in ("RISE_RUNTIME", "RISE_SESSIONS"):
             patch.setenv(name, environment[name])
         started = start_engine(SessionOptions(DEMO, seed=1))
-    assert isinstance(started, Started)
+    assert isinstance(started, EngineStarted)
     it: Serving | None = None
     try:
         it = Serving(home)
@@ -299,15 +299,15 @@ class Wire:
         self.gone = True
 
 
-def visit(door: Door, wire: Wire) -> Visitor:
-    visitor = Visitor(door, None)
+def visit(door: Admission, wire: Wire) -> PendingConnection:
+    visitor = PendingConnection(door, None)
     visitor.transport = wire  # type: ignore[assignment]
-    door.came(visitor)
+    door.add(visitor)
     return visitor
 
 
 def test_of_too_many_that_wait_the_first_goes_and_who_has_the_token_stays() -> None:
-    door = Door(who_is=lambda here, there: None, own=1000)
+    door = Admission(who_is=lambda here, there: None, own=1000)
     wires = [Wire(number) for number in range(MOST_WAITING + 5)]
     visit(door, wires[0])
     door.admit(wires[0])  # type: ignore[arg-type]
@@ -317,22 +317,22 @@ def test_of_too_many_that_wait_the_first_goes_and_who_has_the_token_stays() -> N
 
 
 def test_one_user_of_the_machine_cannot_push_out_another() -> None:
-    door = Door(who_is=lambda here, there: 1001 if there[1] >= 100 else 1000, own=1000)
-    own = [Wire(number) for number in range(MOST_OF_ONE)]
+    door = Admission(who_is=lambda here, there: 1001 if there[1] >= 100 else 1000, own=1000)
+    own = [Wire(number) for number in range(MOST_WAITING_OF_USER)]
     theirs = [Wire(100 + number) for number in range(200)]
     for wire in (*own, *theirs):
         visit(door, wire)
     assert not any(wire.gone for wire in own)
-    assert sum(not wire.gone for wire in theirs) == MOST_OF_ONE and not theirs[-1].gone
+    assert sum(not wire.gone for wire in theirs) == MOST_WAITING_OF_USER and not theirs[-1].gone
 
 
 def test_who_waits_too_long_goes_unless_the_token_came() -> None:
-    door = Door(who_is=lambda here, there: None)
+    door = Admission(who_is=lambda here, there: None)
     one, other = Wire(1), Wire(2)
     visitors = visit(door, one), visit(door, other)
     door.admit(other)  # type: ignore[arg-type]
     for visitor in visitors:
-        door.waited(visitor)
+        door.time_out(visitor)
     assert one.gone and not other.gone and door.waiting == 0
 
 
@@ -342,9 +342,12 @@ def test_whose_a_connection_is() -> None:
         with socket.create_connection(here) as visitor:
             there = visitor.getsockname()
             if sys.platform == "linux":
-                assert user_of(here, there) == os.getuid()
-            assert user_of(here, ("127.0.0.1", 1)) is None
-            assert user_of(here, there, Path("/nowhere")) is None and user_of(("::1", 1), ("::1", 2)) is None
+                assert user_of_connection(here, there) == os.getuid()
+            assert user_of_connection(here, ("127.0.0.1", 1)) is None
+            assert (
+                user_of_connection(here, there, Path("/nowhere")) is None
+                and user_of_connection(("::1", 1), ("::1", 2)) is None
+            )
 
 
 # --- the parts --------------------------------------------------------------------------------------------------------
@@ -367,18 +370,23 @@ def test_whose_a_connection_is() -> None:
     ],
 )
 def test_which_names_lead_here(host: str | None, local: bool) -> None:
-    assert Guard.is_local(host) is local
+    assert TokenAuth.is_local_host(host) is local
 
 
 def test_every_server_has_its_own_token_and_cookie() -> None:
-    one, other = Guard(), Guard()
+    one, other = TokenAuth(), TokenAuth()
     assert one.token != other.token and one.cookie != other.cookie and len(one.token) >= 43
-    assert one.knows(one.token) and not one.knows(other.token) and not one.knows(None) and not one.knows("\udcff")
+    assert (
+        one.is_token(one.token)
+        and not one.is_token(other.token)
+        and not one.is_token(None)
+        and not one.is_token("\udcff")
+    )
 
 
 def test_the_page_loads_nothing_from_elsewhere_and_takes_no_markup() -> None:
-    made = page("<script>alert(1)</script>", "localhost:1", 16)
+    made = console_page("<script>alert(1)</script>", "localhost:1", 16)
     assert "<script>alert" not in made
     hosts = set(re.findall(r"(?:https?:|wss?:)?//[^/\"')\s]+", made))
     assert hosts == {"ws://localhost:1"}
-    assert "default-src 'none'" in headers("localhost:1")["Content-Security-Policy"]
+    assert "default-src 'none'" in security_headers("localhost:1")["Content-Security-Policy"]

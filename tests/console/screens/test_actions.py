@@ -12,17 +12,17 @@ from rise_tui.actions import (
     ACTIONS,
     BY_ID,
     KEY_LABELS,
-    PLACES,
-    at,
-    bindings,
-    key_for,
-    key_in_words,
+    KEY_SCOPES,
+    actions_in,
+    bindings_in,
     key_label,
+    key_name,
+    key_text,
     keys_of,
-    use_keys,
+    use_own_keys,
 )
 from rise_tui.model.blocked import BlockedReason, blocked_text
-from rise_tui.model.control import question
+from rise_tui.model.control import control_question
 from tests.console.conftest import console
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "how-to" / "wizard.md"
@@ -30,15 +30,15 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "how-to" / "wizard.md"
 
 def test_ids_are_unique_and_every_place_has_a_title() -> None:
     assert len(BY_ID) == len(ACTIONS)
-    assert {action.place for action in ACTIONS} <= {place for place, _ in PLACES}
+    assert {action.scope for action in ACTIONS} <= {place for place, _ in KEY_SCOPES}
 
 
 def test_no_key_means_two_things_at_one_time() -> None:
-    common = [key for place in ("everywhere", "console") for action in at(place) for key in action.keys]
+    common = [key for place in ("everywhere", "console") for action in actions_in(place) for key in action.keys]
     assert len(common) == len(set(common))
-    for place, _ in PLACES:
+    for place, _ in KEY_SCOPES:
         if place not in ("everywhere", "console"):
-            keys = [key for action in at(place) for key in action.keys]
+            keys = [key for action in actions_in(place) for key in action.keys]
             assert len(keys) == len(set(keys))
             assert not set(keys) & set(common)
 
@@ -70,7 +70,7 @@ def test_the_console_keys_are_those_that_a_scenario_cannot_bind() -> None:
 
 
 def test_the_stop_keys_work_before_anything_else() -> None:
-    stop = next(binding for binding in bindings("everywhere") if getattr(binding, "id", "") == "stop")
+    stop = next(binding for binding in bindings_in("everywhere") if getattr(binding, "id", "") == "stop")
     assert isinstance(stop, Binding) and stop.priority is True and stop.key == "f9,ctrl+g"
 
 
@@ -87,16 +87,16 @@ def test_every_action_explains_itself() -> None:
 
 async def test_every_action_of_the_console_is_carried_out_by_something() -> None:
     async with console() as it:
-        common = {action.id for place in ("everywhere", "console") for action in at(place)}
-        assert set(it.screen.doing()) == common
+        common = {action.id for place in ("everywhere", "console") for action in actions_in(place)}
+        assert set(it.screen.action_calls()) == common
 
 
 def test_every_action_of_a_pane_is_known_to_it() -> None:
     panes = Path(__file__).parents[3] / "rise_tui" / "panes"
     source = "".join(path.read_text(encoding="utf-8") for path in panes.glob("*.py"))
-    for place, _ in PLACES:
+    for place, _ in KEY_SCOPES:
         if place not in ("everywhere", "console"):
-            unnamed = [action.id for action in at(place) if f'"{action.id}"' not in source]
+            unnamed = [action.id for action in actions_in(place) if f'"{action.id}"' not in source]
             assert len(unnamed) <= 1, unnamed  # one may be what is done when it is none of the others
 
 
@@ -115,10 +115,10 @@ def test_no_action_can_be_used_after_the_engine_has_gone_but_those_that_only_loo
 
     client = FakeClient(demo())
     store = Store(client.hello(), "anna", client.now)
-    store.gone = "killed"
+    store.gone_reason = "killed"
     looks = {"quit", "palette", "help", "lists", "next-pane", "previous-pane", "jump", "zoom", "filter", "theme"}
     looks |= {"redraw", "memory.unfold", "memory.fold", "scheduler.details", "log.follow"}
-    why = BY_ID[id].unavailable(store)
+    why = BY_ID[id].why_unavailable(store)
     assert (why == "") is (id in looks) or id.startswith("log."), f"{id}: {why!r}"
 
 
@@ -135,17 +135,17 @@ def test_a_key_as_it_is_printed(key: str, label: str) -> None:
 
 def test_whatever_shows_a_key_shows_the_users_own() -> None:
     stop = BY_ID["stop"]
-    assert (key_for("stop"), keys_of(stop)) == ("F9", ("f9", "ctrl+g"))
-    assert key_for("theme") == ": Choose a theme"
-    use_keys({"stop": ("f12",), "theme": ("f6",), "control": ("f7",)})
+    assert (key_text("stop"), keys_of(stop)) == ("F9", ("f9", "ctrl+g"))
+    assert key_text("theme") == ": Choose a theme"
+    use_own_keys({"stop": ("f12",), "theme": ("f6",), "control": ("f7",)})
     try:
-        assert (key_for("stop"), stop.key_label, keys_of(stop)) == ("F12", "F12", ("f12",))
-        assert key_for("theme") == "F6"
-        assert blocked_text(BlockedReason("control", holder="ben"), key_in_words) == "ben has control (F7)"
-        assert "F12 stops everything" in question("wizard:ben", None, "wizard:anna", key_in_words)[0][0]
+        assert (key_text("stop"), stop.key_label, keys_of(stop)) == ("F12", "F12", ("f12",))
+        assert key_text("theme") == "F6"
+        assert blocked_text(BlockedReason("control", holder="ben"), key_name) == "ben has control (F7)"
+        assert "F12 stops everything" in control_question("wizard:ben", None, "wizard:anna", key_name)[0][0]
     finally:
-        use_keys({})
-    assert key_for("stop") == "F9"
+        use_own_keys({})
+    assert key_text("stop") == "F9"
 
 
 def test_the_document_lists_every_action_and_key() -> None:

@@ -8,15 +8,15 @@ import pytest
 from textual.widgets import Button, Input
 
 from rise_engine.kernel.records import MemoryRecord, RobotRecord
-from rise_engine.scenario.findings import Finding
-from rise_engine.scenario.model import Place
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.model import SourceLocation
+from rise_tui.config.launch import ScenarioProblems
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.ending import EndQuestion
+from rise_tui.screens.end_session import EndSessionDialog
 from rise_tui.screens.help import HelpScreen
 from rise_tui.screens.settings import SettingsScreen
-from rise_tui.start.launch import Refused
-from rise_tui.widgets.editor import Field
+from rise_tui.widgets.memory_editor import TextField
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, FakeLauncher, demo
 
@@ -46,7 +46,7 @@ async def test_a_running_act_shows_progress_and_time_and_then_what_became_of_it(
         await it.until(lambda: "1/4" in it.row("acts", "Greet") and "2.1/" in it.row("acts", "Greet"))
         it.client.end_task(task, "Greet", "ABORTED", "the robot refused action 1")
         await it.until(lambda: "✗ failed" in it.row("acts", "Greet"))
-        await it.until(lambda: "the robot refused action 1" in it.screen.failure.text)
+        await it.until(lambda: "the robot refused action 1" in it.screen.failure_bar.text)
         assert it.notice == ""
 
 
@@ -65,7 +65,7 @@ async def test_a_rejected_task_says_why_in_the_notice_and_in_the_log() -> None:
     async with console(size=(200, 50)) as it:
         it.client.task("startInteractionRule", "Main", "REJECTED", reason="the rule runs already")
         await it.until(lambda: "the rule runs already" in it.notice)
-        log = it.pane("log").rows
+        log = it.pane("log").row_view
         assert "rejected" in "".join(text for text, _ in log.row_at(0).line)
 
 
@@ -111,14 +111,14 @@ async def test_enter_on_a_transition_raises_its_event() -> None:
     async with console() as it:
         it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
         await it.until(lambda: "in waiting" in it.text("rule"))
-        it.screen.panes.go_to("rule")
+        it.screen.pane_layout.focus_pane("rule")
         await it.press("enter")
         await it.sent("raiseEventTopic", "next")
 
 
 async def test_the_act_pane_shows_levels_states_and_parameters_with_the_memory() -> None:
     async with console() as it:
-        it.screen.panes.go_to("act")
+        it.screen.pane_layout.focus_pane("act")
         task = it.client.act("Greet")
         it.client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
         await it.until(lambda: "Hello Ada!" in it.text("act"))
@@ -134,7 +134,7 @@ async def test_the_act_pane_shows_levels_states_and_parameters_with_the_memory()
 
 async def test_the_scheduler_reorders_and_cancels() -> None:
     async with console() as it:
-        it.screen.panes.go_to("scheduler")
+        it.screen.pane_layout.focus_pane("scheduler")
         running = it.client.act("Greet")
         first = it.client.act("Praise", "PENDING")
         second = it.client.act("Filler", "PENDING")
@@ -155,10 +155,10 @@ async def test_the_log_follows_pauses_and_counts_what_is_new() -> None:
     async with console(size=(120, 40)) as it:
         for number in range(60):
             it.client.task("raiseEventTopic", f"/topic{number}", "SUCCEEDED")
-        log = it.pane("log").rows
+        log = it.pane("log").row_view
         await it.until(lambda: log.count == 60 and "following" in it.pane("log").title.text)
         await it.until(lambda: log.scroll_offset.y == 60 - log.size.height, "the newest rows are not in view")
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("pageup")
         at = log.scroll_offset.y
         for number in range(3):
@@ -173,9 +173,9 @@ async def test_the_log_filters() -> None:
     async with console() as it:
         for number in range(30):
             it.client.task("raiseEventTopic", f"/topic{number}", "SUCCEEDED")
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("slash", *"topic2")
-        log = it.pane("log").rows
+        log = it.pane("log").row_view
         await it.until(lambda: log.count == 11)  # topic2, topic20 to topic29
         it.client.task("raiseEventTopic", "/topic200", "SUCCEEDED")
         it.client.task("raiseEventTopic", "/other", "SUCCEEDED")
@@ -200,15 +200,15 @@ async def test_one_hundred_thousand_tasks() -> None:
         store = it.screen.session.store
         for _ in range(100_000):
             it.client._tasks += 1
-        from rise_engine.view import TaskView
+        from rise_engine.kernel.view import TaskView
 
         for number in range(1, 100_001):
             store.view.tasks[number] = TaskView(number, "raiseEventTopic", "/x", "", "file", "SUCCEEDED", "", 1.0)
-        store.log.take_in(store.view)
-        log = it.pane("log").rows
+        store.log.rebuild(store.view)
+        log = it.pane("log").row_view
         it.client.task("raiseEventTopic", "/last", "SUCCEEDED")
         await it.until(lambda: log.count == 100_001)
-        it.screen.panes.go_to("log")
+        it.screen.pane_layout.focus_pane("log")
         await it.press("home", "end")
         assert log.scroll_offset.y == 100_001 - log.size.height
 
@@ -234,23 +234,23 @@ async def test_a_value_is_edited_in_its_place_and_its_type_shows_while_typing(
     typed: str, kind: str, value: object
 ) -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.press("home", "enter")
         pane = it.pane("memory")
         assert isinstance(pane, MemoryPane)
         await it.until(lambda: isinstance(it.app.focused, Input))
         assert isinstance(it.app.focused, Input)
-        assert it.app.focused.value == "2" and it.app.focused.region.y == pane.list.region.y
+        assert it.app.focused.value == "2" and it.app.focused.region.y == pane.row_list.region.y
         it.app.focused.value = typed
         await it.until(lambda: pane.editor.type_shown == kind)
         await it.press("enter")
         await it.sent("assignValue", json.dumps({"task": value}))
-        assert pane.list.has_focus
+        assert pane.row_list.has_focus
 
 
 async def test_broken_json_is_a_string_and_says_so() -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.press("home", "enter")
         assert isinstance(it.app.focused, Input)
         it.app.focused.value = '{"a": '
@@ -261,7 +261,7 @@ async def test_broken_json_is_a_string_and_says_so() -> None:
 
 async def test_a_change_by_somebody_else_shows_while_editing() -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.press("home", "enter")
         it.client.emit(MemoryRecord(0, 0.0, "", "task", 3, 2, "rule:Main"))
         pane = it.pane("memory")
@@ -271,15 +271,15 @@ async def test_a_change_by_somebody_else_shows_while_editing() -> None:
 
 async def test_esc_leaves_the_editor_and_sends_nothing() -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.press("home", "enter", "9", "escape")
-        await it.until(lambda: it.pane("memory").rows.has_focus)
+        await it.until(lambda: it.pane("memory").row_view.has_focus)
         assert it.client.sent == []
 
 
 async def test_a_deleted_key_can_be_brought_back() -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.press("home", "down", "delete")
         await it.sent("deleteValue", "side")
         it.client.emit(MemoryRecord(0, 0.0, "", "side", None, "left", "wizard:anna", deleted=True))
@@ -290,7 +290,7 @@ async def test_a_deleted_key_can_be_brought_back() -> None:
 
 async def test_a_key_is_added_without_the_insert_key() -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         await it.press("end", "enter")
         await it.until(lambda: isinstance(it.app.focused, Input))
         await it.press(*"cups", "enter", "4", "enter")
@@ -304,7 +304,7 @@ async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() ->
     client = FakeClient(demo())
     client.answers = False
     async with console(client=client) as it:
-        alarm = it.screen.alarm
+        alarm = it.screen.alarm_bar
         await it.press("f9")
         await it.until(lambda: "STOP sent" in alarm.text and alarm.display)
         client.task("stopAll", "", "SUCCEEDED", ref=client.sent[0].ref)
@@ -312,7 +312,7 @@ async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() ->
         client.stop("requested")
         await it.until(lambda: "STOP requested" in alarm.text)
         client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
-        await it.until(lambda: "STOPPED" in alarm.text and "STOPPED" in it.screen.status.text)
+        await it.until(lambda: "STOPPED" in alarm.text and "STOPPED" in it.screen.status_line.text)
         assert "pepper: speech, gaze" in alarm.text
         assert "NOT CONFIRMED  pepper: base" in alarm.text
         await it.press("escape", "enter", "g")
@@ -324,7 +324,7 @@ async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() ->
         await it.press("ctrl+r", "r")
         await it.sent("releaseStop", "")
         client.stop("released")
-        await it.until(lambda: "STOPPED" not in it.screen.status.text and "LIVE" in it.screen.status.text)
+        await it.until(lambda: "STOPPED" not in it.screen.status_line.text and "LIVE" in it.screen.status_line.text)
 
 
 async def test_release_is_there_only_while_stopped_and_says_why_not() -> None:
@@ -340,8 +340,8 @@ async def test_release_is_there_only_while_stopped_and_says_why_not() -> None:
 async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
     async with console() as it:
         it.client.end("the engine stopped: a bug")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
-        assert "a bug" in it.screen.alarm.text
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
+        assert "a bug" in it.screen.alarm_bar.text
         await it.press("g", "enter", "f9")
         assert it.client.sent == []
         assert "the engine has gone" in it.notice
@@ -349,11 +349,11 @@ async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
 
 async def test_without_an_engine_hints_name_what_is_left_to_do() -> None:
     async with console() as it:
-        it.screen.panes.go_to("memory")
-        await it.until(lambda: "del delete" in it.screen.hints.text)
+        it.screen.pane_layout.focus_pane("memory")
+        await it.until(lambda: "del delete" in it.screen.key_hints.text)
         it.client.end("its process is not there any more")
-        await it.until(lambda: it.screen.hints.text.startswith(" ^C leave"))
-        hints = it.screen.hints.text
+        await it.until(lambda: it.screen.key_hints.text.startswith(" ^C leave"))
+        hints = it.screen.key_hints.text
         assert "unfold" in hints and "find" in hints
         assert not any(word in hints for word in ("STOP", "edit", "add", "delete", "undo", "say", "cue"))
 
@@ -362,13 +362,13 @@ async def test_a_send_that_fails_does_not_end_the_console() -> None:
     async with console() as it:
         it.client.gone = "the process was killed"
         await it.press("g")
-        await it.until(lambda: "the process was killed" in it.screen.alarm.text)
+        await it.until(lambda: "the process was killed" in it.screen.alarm_bar.text)
 
 
 async def test_a_lost_robot_is_told() -> None:
     async with console() as it:
         it.client.emit(RobotRecord(0, 0.0, "", status="lost", detail="no answer for 3 s"))
-        await it.until(lambda: "✗ lost" in it.screen.status.text and "no answer for 3 s" in it.notice)
+        await it.until(lambda: "✗ lost" in it.screen.status_line.text and "no answer for 3 s" in it.notice)
 
 
 # --- layout, help, palette, settings --------------------------------------------------------------------------------
@@ -386,7 +386,7 @@ async def test_a_lost_robot_is_told() -> None:
 )
 async def test_as_many_panes_as_there_is_room_for(size: tuple[int, int], shown: set[str]) -> None:
     async with console(size=size) as it:
-        assert {pane.PLACE for pane in it.screen.panes.shown()} == shown
+        assert {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()} == shown
 
 
 async def test_every_pane_is_reached_by_f3_and_its_twin() -> None:
@@ -394,42 +394,42 @@ async def test_every_pane_is_reached_by_f3_and_its_twin() -> None:
         seen = []
         for key in ("f3", "tab", "f3", "tab", "f3", "f3"):
             await it.press(key)
-            pane = it.screen.panes.focused()
-            assert pane is not None and pane.rows.has_focus
-            seen.append(pane.PLACE)
+            pane = it.screen.pane_layout.focused_pane()
+            assert pane is not None and pane.row_view.has_focus
+            seen.append(pane.SCOPE)
         assert seen == ["rule", "act", "memory", "log", "scheduler", "rule"]
         await it.press("f2")
-        assert it.pane("acts").rows.has_focus
+        assert it.pane("acts").row_view.has_focus
         await it.press("ctrl+l")
-        assert it.pane("rules").rows.has_focus
+        assert it.pane("rules").row_view.has_focus
 
 
 async def test_zoom_and_back_by_esc() -> None:
     async with console() as it:
         await it.press("f3", "f4")
-        assert [pane.PLACE for pane in it.screen.panes.shown()] == ["rule"]
+        assert [pane.SCOPE for pane in it.screen.pane_layout.visible_panes()] == ["rule"]
         await it.press("escape")
-        assert len(list(it.screen.panes.shown())) == 4
+        assert len(list(it.screen.pane_layout.visible_panes())) == 4
 
 
 async def test_resizing_the_terminal_changes_the_layout() -> None:
     async with console(size=(200, 50)) as it:
         await it.pilot.resize_terminal(80, 24)
-        await it.until(lambda: it.screen.panes.has_class("-two"))
-        await it.until(lambda: it.pane("acts").rows.region.width < 40)
+        await it.until(lambda: it.screen.pane_layout.has_class("-two"))
+        await it.until(lambda: it.pane("acts").row_view.region.width < 40)
         await it.pilot.resize_terminal(75, 24)
-        await it.until(lambda: not it.screen.panes.has_class("-two"))
+        await it.until(lambda: not it.screen.pane_layout.has_class("-two"))
 
 
 async def test_hints_and_tabs_can_be_clicked() -> None:
     async with console() as it:
-        hints = it.screen.hints
+        hints = it.screen.key_hints
         await it.pilot.click(hints, offset=(hints.text.index("? help") + 1, 0))
         await it.until(lambda: isinstance(it.app.screen, HelpScreen))
         await it.press("escape")
         title = it.pane("rule").title
         await it.pilot.click(title, offset=(title.text.index("memory") + 1, 0))
-        await it.until(lambda: it.pane("memory").rows.has_focus)
+        await it.until(lambda: it.pane("memory").row_view.has_focus)
 
 
 async def test_help_shows_scenario_keys_and_actions_and_searches() -> None:
@@ -454,7 +454,7 @@ async def test_the_palette_finds_acts_and_says_why_not() -> None:
         await it.press("enter")
         await it.sent("startCommunicationRobotAct", "Praise")
         it.client.stop("latched")
-        await it.until(lambda: it.screen.session.store.state == "STOPPED")
+        await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
         await it.press("colon", *"act filler")
         await it.pilot.pause(0.5)
         await it.press("enter")
@@ -473,26 +473,28 @@ async def test_settings_apply_after_asking_and_end_the_running_session_first() -
         await it.pilot.pause()
         screen.query_one("#mode").query(Button).last().press()
         await it.pilot.pause()
-        screen.query_one("#participant", Field).value = "P08"
+        screen.query_one("#participant", TextField).value = "P08"
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
         assert first.closed == []
         await it.press("e", "n", "d", "enter")
         await it.until(lambda: first.closed == [True])
-        await it.until(lambda: "REAL" in it.screen.status.text)
+        await it.until(lambda: "REAL" in it.screen.status_line.text)
         assert launcher.started[1].mode == "real" and launcher.started[1].participant == "P08"
 
 
 async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothing() -> None:
     client = FakeClient(demo())
-    refused = Refused([Finding("error", "unknown-act", "there is no act `Hi`", Place("rules/main.xml", 3, 4))])
+    refused = ScenarioProblems(
+        [Diagnostic("error", "unknown-act", "there is no act `Hi`", SourceLocation("rules/main.xml", 3, 4))]
+    )
     async with console(client=client, launcher=FakeLauncher(client, prepared=refused)) as it:
         it.screen.action_do("settings")
         await it.until(lambda: isinstance(it.app.screen, SettingsScreen))
         screen = it.app.screen
         assert isinstance(screen, SettingsScreen)
         await it.pilot.pause()
-        screen.query_one("#folder", Field).value = "/elsewhere"
+        screen.query_one("#folder", TextField).value = "/elsewhere"
         screen.query_one("#apply", Button).press()
         await it.until(lambda: "rules/main.xml:3:4" in str(screen.findings.content))
         await it.press("escape")
@@ -503,7 +505,7 @@ async def test_settings_show_the_findings_of_a_refused_scenario_and_change_nothi
 @pytest.mark.parametrize("width", [72, 80, 100, 200])
 async def test_help_is_always_among_the_hints(width: int) -> None:
     async with console(size=(width, 30)) as it:
-        for name in it.screen.panes.panes:
-            it.screen.panes.go_to(name)
-            await it.until(lambda: it.screen.hints.text.count("? help") == 1, name)
-            assert it.screen.hints.text.startswith(" F9/^G STOP")
+        for name in it.screen.pane_layout.panes:
+            it.screen.pane_layout.focus_pane(name)
+            await it.until(lambda: it.screen.key_hints.text.count("? help") == 1, name)
+            assert it.screen.key_hints.text.startswith(" F9/^G STOP")

@@ -6,9 +6,9 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import CueRecord
-from rise_engine.view import CueView
-from rise_tui.model.cue import cue_line, offer_due, ticks, waiting
-from rise_tui.text import plain
+from rise_engine.kernel.view import CueView
+from rise_tui.model.cue import counts_tenths, cue_line, filler_due, seconds_since_cue
+from rise_tui.rendering.text import plain_text
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -35,19 +35,23 @@ def cue(answered: float | None = None, filled: float | None = None) -> CueView:
 )
 def test_how_long_the_participant_has_waited(since: float, shown: str, brief: str, tone: str) -> None:
     line = cue_line(cue(), 100.0 + since)
-    assert plain(line) == shown and {each for _, each in line} == {tone}
-    assert plain(cue_line(cue(), 100.0 + since, short=True)) == brief
+    assert plain_text(line) == shown and {each for _, each in line} == {tone}
+    assert plain_text(cue_line(cue(), 100.0 + since, short=True)) == brief
 
 
 def test_an_answer_shows_for_a_while_how_long_it_took() -> None:
-    assert plain(cue_line(cue(answered=101.3), 101.3)) == "✓ answered 1.3 s"
-    assert plain(cue_line(cue(answered=101.3), 106.0, short=True)) == "✓ 1.3 s"
+    assert plain_text(cue_line(cue(answered=101.3), 101.3)) == "✓ answered 1.3 s"
+    assert plain_text(cue_line(cue(answered=101.3), 106.0, short=True)) == "✓ 1.3 s"
     assert cue_line(cue(answered=101.3), 106.4) == ()
 
 
 def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answers_at_all() -> None:
     assert cue_line(None, 5.0) == cue_line(cue(), 160.0) == ()
-    assert waiting(None, 5.0) is None and waiting(cue(101.0), 102.0) is None and waiting(cue(), 101.5) == 1.5
+    assert (
+        seconds_since_cue(None, 5.0) is None
+        and seconds_since_cue(cue(101.0), 102.0) is None
+        and seconds_since_cue(cue(), 101.5) == 1.5
+    )
 
 
 @pytest.mark.parametrize(
@@ -55,7 +59,7 @@ def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answe
     [(cue(), 100.5, True), (cue(), 109.9, True), (cue(), 110.1, False), (cue(101.0), 101.5, False), (None, 1.0, False)],
 )
 def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected: bool) -> None:
-    assert ticks(of, now) is expected
+    assert counts_tenths(of, now) is expected
 
 
 @pytest.mark.parametrize(
@@ -72,7 +76,7 @@ def test_only_what_counts_tenths_ticks(of: CueView | None, now: float, expected:
     ],
 )
 def test_when_a_filler_is_due(of: CueView | None, now: float, offer_after: float, due: float | None) -> None:
-    assert offer_due(of, now, offer_after) == due
+    assert filler_due(of, now, offer_after) == due
 
 
 # --- on the screen --------------------------------------------------------------------------------------------------
@@ -103,33 +107,33 @@ async def test_a_held_space_bar_is_one_cue() -> None:
 async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
     async with console() as it:
         mark(it)
-        await it.until(lambda: "◔ cue 0.0 s" in it.screen.status.text)
+        await it.until(lambda: "◔ cue 0.0 s" in it.screen.status_line.text)
         it.client.time += 1.4
-        await it.until(lambda: "◑ cue 1.4 s" in it.screen.status.text)
+        await it.until(lambda: "◑ cue 1.4 s" in it.screen.status_line.text)
         it.client.time += 1.0
-        await it.until(lambda: "● cue 2.4 s !" in it.screen.status.text)
+        await it.until(lambda: "● cue 2.4 s !" in it.screen.status_line.text)
         mark(it, "answered")
-        await it.until(lambda: "✓ answered 2.4 s" in it.screen.status.text)
+        await it.until(lambda: "✓ answered 2.4 s" in it.screen.status_line.text)
         it.client.time += 6
-        await it.until(lambda: "answered" not in it.screen.status.text)
+        await it.until(lambda: "answered" not in it.screen.status_line.text)
 
 
 async def test_the_cue_moves_nothing_else_in_the_status_line() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):
         async with console(size=size) as it:
-            await it.until(lambda it=it: "LIVE" in it.screen.status.text)  # type: ignore[misc]
-            before = it.screen.status.text
+            await it.until(lambda it=it: "LIVE" in it.screen.status_line.text)  # type: ignore[misc]
+            before = it.screen.status_line.text
             mark(it)
             it.client.time += 0.4
-            await it.until(lambda it=it: "cue 0.4 s" in it.screen.status.text)  # type: ignore[misc]
-            after = it.screen.status.text
+            await it.until(lambda it=it: "cue 0.4 s" in it.screen.status_line.text)  # type: ignore[misc]
+            after = it.screen.status_line.text
             for word in ("DEBUG", "REC", "LIVE", "anna"):
                 assert before.index(word) == after.index(word)
 
 
 async def test_the_comma_asks_for_the_next_filler_and_its_hint_names_it() -> None:
     async with console() as it:
-        await it.until(lambda: ", Filler" in it.screen.hints.text)
+        await it.until(lambda: ", Filler" in it.screen.key_hints.text)
         await it.press("comma")
         await it.sent("nextFiller", "")
         assert it.client.sent[-1].pressed is not None
@@ -139,7 +143,7 @@ async def test_a_filler_is_offered_when_it_is_due_and_never_said_by_the_console(
     async with console() as it:
         mark(it)
         it.client.time += 1.0
-        await it.until(lambda: "cue 1.0 s" in it.screen.status.text)
+        await it.until(lambda: "cue 1.0 s" in it.screen.status_line.text)
         assert "Filler" not in it.notice
         it.client.time += 1.1
         await it.until(lambda: "no answer for 2.1 s:  , says Filler" in it.notice)
@@ -162,8 +166,8 @@ async def test_nothing_is_offered_that_could_not_be_said() -> None:
 async def test_a_scenario_without_fillers_names_none() -> None:
     client = FakeClient(replace(demo(), act_settings={}))
     async with console(client=client) as it:
-        await it.until(lambda: "space cue" in it.screen.hints.text)
-        assert ", " not in it.screen.hints.text
+        await it.until(lambda: "space cue" in it.screen.key_hints.text)
+        assert ", " not in it.screen.key_hints.text
         await it.press("comma")
         await it.until(lambda: "this scenario has no filler" in it.notice)
         assert client.asked() == []

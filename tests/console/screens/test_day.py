@@ -38,7 +38,7 @@ def living() -> Counter[str]:
 async def some_time(at: Console, number: int) -> None:
     """Focus changes, records about what is there already, a dialog and a filter."""
     for _ in range(FOCUS_CHANGES):
-        at.screen.panes.go_to_next()
+        at.screen.pane_layout.focus_next_pane()
         await asyncio.sleep(0)
     for one in range(RECORDS // 10):
         for _ in range(9):

@@ -11,20 +11,21 @@ from textual import events
 from textual.widgets import Button
 
 from rise_engine.kernel.records import SessionRecord
+from rise_engine.protocol.session_options import SessionOptions
+from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
+from rise_tui.config.settings import expand_home
 from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.ending import EndQuestion
-from rise_tui.screens.settings import Choice, SettingsScreen
-from rise_tui.start.launch import Refused, prepare, shown
-from rise_tui.start.settings import Settings, expanded
-from rise_tui.widgets.editor import Field
+from rise_tui.screens.end_session import EndSessionDialog
+from rise_tui.screens.settings import ChoiceField, SettingsScreen
+from rise_tui.widgets.memory_editor import TextField
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 
 async def asking_to_release(it: Console) -> Dialog:
     it.client.stop("latched", ("pepper/speech",))
-    await it.until(lambda: "STOPPED" in it.screen.status.text)
+    await it.until(lambda: "STOPPED" in it.screen.status_line.text)
     await it.press("ctrl+r")
     await it.until(lambda: isinstance(it.app.screen, Dialog))
     dialog = it.app.screen
@@ -108,7 +109,7 @@ def a_scenario(folder: Path, text: str) -> str:
 async def test_an_empty_folder_field_is_refused_before_anything_is_read() -> None:
     async with console() as it:
         screen = await settings_of(it)
-        screen.query_one("#folder", Field).value = "  "
+        screen.query_one("#folder", TextField).value = "  "
         screen.query_one("#apply", Button).press()
         await it.until(lambda: "name a folder" in str(screen.findings.content))
         assert it.launcher.prepared_with == []
@@ -117,10 +118,10 @@ async def test_an_empty_folder_field_is_refused_before_anything_is_read() -> Non
 async def test_a_folder_without_a_scenario_is_refused(tmp_path: Path) -> None:
     client = FakeClient(demo())
     launcher = FakeLauncher(client)
-    object.__setattr__(launcher, "prepare", prepare)
+    object.__setattr__(launcher, "prepare", load_scenario)
     async with console(client=client, launcher=launcher) as it:
         screen = await settings_of(it)
-        screen.query_one("#folder", Field).value = str(tmp_path)
+        screen.query_one("#folder", TextField).value = str(tmp_path)
         screen.query_one("#apply", Button).press()
         await it.until(lambda: f"there is no scenario in {tmp_path}: no scen" in str(screen.findings.content))
         assert client.closed == []
@@ -130,15 +131,15 @@ async def test_another_folder_shows_its_own_robot_mode_and_places_and_those_run(
     other = a_scenario(tmp_path / "other", 'robot = "floka"\nmode = "real"\nacts = "mine"\n')
     async with console() as it:
         screen = await settings_of(it)
-        robot, mode = screen.query_one("#robot", Choice), screen.query_one("#mode", Choice)
+        robot, mode = screen.query_one("#robot", ChoiceField), screen.query_one("#mode", ChoiceField)
         assert (robot.value, mode.value) == ("pepper", "debug")
-        screen.query_one("#folder", Field).value = other
+        screen.query_one("#folder", TextField).value = other
         await it.until(lambda: (robot.value, mode.value) == ("floka", "real"))
-        assert screen.query_one("#acts", Field).value == "mine"
+        assert screen.query_one("#acts", TextField).value == "mine"
         await it.until(lambda: [each.name for each in robot.query(".-chosen").results(Button)] == ["floka"])
         chosen = screen.chosen()
-        assert (chosen.folder, chosen.robot, chosen.mode, chosen.places) == (other, "floka", "real", {})
-        screen.query_one("#folder", Field).value = DEMO
+        assert (chosen.folder, chosen.robot, chosen.mode, chosen.paths) == (other, "floka", "real", {})
+        screen.query_one("#folder", TextField).value = DEMO
         await it.until(lambda: (robot.value, mode.value) == ("pepper", "debug"))
 
 
@@ -146,12 +147,12 @@ async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_pat
     other = a_scenario(tmp_path / "other", 'robot = "floka"\nmode = "real"\n')
     async with console() as it:
         screen = await settings_of(it)
-        screen.query_one("#folder", Field).value = other
+        screen.query_one("#folder", TextField).value = other
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
         asked = it.launcher.prepared_with[0]
         assert (asked.folder, asked.robot, asked.mode) == (other, "floka", "real")
-        assert screen.query_one("#robot", Choice).value == "floka"
+        assert screen.query_one("#robot", ChoiceField).value == "floka"
 
 
 @pytest.mark.slow
@@ -166,7 +167,7 @@ async def test_every_group_is_one_stop_and_enter_on_it_changes_nothing() -> None
         assert sorted(set(stops)) == sorted(
             ["folder", "acts", "rules", "memory", "robot", "mode", "participant", "condition", "leave", "apply"]
         )
-        robot = screen.query_one("#robot", Choice)
+        robot = screen.query_one("#robot", ChoiceField)
         robot.focus()
         await it.press("enter", "space")
         assert robot.value == "pepper" and "Nothing is changed yet" in str(screen.changes.content)
@@ -190,14 +191,14 @@ async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tup
         await it.until(lambda: ends in str(screen.changes.content))
         chosen = screen.chosen()
         assert (chosen.participant, chosen.condition, chosen.seed) == ("", "", None)
-        screen.query_one("#participant", Field).value = "P08"
+        screen.query_one("#participant", TextField).value = "P08"
         await it.until(lambda: "for P08" in str(screen.changes.content))
         box = screen.query_one("#box").region
         assert screen.query_one("#apply").region.bottom < box.bottom <= size[1]
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
         question = it.app.screen
-        assert isinstance(question, EndQuestion)
+        assert isinstance(question, EndSessionDialog)
         said = "\n".join(question._said)
         assert "P07 · calm" in said and "Then a new one starts for P08" in said
 
@@ -206,8 +207,8 @@ async def test_a_condition_that_the_study_does_not_have_is_refused_before_anythi
     client = FakeClient(replace(demo(), study={"conditions": ["calm", "loud"]}))
     async with console(client=client) as it:
         screen = await settings_of(it)
-        assert screen.query_one("#condition", Field).placeholder == "calm or loud"
-        screen.query_one("#condition", Field).value = "lou"
+        assert screen.query_one("#condition", TextField).placeholder == "calm or loud"
+        screen.query_one("#condition", TextField).value = "lou"
         screen.query_one("#apply", Button).press()
         await it.until(lambda: "no condition 'lou'" in str(screen.findings.content))
         assert client.closed == []
@@ -216,10 +217,10 @@ async def test_a_condition_that_the_study_does_not_have_is_refused_before_anythi
 async def test_a_home_folder_that_nobody_has_can_be_typed() -> None:
     async with console() as it:
         screen = await settings_of(it)
-        screen.query_one("#folder", Field).value = "~nobody-has-this"
+        screen.query_one("#folder", TextField).value = "~nobody-has-this"
         await it.until(lambda: screen._read == "~nobody-has-this")
-        assert screen.query_one("#robot", Choice).value == "pepper"
-    assert str(expanded("~nobody-has-this/x")) == "~nobody-has-this/x"
+        assert screen.query_one("#robot", ChoiceField).value == "pepper"
+    assert str(expand_home("~nobody-has-this/x")) == "~nobody-has-this/x"
 
 
 @pytest.mark.parametrize("name", ["scenario.toml", "acts", "rules", "memory.json", "other.toml"])
@@ -229,13 +230,13 @@ def test_any_part_makes_a_scenario(name: str, tmp_path: Path) -> None:
     else:
         (tmp_path / name).write_text("{}" if name == "memory.json" else "", encoding="utf-8")
     folder = tmp_path / name if name == "other.toml" else tmp_path
-    assert not isinstance(prepare(Settings(str(folder))), Refused)
+    assert not isinstance(load_scenario(SessionOptions(str(folder))), ScenarioProblems)
 
 
 def test_what_cannot_be_read_is_not_shown(tmp_path: Path) -> None:
-    assert shown("") is None and shown(str(tmp_path / "nowhere")) is None
-    assert shown(a_scenario(tmp_path / "bad", "robot = ")) is None
-    found = shown(a_scenario(tmp_path / "odd", 'robot = "nobody"\nmode = 5\n'))
+    assert read_summary("") is None and read_summary(str(tmp_path / "nowhere")) is None
+    assert read_summary(a_scenario(tmp_path / "bad", "robot = ")) is None
+    found = read_summary(a_scenario(tmp_path / "odd", 'robot = "nobody"\nmode = 5\n'))
     assert found is not None and found.robot == "nobody" and "nobody" in found.robots and found.mode == "debug"
 
 

@@ -6,9 +6,9 @@ import pytest
 
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_tui.actions import BY_ID
-from rise_tui.screens.arrangement import CONTROL, MONITORING
+from rise_tui.console.layout import MONITORING, START_LISTS
+from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.screens.jump import LETTERS, JumpScreen, label_line
-from rise_tui.text import plain, width_of
 from tests.console.conftest import Console, console
 
 
@@ -21,18 +21,18 @@ async def jumping(it: Console) -> JumpScreen:
 
 
 def text_of(screen: JumpScreen) -> str:
-    return "\n".join(plain(line) for _, line in screen._labels)
+    return "\n".join(plain_text(line) for _, line in screen._labels)
 
 
 def test_every_list_and_pane_has_a_letter_of_its_own() -> None:
-    assert set(LETTERS) == {*CONTROL, *MONITORING}
+    assert set(LETTERS) == {*START_LISTS, *MONITORING}
     assert len(set(LETTERS.values())) == len(LETTERS)
     assert not set(LETTERS.values()) & set(PUNCTUATION.values())
 
 
 def test_a_label_names_letter_and_title() -> None:
     line = label_line([("u", "Rule", True), ("c", "Act", False)])
-    assert plain(line) == "[u]RULE[c]act"
+    assert plain_text(line) == "[u]RULE[c]act"
 
 
 @pytest.mark.slow
@@ -46,7 +46,7 @@ async def test_the_letters_stand_on_every_list_pane_and_tab(size: tuple[int, int
             assert f"[{letter}]{title.lower()}" in said.lower(), name
         assert "esc leaves" in said
         for region, line in screen._labels:
-            assert region.width and width_of(line) <= region.width
+            assert region.width and line_width(line) <= region.width
             assert region.right <= size[0] and region.bottom <= size[1]
 
 
@@ -58,8 +58,8 @@ async def test_a_letter_goes_there_also_to_a_hidden_tab(name: str, size: tuple[i
         await jumping(it)
         await it.press(LETTERS[name])
         await it.until(lambda: it.app.screen is it.screen)
-        await it.until(lambda: it.pane(name).rows.has_focus)
-        assert name in {pane.PLACE for pane in it.screen.panes.shown()}
+        await it.until(lambda: it.pane(name).row_view.has_focus)
+        assert name in {pane.SCOPE for pane in it.screen.pane_layout.visible_panes()}
         assert it.client.sent == []
 
 
@@ -73,7 +73,7 @@ async def test_any_other_key_leaves_and_does_nothing(key: str) -> None:
         await it.until(lambda: it.app.screen is it.screen)
         await it.pilot.pause(0.1)
         assert it.client.sent == [] and it.screen.focused is before
-        assert it.pane("acts").rows.has_focus and "again?" not in it.text("acts")
+        assert it.pane("acts").row_view.has_focus and "again?" not in it.text("acts")
 
 
 @pytest.mark.parametrize("key", ["f9", "ctrl+g"])
@@ -89,8 +89,8 @@ async def test_from_a_zoomed_pane_to_any_other_which_is_then_zoomed() -> None:
         await it.press("f3", "f4")
         assert "[a]acts" in text_of(await jumping(it))
         await it.press(LETTERS["memory"])
-        await it.until(lambda: it.pane("memory").rows.has_focus)
-        assert [pane.PLACE for pane in it.screen.panes.shown()] == ["memory"]
+        await it.until(lambda: it.pane("memory").row_view.has_focus)
+        assert [pane.SCOPE for pane in it.screen.pane_layout.visible_panes()] == ["memory"]
 
 
 async def test_a_click_or_another_size_leaves() -> None:

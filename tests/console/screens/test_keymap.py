@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rise_tui.actions import ACTIONS, BY_ID, key_label, keys_of, use_keys
-from rise_tui.start.keyfile import FIXED, read_keys
-from rise_tui.start.keymap import KeyFile, for_textual
-from rise_tui.start.paths import config_folder, key_file
+from rise_tui.actions import ACTIONS, BY_ID, key_label, keys_of, use_own_keys
+from rise_tui.config.key_file import FIXED, read_keys
+from rise_tui.config.keymap import KeyFile, textual_keymap
+from rise_tui.config.paths import config_folder, key_file_path
 from tests.console.conftest import console
 from tests.console.fake import DEMO, demo
 from tests.console.terminals import ROOT, terminal
@@ -19,7 +19,7 @@ from tests.console.terminals import ROOT, terminal
 @pytest.fixture(autouse=True)
 def usual_keys() -> Iterator[None]:
     yield
-    use_keys({})
+    use_own_keys({})
 
 
 def written(folder: Path, text: str) -> KeyFile:
@@ -40,8 +40,8 @@ def test_one_key_or_several_for_any_action(tmp_path: Path) -> None:
     "log.follow" = "ctrl+w"
     """
     keys = written(tmp_path, text)
-    assert keys.findings == ()
-    assert keys.own == {
+    assert keys.problems == ()
+    assert keys.keys == {
         "cue": ("f5",),
         "zoom": ("f4", "ctrl+f"),
         "theme": ("percent_sign",),
@@ -50,12 +50,12 @@ def test_one_key_or_several_for_any_action(tmp_path: Path) -> None:
         "scheduler.earlier": ("shift+up",),
         "log.follow": ("ctrl+w",),
     }
-    assert for_textual(keys)["zoom"] == "f4,ctrl+f" and for_textual(keys)["filler"] == "no-key-of-filler"
+    assert textual_keymap(keys)["zoom"] == "f4,ctrl+f" and textual_keymap(keys)["filler"] == "no-key-of-filler"
 
 
 def test_two_actions_can_change_places(tmp_path: Path) -> None:
     keys = written(tmp_path, '[keys]\ncue = "comma"\nfiller = "space"\n')
-    assert keys.findings == () and keys.own == {"cue": ("comma",), "filler": ("space",)}
+    assert keys.problems == () and keys.keys == {"cue": ("comma",), "filler": ("space",)}
 
 
 @pytest.mark.parametrize(
@@ -87,13 +87,13 @@ def test_two_actions_can_change_places(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_and_where(tmp_path: Path, line: str, place: str, said: str) -> None:
     keys = written(tmp_path, f"[keys]\n{line}\n")
-    found = [str(finding) for finding in keys.findings]
+    found = [str(finding) for finding in keys.problems]
     assert any(each.startswith(f"{tmp_path}/keys.toml:{place}: error") and said in each for each in found), found
 
 
 def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
     text = '[key]\ncue = "f5"\n[keys]\ncue = "f5"\nzoom = "f5"\nhelp = "ctrl+m"\nnothing = "f6"\nstop = []\n'
-    found = "\n".join(map(str, written(tmp_path, text).findings))
+    found = "\n".join(map(str, written(tmp_path, text).problems))
     for said in (
         "no `key` in a key file; did you mean `keys`?",
         "`F5` is given to `cue`",
@@ -106,32 +106,36 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
 
 
 def test_a_pane_may_use_a_key_that_another_pane_uses(tmp_path: Path) -> None:
-    assert written(tmp_path, '[keys]\nacts.start = "insert"\n').findings == ()
-    assert written(tmp_path, '[keys]\nmemory.edit = "insert"\n').findings != ()
+    assert written(tmp_path, '[keys]\nacts.start = "insert"\n').problems == ()
+    assert written(tmp_path, '[keys]\nmemory.edit = "insert"\n').problems != ()
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"\x00\x01\x02\x03", b"[keys]\ncue = '\xe4'\n"])
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "keys.toml"
     path.write_bytes(content)
-    assert read_keys(path).findings and not read_keys(path).own
-    assert read_keys(tmp_path).findings and read_keys(tmp_path / "none.toml").findings
+    assert read_keys(path).problems and not read_keys(path).keys
+    assert read_keys(tmp_path).problems and read_keys(tmp_path / "none.toml").problems
 
 
 def test_where_the_file_is_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    assert key_file(None) is None
+    assert key_file_path(None) is None
     usual = tmp_path / "rise-tui" / "keys.toml"
     usual.parent.mkdir()
     usual.write_text("")
-    assert key_file(None) == usual and key_file("none") is None and key_file("/a/b.toml") == Path("/a/b.toml")
+    assert (
+        key_file_path(None) == usual
+        and key_file_path("none") is None
+        and key_file_path("/a/b.toml") == Path("/a/b.toml")
+    )
     monkeypatch.setenv("XDG_CONFIG_HOME", "relative")  # the specification says that this counts as not set
     assert config_folder() == Path.home() / ".config" / "rise-tui"
 
 
 def test_what_the_scenario_has_too(tmp_path: Path) -> None:
     keys = written(tmp_path, '[keys]\ntheme = "g"\nhelp = "f5"\nzoom = ["f4", "."]\n')
-    assert keys.findings == ()
+    assert keys.problems == ()
     found = [str(each) for each in keys.clashes(demo().keys)]
     assert len(found) == 2
     assert "keys.toml:2:9: error" in found[0] and "`g` is given to `theme` here" in found[0]
@@ -143,13 +147,13 @@ def test_every_action_can_be_given_a_key_and_keeps_its_own(tmp_path: Path) -> No
     for action in ACTIONS:
         usual = ", ".join(f'"{key}"' for key in action.keys)
         keys = written(tmp_path, f"[keys]\n{action.id} = [{usual}]\n")
-        assert keys.findings == () and keys.own == {action.id: action.keys}
-    assert not set(FIXED) & {key for action in ACTIONS if action.place == "everywhere" for key in action.keys}
+        assert keys.problems == () and keys.keys == {action.id: action.keys}
+    assert not set(FIXED) & {key for action in ACTIONS if action.scope == "everywhere" for key in action.keys}
 
 
 def test_the_guide_names_every_action_that_is_not_of_one_pane() -> None:
     text = (ROOT / "docs" / "how-to" / "remap-keys.md").read_text(encoding="utf-8")
-    assert [each.id for each in ACTIONS if each.place in ("everywhere", "console") and f"`{each.id}`" not in text] == []
+    assert [each.id for each in ACTIONS if each.scope in ("everywhere", "console") and f"`{each.id}`" not in text] == []
 
 
 # --- in the console ---------------------------------------------------------------------------------------------------
@@ -173,15 +177,15 @@ async def test_the_console_follows_the_file(tmp_path: Path) -> None:
 async def test_the_keys_shown_are_the_keys_that_work(tmp_path: Path) -> None:
     keys = written(tmp_path, '[keys]\nhelp = "f5"\ncue = "%"\n')
     async with console(keys=keys) as it:
-        hints = it.screen.hints.text
+        hints = it.screen.key_hints.text
         assert "F5 help" in hints and "? help" not in hints
         assert BY_ID["cue"].key_label == "%" and keys_of(BY_ID["help"]) == ("f5",)
     async with console() as it:
-        assert "? help" in it.screen.hints.text, "the keys of another console are left over"
+        assert "? help" in it.screen.key_hints.text, "the keys of another console are left over"
 
 
 async def test_a_clash_with_the_scenario_opens_no_console(tmp_path: Path) -> None:
-    from rise_tui.app import ConsoleApp
+    from rise_tui.console.app import ConsoleApp
     from tests.console.fake import FakeClient, FakeLauncher
 
     client = FakeClient(demo())
@@ -193,7 +197,7 @@ async def test_a_clash_with_the_scenario_opens_no_console(tmp_path: Path) -> Non
                 break
             await pilot.pause(0.02)
     assert app.return_code == 2 and client.closed == [False], "the session must go on"
-    assert app.last_words.count("error key-twice") == 2 and "--keys none" in app.last_words
+    assert app.exit_message.count("error key-twice") == 2 and "--keys none" in app.exit_message
 
 
 @pytest.mark.pty

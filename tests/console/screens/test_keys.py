@@ -7,11 +7,11 @@ import asyncio
 import pytest
 from textual import events
 
-from rise_engine.link.client import ClientInput, Reply
-from rise_tui.model.control import Taken
+from rise_engine.protocol.client import ClientInput, Reply
+from rise_tui.model.control import ControlLost
 from tests.console.conftest import console
 
-TAKEN = Taken("wizard:ben", 83.0)
+TAKEN = ControlLost("wizard:ben", 83.0)
 GREET = ("startCommunicationRobotAct", "Greet")
 
 
@@ -37,7 +37,7 @@ async def test_a_scenario_key_submits_its_task_as_the_wizard(key: str, function:
 @pytest.mark.parametrize("pane", ["acts", "rules", "memory", "act", "rule", "scheduler", "log"])
 async def test_scenario_keys_work_whatever_list_has_the_focus(pane: str) -> None:
     async with console() as it:
-        it.screen.panes.go_to(pane)
+        it.screen.pane_layout.focus_pane(pane)
         await it.press("g")
         await it.sent(*GREET)
 
@@ -79,44 +79,44 @@ async def test_a_key_takes_the_notice_away() -> None:
     async with console() as it:
         it.screen.show_notice("read me")
         await it.until(lambda: "read me" in it.notice)
-        it.screen.painting._noticed_at -= 2  # it has been there long enough to be read
+        it.screen.refresh_scheduler._noticed_at -= 2  # it has been there long enough to be read
         await it.press("down")
         await it.until(lambda: not it.notice)
 
 
 async def test_a_key_takes_no_notice_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console() as it:
-        painting, store = it.screen.painting, it.screen.session.store
+        painting, store = it.screen.refresh_scheduler, it.screen.session.store
         it.screen.show_notice("read me")
         await it.until(lambda: "read me" in it.notice)
         painting._noticed_at -= 2
         monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
-        painting.key_pressed()
+        painting.dismiss_read_notices()
         assert store.notice is None
         it.screen.show_notice("it was refused")
-        painting.key_pressed()
+        painting.dismiss_read_notices()
         assert store.notice is not None and store.notice.text == "it was refused"
 
 
 async def test_a_key_takes_no_word_of_control_away_that_has_not_been_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     async with console() as it:
-        painting, store = it.screen.painting, it.screen.session.store
-        store.taken = TAKEN
-        painting.changed({"status"})
+        painting, store = it.screen.refresh_scheduler, it.screen.session.store
+        store.control_lost = TAKEN
+        painting.schedule({"status"})
         await it.until(lambda: painting._taken_at)
         painting._taken_at -= 2  # it has been there long enough to be read
         monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
-        painting.key_pressed()
-        assert store.taken is None
-        store.taken = TAKEN
-        painting.key_pressed()
-        assert store.taken is TAKEN
+        painting.dismiss_read_notices()
+        assert store.control_lost is None
+        store.control_lost = TAKEN
+        painting.dismiss_read_notices()
+        assert store.control_lost is TAKEN
 
 
 async def test_stopped_keys_start_nothing_and_say_why() -> None:
     async with console() as it:
         it.client.stop("latched", ("speech",))
-        await it.until(lambda: it.screen.session.store.state == "STOPPED")
+        await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
         await it.press("g", "enter")
         assert it.client.sent == []
         assert "STOPPED" in it.notice and "ctrl+r" in it.notice

@@ -10,13 +10,13 @@ import pytest
 from textual.widgets import Button, Static
 
 from rise_engine.kernel.records import SessionRecord
-from rise_engine.link.client import EngineGone, Hello
-from rise_engine.scenario.keys import KeyRefusedError, normal_key
-from rise_tui.screens.console import ConsoleScreen
+from rise_engine.protocol.client import AttachReply, EngineGone
+from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
+from rise_tui.config.launch import RecoveredClient
+from rise_tui.console.exit_dialogs import END_KEY
+from rise_tui.console.screen import ConsoleScreen
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.ending import EndQuestion
-from rise_tui.start.launch import Recovered
-from rise_tui.start.leaving import END_KEY
+from rise_tui.screens.end_session import EndSessionDialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, FakeLauncher, demo
 
@@ -32,9 +32,9 @@ async def asked_to_end(it: Console) -> str:
     """What the question before the end says."""
     await leaving(it)
     await it.press("ctrl+x")
-    await it.until(lambda: isinstance(it.app.screen, EndQuestion) and it.app.screen.query("#word"))
+    await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
     question = it.app.screen
-    assert isinstance(question, EndQuestion)
+    assert isinstance(question, EndSessionDialog)
     return "\n".join([str(question.query_one("#box").border_title), *question._said])
 
 
@@ -45,7 +45,7 @@ def begun(client: FakeClient, participant: str, condition: str = "") -> FakeClie
 
 async def test_no_key_of_any_study_ends_a_session() -> None:
     with pytest.raises(KeyRefusedError):
-        normal_key(END_KEY)
+        bindable_key_name(END_KEY)
     async with console() as it:
         await leaving(it)
         for key in (*"abcefghijklmnopqrstuvwxyz0123456789", "full_stop", "space", "f5"):
@@ -53,10 +53,10 @@ async def test_no_key_of_any_study_ends_a_session() -> None:
         await it.pilot.pause(0.1)
         assert it.client.closed == [] and isinstance(it.app.screen, Dialog)
         await it.press("ctrl+x")
-        await it.until(lambda: isinstance(it.app.screen, EndQuestion))
+        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog))
         for word in ("e", "enter", "n", "x", "enter"):
             await it.press(word)
-        assert it.client.closed == [] and isinstance(it.app.screen, EndQuestion)
+        assert it.client.closed == [] and isinstance(it.app.screen, EndSessionDialog)
         assert "that is not the word" in str(it.app.screen.query_one("#answer", Static).content)
         await it.press("escape")
         await it.until(lambda: it.app.screen is it.screen)
@@ -86,7 +86,7 @@ async def test_stop_works_while_the_word_is_typed_and_the_question_stays() -> No
         await asked_to_end(it)
         await it.press("e", "n", "f9")
         await it.sent("stopAll", "")
-        assert isinstance(it.app.screen, EndQuestion) and it.client.closed == []
+        assert isinstance(it.app.screen, EndSessionDialog) and it.client.closed == []
         await it.press("d", "enter")
         await it.until(lambda: it.client.closed == [True])
 
@@ -124,7 +124,7 @@ async def test_detaching_leaves_the_session_alone(key: str) -> None:
         await it.press(key)
         await it.until(lambda: it.client.closed == [False])
         await it.until(lambda: not it.app.is_running)
-        assert it.app.last_words == "detached: Demo study goes on; come back with: rise-tui"
+        assert it.app.exit_message == "detached: Demo study goes on; come back with: rise-tui"
         assert it.app.return_code == 0
 
 
@@ -136,7 +136,7 @@ async def test_ending_ends_the_session_and_says_where_its_record_is(monkeypatch:
         await it.until(lambda: it.client.closed == [True])
         await it.until(lambda: not it.app.is_running)
         said = "ended: the record is in ~/rise-sessions/2026-11-21_141503_demo-study_debug"
-        assert it.app.last_words == said
+        assert it.app.exit_message == said
 
 
 @pytest.mark.slow
@@ -172,22 +172,22 @@ async def test_a_second_ctrl_c_asks_nothing_more() -> None:
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
 async def test_a_signal_detaches(number: signal.Signals) -> None:
     async with console() as it:
-        it.app._signalled(number)
+        it.app._leave_by_signal(number)
         await it.until(lambda: it.client.closed == [False])
         await it.until(lambda: not it.app.is_running)
-        assert it.app.last_words == f"{number.name}: detached: Demo study goes on; come back with: rise-tui"
+        assert it.app.exit_message == f"{number.name}: detached: Demo study goes on; come back with: rise-tui"
         assert it.app.return_code == 128 + number
 
 
 async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> None:
     client, again = FakeClient(demo()), FakeClient(demo())
     asked: list[str] = []
-    ways = iter([EngineGone("the disk is full"), Recovered(again, "3 actions were lost")])
+    ways = iter([EngineGone("the disk is full"), RecoveredClient(again, "3 actions were lost")])
 
     going = Event()
     going.set()
 
-    def recover(hello: Hello, tell: Callable[[str], object]) -> Recovered:
+    def recover(hello: AttachReply, tell: Callable[[str], object]) -> RecoveredClient:
         asked.append(hello.folder)
         tell("recovering: 412,000 of 1,040,000 records")
         going.wait(10)
@@ -199,8 +199,8 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
     async with console(client=client, launcher=FakeLauncher(client, recover=recover)) as it:
         gone = it.screen
         client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
-        assert "recovers the session, or leaves" in it.screen.alarm.text
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
+        assert "recovers the session, or leaves" in it.screen.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
         await it.press("r")
         await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
@@ -212,7 +212,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         await it.press("question_mark")  # a screen above it, while the engine starts
         await it.until(lambda: it.app.screen is not gone)
         going.set()
-        await it.until(lambda: it.screen is not gone and not it.screen.alarm.text)
+        await it.until(lambda: it.screen is not gone and not it.screen.alarm_bar.text)
         await it.until(lambda: "3 actions were lost" in it.notice)
         assert asked == [client.hello().folder] * 2 and client.closed == [False]
         assert sum(isinstance(screen, ConsoleScreen) for screen in it.app.screen_stack) == 1
@@ -223,11 +223,11 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
 
 async def test_who_does_not_recover_leaves() -> None:
     client = FakeClient(demo(), you="observer:ben", role="observer")
-    launcher = FakeLauncher(client, recover=lambda hello, tell: Recovered(client))
+    launcher = FakeLauncher(client, recover=lambda hello, tell: RecoveredClient(client))
     async with console(client=client, launcher=launcher) as it:
         client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
-        assert "watches again once it is recovered, or leaves" in it.screen.alarm.text
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
+        assert "watches again once it is recovered, or leaves" in it.screen.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Watch (r)", "Leave (l)"]
         await it.press("l")
         await it.until(lambda: not it.app.is_running)
@@ -236,16 +236,16 @@ async def test_who_does_not_recover_leaves() -> None:
 async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:
     async with console() as it:
         it.client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm.text)
+        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
-        assert "the engine has gone; to recover the session: rise-tui --config " in it.app.last_words
+        assert "the engine has gone; to recover the session: rise-tui --config " in it.app.exit_message
 
 
 async def test_leaving_a_session_that_somebody_has_ended() -> None:
     async with console() as it:
         it.client.end_in_order("ended by wizard:ben")
-        await it.until(lambda: "SESSION ENDED" in it.screen.alarm.text)
+        await it.until(lambda: "SESSION ENDED" in it.screen.alarm_bar.text)
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
-        assert it.app.last_words.startswith("ended: the record is in ")
+        assert it.app.exit_message.startswith("ended: the record is in ")

@@ -6,10 +6,10 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import MistakeRecord
-from rise_engine.view import TaskView
-from rise_tui.model.mistakes import newest
-from rise_tui.text import plain
-from rise_tui.widgets import mistake as line
+from rise_engine.kernel.view import TaskView
+from rise_tui.model.mistakes import newest_markable
+from rise_tui.rendering.text import plain_text
+from rise_tui.widgets import mistake_line as line
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -41,7 +41,7 @@ def task(id: int, function: str = ACT, source: str = "wizard:anna", status: str 
     ],
 )
 def test_which_deed_is_meant(tasks: list[TaskView], meant: int | None) -> None:
-    found = newest({each.id: each for each in tasks}, "wizard:anna")
+    found = newest_markable({each.id: each for each in tasks}, "wizard:anna")
     assert (found.id if found is not None else None) == meant
 
 
@@ -63,11 +63,13 @@ async def test_the_newest_act_is_wrong_at_once() -> None:
         await it.press("exclamation_mark")
         await it.until(lambda: marks(it) == [f"{id} wrong"])
         assert it.client.sent[-1].pressed is not None
-        assert it.screen.mistake.has_focus
+        assert it.screen.mistake_line.has_focus
         record(it, id, "wrong")
-        await it.until(lambda: "! marked wrong" in it.screen.mistake.text and "Greet" in it.screen.mistake.text)
+        await it.until(
+            lambda: "! marked wrong" in it.screen.mistake_line.text and "Greet" in it.screen.mistake_line.text
+        )
         for piece in ("w wrong", "l late", "e early", "d double", "u undo", "esc"):
-            assert piece in it.screen.mistake.text
+            assert piece in it.screen.mistake_line.text
 
 
 @pytest.mark.slow
@@ -77,8 +79,8 @@ async def test_a_letter_is_the_better_word(key: str, mark: str) -> None:
         id = it.client.act("Greet")
         await it.press("exclamation_mark", key)
         await it.until(lambda: marks(it) == [f"{id} wrong", f"{id} {mark}"])
-        await it.until(lambda: it.pane("acts").rows.has_focus and not it.screen.mistake.is_open)
-        assert it.screen.notice.display
+        await it.until(lambda: it.pane("acts").row_view.has_focus and not it.screen.mistake_line.is_open)
+        assert it.screen.notice_line.display
 
 
 @pytest.mark.parametrize("key", ["w", "escape"])
@@ -86,7 +88,7 @@ async def test_wrong_it_is_already(key: str) -> None:
     async with console() as it:
         id = it.client.act("Greet")
         await it.press("exclamation_mark", key)
-        await it.until(lambda: not it.screen.mistake.is_open)
+        await it.until(lambda: not it.screen.mistake_line.is_open)
         await it.pilot.pause(0.1)
         assert marks(it) == [f"{id} wrong"]
 
@@ -109,9 +111,9 @@ async def test_any_other_key_closes_it_and_does_what_it_always_does() -> None:
         id = it.client.act("Greet")
         await it.press("exclamation_mark", "p")
         await it.sent(ACT, "Praise")
-        assert marks(it) == [f"{id} wrong"] and not it.screen.mistake.is_open
+        assert marks(it) == [f"{id} wrong"] and not it.screen.mistake_line.is_open
         await it.press("exclamation_mark", "f3")
-        await it.until(lambda: it.pane("rule").rows.has_focus)
+        await it.until(lambda: it.pane("rule").row_view.has_focus)
 
 
 async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,7 +121,7 @@ async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest
     async with console() as it:
         it.client.act("Greet")
         await it.press("exclamation_mark")
-        await it.until(lambda: not it.screen.mistake.is_open and it.pane("acts").rows.has_focus)
+        await it.until(lambda: not it.screen.mistake_line.is_open and it.pane("acts").row_view.has_focus)
         await it.press("g")
         await it.sent(ACT, "Greet")
 
@@ -145,8 +147,8 @@ async def test_whatever_key_was_pressed_last_is_marked_by_its_name(
         await it.press("exclamation_mark")
         await it.until(lambda: marks(it) == ["2 wrong"])
         record(it, 2, "wrong")
-        await it.until(lambda: "! marked wrong" in it.screen.mistake.text)
-        assert f" {name} " in it.screen.mistake.text and "d double" in it.screen.mistake.text
+        await it.until(lambda: "! marked wrong" in it.screen.mistake_line.text)
+        assert f" {name} " in it.screen.mistake_line.text and "d double" in it.screen.mistake_line.text
 
 
 async def test_a_second_console_is_the_same_person() -> None:
@@ -164,15 +166,15 @@ async def test_without_a_deed_there_is_nothing_to_mark() -> None:
         it.client.task("raiseEventTopic", "/next", "SUCCEEDED", source="ros:camera")
         await it.press("exclamation_mark")
         await it.until(lambda: "you have done nothing yet" in it.notice)
-        assert marks(it) == [] and not it.screen.mistake.is_open
+        assert marks(it) == [] and not it.screen.mistake_line.is_open
 
 
 async def test_the_mark_stands_in_the_log() -> None:
     async with console(size=(200, 50)) as it:
         id = it.client.act("Greet", "SUCCEEDED")
-        log = it.pane("log").rows
+        log = it.pane("log").row_view
         await it.until(lambda: log.count == 1)
         record(it, id, "late")
-        await it.until(lambda: "late" in plain(log.row_at(0).line))
+        await it.until(lambda: "late" in plain_text(log.row_at(0).line))
         record(it, id, "none")
-        await it.until(lambda: "late" not in plain(log.row_at(0).line))
+        await it.until(lambda: "late" not in plain_text(log.row_at(0).line))

@@ -9,10 +9,10 @@ from textual.widgets import Input
 
 from rise_engine.kernel.records import EventRecord, MemoryRecord
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
-from rise_tui.model.explain import raised_by_engine
+from rise_tui.model.rule_text import engine_raises_text
 from rise_tui.panes.memory import MemoryPane
-from rise_tui.text import fit_end, headed, plain, value_text
-from rise_tui.widgets.rows import RowList
+from rise_tui.rendering.text import fit_end, format_value, heading_line, plain_text
+from rise_tui.widgets.row_list import RowList
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
 
@@ -24,11 +24,11 @@ def with_driver(driver: str) -> Scenario:
 
 async def test_a_real_session_on_a_simulated_robot_says_so_for_ever() -> None:
     async with console(client=FakeClient(with_driver("simulated"), mode="real"), size=(80, 24)) as it:
-        await it.until(lambda: "REAL (simulated!)" in it.screen.status.text)
+        await it.until(lambda: "REAL (simulated!)" in it.screen.status_line.text)
     async with console(client=FakeClient(with_driver("ros"), mode="real")) as it:
-        await it.until(lambda: "REAL  pepper ●" in it.screen.status.text)
+        await it.until(lambda: "REAL  pepper ●" in it.screen.status_line.text)
     async with console(client=FakeClient(with_driver("ros"))) as it:
-        await it.until(lambda: "DEBUG  pepper (sim) ●" in it.screen.status.text)
+        await it.until(lambda: "DEBUG  pepper (sim) ●" in it.screen.status_line.text)
 
 
 def event(source: str, taken_by: str | None = None, topic: str = "/next") -> EventRecord:
@@ -37,10 +37,10 @@ def event(source: str, taken_by: str | None = None, topic: str = "/next") -> Eve
 
 async def test_an_event_that_nobody_waited_for_is_told_and_stands_in_the_log() -> None:
     async with console(size=(200, 50)) as it:
-        log = it.pane("log").rows
+        log = it.pane("log").row_view
 
         def last() -> str:
-            return plain(log.row_at(log.count - 1).line) if log.count else ""
+            return plain_text(log.row_at(log.count - 1).line) if log.count else ""
 
         await it.press("n")
         await it.until(lambda: "raised next" in it.notice)
@@ -52,7 +52,7 @@ async def test_an_event_that_nobody_waited_for_is_told_and_stands_in_the_log() -
         await it.until(lambda: log.count == 2)
         it.client.emit(event("wizard:anna"))
         await it.until(lambda: "/next: nobody was waiting for it" in it.notice)
-        assert "not taken" in last() and "done" in plain(log.row_at(0).line)
+        assert "not taken" in last() and "done" in plain_text(log.row_at(0).line)
 
 
 async def test_whose_lost_events_are_told() -> None:
@@ -75,17 +75,17 @@ async def test_whose_lost_events_are_told() -> None:
 async def test_delete_does_not_hit_a_row_that_came_under_the_cursor_just_now() -> None:
     async with console() as it:
         first, second = it.client.act("Greet"), it.client.act("Praise", "PENDING")
-        it.screen.panes.go_to("scheduler")
-        rows = it.pane("scheduler").rows
-        await it.until(lambda: rows.current == str(first))
+        it.screen.pane_layout.focus_pane("scheduler")
+        rows = it.pane("scheduler").row_view
+        await it.until(lambda: rows.current_id == str(first))
         it.client.end_task(first, "Greet")
-        await it.until(lambda: rows.current == str(second))
+        await it.until(lambda: rows.current_id == str(second))
         for key in ("delete", "backspace"):
             await it.press(key)
         await it.until(lambda: "the list has just changed; press again" in it.notice)
         assert it.client.asked() == []
         assert isinstance(rows, RowList)
-        await it.until(lambda: not rows.just_fell)
+        await it.until(lambda: not rows.was_just_displaced)
         await it.press("delete")
         await it.sent("cancelTask", str(second))
 
@@ -93,27 +93,27 @@ async def test_delete_does_not_hit_a_row_that_came_under_the_cursor_just_now() -
 async def test_a_cursor_that_the_wizard_has_moved_is_where_the_wizard_thinks() -> None:
     async with console() as it:
         ids = [it.client.act(name, "PENDING") for name in ("Greet", "Praise", "Filler")]
-        it.screen.panes.go_to("scheduler")
-        rows = it.pane("scheduler").rows
-        await it.until(lambda: rows.current == str(ids[0]))
+        it.screen.pane_layout.focus_pane("scheduler")
+        rows = it.pane("scheduler").row_view
+        await it.until(lambda: rows.current_id == str(ids[0]))
         it.client.end_task(ids[0], "Greet", "CANCELED")
-        await it.until(lambda: rows.current == str(ids[1]))
+        await it.until(lambda: rows.current_id == str(ids[1]))
         await it.press("down", "delete")
         await it.sent("cancelTask", str(ids[2]))
 
 
 def test_the_engine_raises_its_own_events() -> None:
     scenario = demo()
-    assert raised_by_engine(scenario, "Greet_failed") == "Greet raises this event itself when it fails"
-    assert raised_by_engine(scenario, "Main_end") == "Main raises this event itself when it ends"
-    assert raised_by_engine(scenario, "Main_failed") == raised_by_engine(scenario, "next") == ""
+    assert engine_raises_text(scenario, "Greet_failed") == "Greet raises this event itself when it fails"
+    assert engine_raises_text(scenario, "Main_end") == "Main raises this event itself when it ends"
+    assert engine_raises_text(scenario, "Main_failed") == engine_raises_text(scenario, "next") == ""
 
 
 async def test_enter_does_not_forge_an_event_of_the_engine() -> None:
     async with console() as it:
         it.client.rule("Main", "started", "greeting", trigger="start")
         await it.until(lambda: "in greeting" in it.text("rule"))
-        it.screen.panes.go_to("rule")
+        it.screen.pane_layout.focus_pane("rule")
         await it.press("enter")
         await it.until(lambda: "Greet raises this event itself when it ends" in it.notice)
         await it.pilot.pause(0.1)
@@ -128,18 +128,18 @@ async def test_a_key_that_sets_a_value_says_what_it_did() -> None:
 
 def test_control_characters_are_shown_escaped_and_read_back() -> None:
     for value in ("two\nlines", "bell\x07", "\x9b31m", "hidden\u202e", "\ud800", ["a\x7f"]):
-        text = value_text(value)
+        text = format_value(value)
         assert text.isprintable() and json.loads(text) == value
 
 
 async def test_a_string_of_two_lines_is_edited_as_json() -> None:
     async with console() as it:
         it.client.emit(MemoryRecord(0, 0.0, "", "note", "one\ntwo", None, "rule:Main", created=True))
-        it.screen.panes.go_to("memory")
+        it.screen.pane_layout.focus_pane("memory")
         pane = it.pane("memory")
         assert isinstance(pane, MemoryPane)
         await it.until(lambda: it.row("memory", "note"))
-        pane.list.select("note")
+        pane.row_list.select("note")
         await it.press("enter")
         assert isinstance(it.screen.focused, Input) and it.screen.focused.value == '"one\\ntwo"'
         await it.press("enter")
@@ -149,7 +149,7 @@ async def test_a_string_of_two_lines_is_edited_as_json() -> None:
 async def test_the_remark_about_json_is_never_cut() -> None:
     for size in ((80, 24), (120, 40)):
         async with console(size=size) as it:
-            it.screen.panes.go_to("memory")
+            it.screen.pane_layout.focus_pane("memory")
             pane = it.pane("memory")
             assert isinstance(pane, MemoryPane)
             await it.press("home", "enter", "left_curly_bracket")
@@ -168,5 +168,5 @@ async def test_the_end_of_a_state_stays_in_the_list_of_rules() -> None:
 
 
 def test_a_long_name_leaves_its_state() -> None:
-    line = plain(headed("A" * 60, ("► running", "accent"), (("12.3 of 14 s ", "plain"),), 40))
+    line = plain_text(heading_line("A" * 60, ("► running", "accent"), (("12.3 of 14 s ", "plain"),), 40))
     assert len(line) == 40 and "► running" in line and "12.3 of 14 s" in line and "…" in line

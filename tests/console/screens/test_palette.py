@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from rise_tui import themes
 from rise_tui.actions import ACTIONS
-from rise_tui.commands import Command, commands, found, theme_commands
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.store import Store
+from rise_tui.rendering import themes
 from rise_tui.screens.palette import Palette
+from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, search_commands, theme_commands
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -19,13 +19,13 @@ def a_store(client: FakeClient | None = None) -> Store:
     return Store(client.hello(), "anna", client.now)
 
 
-def all_commands(store: Store, ran: list[object] | None = None) -> list[Command]:
+def all_commands(store: Store, ran: list[object] | None = None) -> list[PaletteCommand]:
     into: list[object] = [] if ran is None else ran
-    return [*commands(store, "rule", into.append, into.append), *theme_commands(into.append)]
+    return [*palette_commands(store, "rule", into.append, into.append), *theme_commands(into.append)]
 
 
 def titles(typed: str, store: Store | None = None) -> list[str]:
-    return [hit.command.title for hit in found(all_commands(store or a_store()), typed)]
+    return [hit.command.title for hit in search_commands(all_commands(store or a_store()), typed)]
 
 
 def test_it_has_every_action_act_rule_and_theme() -> None:
@@ -62,7 +62,7 @@ def test_the_end_of_an_act_that_a_rule_waits_for_is_no_event_of_the_wizards() ->
     client = FakeClient(demo())
     client.rule("Main", "started", "greeting")
     store = a_store(client)
-    assert "Greet_end" in store.awaited().events
+    assert "Greet_end" in store.expected_inputs().events
     made = all_commands(store)
     assert [command.title for command in made if command.kind == "event"] == ["next"]  # the key's own
     assert "waits for it" in next(command.help for command in made if command.title == "Greet")
@@ -99,7 +99,7 @@ def test_what_cannot_be_done_is_there_with_the_reason() -> None:
     client = FakeClient(demo())
     client.stop("latched")
     greet = next(command for command in all_commands(a_store(client)) if command.title == "Greet")
-    assert greet.why_not.startswith("STOPPED")
+    assert greet.blocked_text.startswith("STOPPED")
 
 
 def test_a_hold_act_stays_one_and_keeps_its_debounce() -> None:
@@ -146,7 +146,7 @@ async def test_the_cursor_goes_up_and_down_and_a_letter_brings_it_back_to_the_fi
 async def test_what_cannot_be_done_says_why_in_its_line_and_when_it_is_chosen() -> None:
     async with console() as it:
         it.client.stop("latched")
-        await it.until(lambda: it.screen.session.store.state == "STOPPED")
+        await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
         screen = await opened(it, "praise")
         assert "not now: STOPPED" in screen.list.text
         await it.press("enter")
@@ -159,7 +159,7 @@ async def test_esc_does_nothing_and_letters_start_nothing() -> None:
         await opened(it, "g")
         await it.press("escape")
         await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.sent == [] and it.pane("acts").rows.has_focus
+        assert it.client.sent == [] and it.pane("acts").row_view.has_focus
 
 
 async def test_nothing_found_chooses_nothing() -> None:

@@ -10,11 +10,11 @@ from time import monotonic
 
 import pytest
 
-from rise_engine.link.places import session_name
-from rise_tui.start.keeper import Keeper
-from rise_tui.start.paths import CONSOLE, state_folder
-from rise_tui.start.preferences import Places, Preferences, load, save
-from rise_tui.themes import short_name
+from rise_engine.protocol.registry import session_name
+from rise_tui.config.paths import PREFERENCES_NAME, state_folder
+from rise_tui.config.preferences import Preferences, SavedLayout, load_saved, write_saved
+from rise_tui.console.ui_state import UiState
+from rise_tui.rendering.themes import short_name
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO, FakeClient, demo
 from tests.console.terminals import PATIENCE, terminal
@@ -26,17 +26,17 @@ def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "rise-tui"
 
 
-def kept_places() -> Places:
-    return load(state_folder() / f"{session_name(demo().folder)}.json", Places)[0]
+def kept_places() -> SavedLayout:
+    return load_saved(state_folder() / f"{session_name(demo().folder)}.json", SavedLayout)[0]
 
 
 def test_what_was_saved_is_loaded(own_state: Path) -> None:
     path = own_state / "deep" / "a.json"
-    assert save(path, Places({"upper": "act"}, {"log": "Ä"})) == ""
-    assert load(path, Places) == (Places({"upper": "act"}, {"log": "Ä"}), "")
+    assert write_saved(path, SavedLayout({"upper": "act"}, {"log": "Ä"})) == ""
+    assert load_saved(path, SavedLayout) == (SavedLayout({"upper": "act"}, {"log": "Ä"}), "")
     assert stat.S_IMODE(path.stat().st_mode) == 0o600 and stat.S_IMODE(path.parent.stat().st_mode) == 0o700
     assert [each.name for each in path.parent.iterdir()] == ["a.json"], "a temporary file is left over"
-    assert load(own_state / "none.json", Preferences) == (Preferences(), "")
+    assert load_saved(own_state / "none.json", Preferences) == (Preferences(), "")
 
 
 @pytest.mark.parametrize(
@@ -55,36 +55,36 @@ def test_what_was_saved_is_loaded(own_state: Path) -> None:
 )
 def test_a_broken_or_foreign_file_is_left_out_with_one_sentence(own_state: Path, content: bytes) -> None:
     own_state.mkdir()
-    path = own_state / CONSOLE
+    path = own_state / PREFERENCES_NAME
     path.write_bytes(content)
-    found, said = load(path, Preferences)
+    found, said = load_saved(path, Preferences)
     assert found == Preferences() and said.startswith(f"{path} was not used: ") and "\n" not in said
 
 
 def test_what_is_no_file_of_ours_is_left_out(own_state: Path) -> None:
     own_state.mkdir()
-    save(own_state / "real.json", Preferences("light"))
+    write_saved(own_state / "real.json", Preferences("light"))
     (own_state / "link.json").symlink_to(own_state / "real.json")
     os.mkfifo(own_state / "pipe.json")
     (own_state / "folder.json").mkdir()
     for name in ("link", "pipe", "folder"):
-        found, said = load(own_state / f"{name}.json", Preferences)
+        found, said = load_saved(own_state / f"{name}.json", Preferences)
         assert found == Preferences() and "was not used" in said, name
 
 
 def test_what_cannot_be_written_is_a_sentence(own_state: Path) -> None:
     own_state.write_text("in the way")
-    assert "is not kept for the next time" in save(own_state / "a.json", Preferences())
+    assert "is not kept for the next time" in write_saved(own_state / "a.json", Preferences())
 
 
 def test_consoles_that_write_at_once_leave_a_whole_file(own_state: Path) -> None:
-    path = own_state / CONSOLE
+    path = own_state / PREFERENCES_NAME
     mixed: list[str] = []
 
     def write(theme: str) -> None:
         for _ in range(60):
-            save(path, Preferences(theme * 2000))
-            found, said = load(path, Preferences)
+            write_saved(path, Preferences(theme * 2000))
+            found, said = load_saved(path, Preferences)
             if said or len(set(found.theme)) != 1:
                 mixed.append(said or found.theme)
 
@@ -101,85 +101,89 @@ def test_consoles_that_write_at_once_leave_a_whole_file(own_state: Path) -> None
 
 async def changed(it: Console) -> None:
     """Another pane in front, a filter, another theme."""
-    it.screen.panes.go_to("memory")
-    it.screen.panes.panes["acts"].set_filter("gre")
+    it.screen.pane_layout.focus_pane("memory")
+    it.screen.pane_layout.panes["acts"].set_filter("gre")
     it.app.theme = "rise-light"
     await it.pilot.pause()
 
 
 @pytest.mark.slow
 async def test_layout_filters_and_theme_come_back() -> None:
-    async with console(keeper=Keeper(Preferences())) as it:
+    async with console(keeper=UiState(Preferences())) as it:
         await changed(it)
         await it.press("f4")  # zoomed, which is for the moment
         await it.until(lambda: kept_places().filters == {"acts": "gre"} and kept_places().layout["upper"] == "memory")
-        await it.until(lambda: load(state_folder() / CONSOLE, Preferences)[0].theme == "light")
-    preferences = load(state_folder() / CONSOLE, Preferences)[0]
-    async with console(keeper=Keeper(preferences), theme=preferences.theme) as it:
-        assert it.screen.panes.panes["acts"].filter_text == "gre" and "Praise" not in it.text("acts")
-        assert it.screen.panes.panes["memory"].display and not it.screen.panes.zoomed
+        await it.until(lambda: load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].theme == "light")
+    preferences = load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0]
+    async with console(keeper=UiState(preferences), theme=preferences.theme) as it:
+        assert it.screen.pane_layout.panes["acts"].filter_text == "gre" and "Praise" not in it.text("acts")
+        assert it.screen.pane_layout.panes["memory"].display and not it.screen.pane_layout.is_zoomed
         assert short_name(it.app.theme) == "light"
 
 
 @pytest.mark.slow
 async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() -> None:
     """The next participant's console has nothing of the one before but the theme."""
-    async with console(keeper=Keeper(Preferences())) as it:
+    async with console(keeper=UiState(Preferences())) as it:
         await changed(it)
         await it.until(lambda: kept_places().filters and kept_places().session)
     client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
-    async with console(client=client, keeper=Keeper(Preferences())) as it:
-        assert it.screen.panes.panes["acts"].filter_text == "" and "Praise" in it.text("acts")
-        assert it.screen.panes.panes["rule"].display and not it.screen.panes.panes["memory"].display
-        assert it.pane("acts").rows.has_focus
+    async with console(client=client, keeper=UiState(Preferences())) as it:
+        assert it.screen.pane_layout.panes["acts"].filter_text == "" and "Praise" in it.text("acts")
+        assert it.screen.pane_layout.panes["rule"].display and not it.screen.pane_layout.panes["memory"].display
+        assert it.pane("acts").row_view.has_focus
 
 
 @pytest.mark.slow
 async def test_with_fresh_nothing_comes_back() -> None:
-    async with console(keeper=Keeper(Preferences())) as it:
+    async with console(keeper=UiState(Preferences())) as it:
         await changed(it)
         await it.until(lambda: kept_places().filters)
-    async with console(keeper=Keeper(Preferences(), fresh=True)) as it:
-        assert it.screen.panes.panes["acts"].filter_text == "" and not it.screen.panes.panes["memory"].display
+    async with console(keeper=UiState(Preferences(), fresh=True)) as it:
+        assert (
+            it.screen.pane_layout.panes["acts"].filter_text == "" and not it.screen.pane_layout.panes["memory"].display
+        )
 
 
 async def test_those_who_only_watch_change_nothing() -> None:
-    async with console(keeper=Keeper(Preferences(), keeps=False)) as it:
+    async with console(keeper=UiState(Preferences(), keeps=False)) as it:
         await changed(it)
         await it.pilot.pause(1.3)
         assert not state_folder().exists()
 
 
 async def test_a_theme_that_was_not_changed_is_not_kept() -> None:
-    async with console(keeper=Keeper(Preferences(theme="light")), theme="contrast") as it:
-        it.screen.panes.go_to("memory")
+    async with console(keeper=UiState(Preferences(theme="light")), theme="contrast") as it:
+        it.screen.pane_layout.focus_pane("memory")
         await it.until(lambda: kept_places().layout.get("upper") == "memory")
-        assert not (state_folder() / CONSOLE).exists(), "a theme of the command line is for once"
+        assert not (state_folder() / PREFERENCES_NAME).exists(), "a theme of the command line is for once"
 
 
 async def test_two_consoles_keep_what_each_has_changed() -> None:
-    save(state_folder() / CONSOLE, Preferences(theme="light"))
-    keeper = Keeper(Preferences())
-    for path, kept in keeper.tour_seen():
-        save(path, kept)
-    assert load(state_folder() / CONSOLE, Preferences)[0] == Preferences(theme="light", tour=True)
+    write_saved(state_folder() / PREFERENCES_NAME, Preferences(theme="light"))
+    keeper = UiState(Preferences())
+    for path, kept in keeper.mark_tour_seen():
+        write_saved(path, kept)
+    assert load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0] == Preferences(theme="light", tour=True)
 
 
-@pytest.mark.parametrize("name", [CONSOLE, f"{session_name(demo().folder)}.json"])
+@pytest.mark.parametrize("name", [PREFERENCES_NAME, f"{session_name(demo().folder)}.json"])
 async def test_a_broken_file_is_told_once_and_harms_nothing(name: str) -> None:
     state_folder().mkdir()
     (state_folder() / name).write_text("{")
-    preferences, said = load(state_folder() / CONSOLE, Preferences)
-    async with console(keeper=Keeper(preferences, said=said)) as it:
+    preferences, said = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
+    async with console(keeper=UiState(preferences, said=said)) as it:
         await it.until(lambda: f"{name} was not used" in it.notice)
-        assert len(list(it.screen.panes.shown())) == 4
+        assert len(list(it.screen.pane_layout.visible_panes())) == 4
 
 
 async def test_panes_that_are_unknown_change_nothing() -> None:
     layout = {"upper": "nothing", "front": "", "focus": "gone"}
-    save(state_folder() / f"{session_name(demo().folder)}.json", Places(layout, {"nothing": "x", "log": "/("}))
-    async with console(keeper=Keeper(Preferences())) as it:
-        assert it.screen.panes.panes["rule"].display
+    write_saved(
+        state_folder() / f"{session_name(demo().folder)}.json", SavedLayout(layout, {"nothing": "x", "log": "/("})
+    )
+    async with console(keeper=UiState(Preferences())) as it:
+        assert it.screen.pane_layout.panes["rule"].display
 
 
 @pytest.mark.pty

@@ -13,8 +13,8 @@ import pytest
 from textual.pilot import Pilot
 
 from rise_engine.kernel.records import RobotRecord
-from rise_tui.app import ConsoleApp
-from rise_tui.start.settings import Settings
+from rise_engine.protocol.session_options import SessionOptions
+from rise_tui.console.app import ConsoleApp
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.virtual_time import VirtualLoop
 
@@ -48,7 +48,7 @@ def played(**options: Any) -> FakeClient:
 
 def app(theme: str = "dark", client: FakeClient | None = None) -> ConsoleApp:
     client = client or played()
-    settings = Settings(DEMO.rpartition("/tests/")[2])
+    settings = SessionOptions(DEMO.rpartition("/tests/")[2])
     return ConsoleApp(client.scenario, settings, wizard="anna", theme=theme, launcher=FakeLauncher(client))
 
 

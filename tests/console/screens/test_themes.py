@@ -11,10 +11,10 @@ from textual.color import Color
 from textual.theme import Theme
 
 import rise_tui
-from rise_tui import themes
 from rise_tui.cli.main import THEMES
-from rise_tui.start.display import Colors, Display, colors, prepare_textual, theme
-from rise_tui.widgets.toned import LOOKS
+from rise_tui.config.display import DetectedColors, DisplayOptions, choose_theme, detect_colors, prepare_textual
+from rise_tui.rendering import themes
+from rise_tui.rendering.styled_lines import STYLE_SPECS
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO
 from tests.console.terminals import terminal
@@ -47,8 +47,8 @@ def contrast(one: Color, other: Color) -> float:
 
 @pytest.mark.parametrize("look", RGB, ids=lambda look: look.name)
 def test_text_can_be_read_on_every_ground(look: Theme) -> None:
-    for tone, ground in product(LOOKS, GROUNDS):
-        names = LOOKS[tone]
+    for tone, ground in product(STYLE_SPECS, GROUNDS):
+        names = STYLE_SPECS[tone]
         on = color(look, names.background or ground)
         least = MUTED if tone == "muted" else TEXT
         found = contrast(color(look, names.color), on)
@@ -110,12 +110,12 @@ async def main_screens(it: Console) -> str:
     running = it.client.act("Greet")
     it.client.act("Praise", "ABORTED", reason="the robot cannot")
     await it.until(lambda: "running" in it.row("acts", "Greet"))
-    found += [it.text("acts"), it.text("log"), it.screen.status.text]
+    found += [it.text("acts"), it.text("log"), it.screen.status_line.text]
     it.client.end_task(running, "Greet")
     it.client.stop("latched", ("speech",), ("robot",))
-    await it.until(lambda: it.screen.session.store.state == "STOPPED")
+    await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
     await it.pilot.pause(0.2)
-    found += [it.text("acts"), it.screen.alarm.text]
+    found += [it.text("acts"), it.screen.alarm_bar.text]
     return "\n".join(found)
 
 
@@ -169,37 +169,45 @@ def test_no_colour_reaches_a_terminal_that_shall_have_none(
 @pytest.mark.parametrize(
     ("display", "environment", "system", "looks"),
     [
-        (Display(), {"TERM": "xterm-256color", "COLORTERM": "truecolor"}, "truecolor", "dark"),
-        (Display(), {"TERM": "tmux-256color"}, "256", "dark"),
-        (Display(), {"TERM": "xterm-kitty"}, "256", "dark"),
-        (Display(), {"TERM": "linux"}, "16", "terminal"),
-        (Display(), {}, "16", "terminal"),
-        (Display(theme="light"), {"TERM": "linux"}, "16", "light"),
-        (Display(), {"TERM": "dumb"}, "mono", "mono"),
-        (Display(), {"TERM": "vt220", "COLORTERM": "truecolor"}, "mono", "mono"),
-        (Display(), {"TERM": "xterm-256color", "NO_COLOR": "1"}, "mono", "mono"),
-        (Display(theme="light"), {"TERM": "xterm-256color", "NO_COLOR": "1"}, "256", "light"),
-        (Display(colors="256"), {"TERM": "xterm-256color", "NO_COLOR": "1", "COLORTERM": "truecolor"}, "256", "dark"),
-        (Display(colors="truecolor"), {"TERM": "dumb"}, "truecolor", "dark"),
-        (Display(colors="mono"), {"COLORTERM": "truecolor"}, "mono", "mono"),
+        (DisplayOptions(), {"TERM": "xterm-256color", "COLORTERM": "truecolor"}, "truecolor", "dark"),
+        (DisplayOptions(), {"TERM": "tmux-256color"}, "256", "dark"),
+        (DisplayOptions(), {"TERM": "xterm-kitty"}, "256", "dark"),
+        (DisplayOptions(), {"TERM": "linux"}, "16", "terminal"),
+        (DisplayOptions(), {}, "16", "terminal"),
+        (DisplayOptions(theme="light"), {"TERM": "linux"}, "16", "light"),
+        (DisplayOptions(), {"TERM": "dumb"}, "mono", "mono"),
+        (DisplayOptions(), {"TERM": "vt220", "COLORTERM": "truecolor"}, "mono", "mono"),
+        (DisplayOptions(), {"TERM": "xterm-256color", "NO_COLOR": "1"}, "mono", "mono"),
+        (DisplayOptions(theme="light"), {"TERM": "xterm-256color", "NO_COLOR": "1"}, "256", "light"),
+        (
+            DisplayOptions(colors="256"),
+            {"TERM": "xterm-256color", "NO_COLOR": "1", "COLORTERM": "truecolor"},
+            "256",
+            "dark",
+        ),
+        (DisplayOptions(colors="truecolor"), {"TERM": "dumb"}, "truecolor", "dark"),
+        (DisplayOptions(colors="mono"), {"COLORTERM": "truecolor"}, "mono", "mono"),
     ],
 )
-def test_what_the_terminal_shows(display: Display, environment: dict[str, str], system: str, looks: str) -> None:
-    found = colors(display, environment)
-    assert (found.system, theme(display, found, "")) == (system, looks) and found.why
+def test_what_the_terminal_shows(display: DisplayOptions, environment: dict[str, str], system: str, looks: str) -> None:
+    found = detect_colors(display, environment)
+    assert (found.system, choose_theme(display, found, "")) == (system, looks) and found.why
 
 
 def test_the_theme_that_was_used_last_gives_way_to_the_command_line_and_to_few_colours() -> None:
-    many, few, none = (Colors(system, "") for system in ("truecolor", "16", "mono"))  # type: ignore[arg-type]
-    assert theme(Display(), many, "light") == "light"
-    assert theme(Display(theme="contrast"), many, "light") == "contrast"
-    assert theme(Display(), few, "light") == "terminal" and theme(Display(), few, "mono") == "mono"
-    assert theme(Display(), none, "light") == "mono"
+    many, few, none = (DetectedColors(system, "") for system in ("truecolor", "16", "mono"))  # type: ignore[arg-type]
+    assert choose_theme(DisplayOptions(), many, "light") == "light"
+    assert choose_theme(DisplayOptions(theme="contrast"), many, "light") == "contrast"
+    assert (
+        choose_theme(DisplayOptions(), few, "light") == "terminal"
+        and choose_theme(DisplayOptions(), few, "mono") == "mono"
+    )
+    assert choose_theme(DisplayOptions(), none, "light") == "mono"
 
 
 def test_textual_is_told_by_its_environment() -> None:
     environment = {"TERM": "xterm-256color", "NO_COLOR": "1"}
-    assert prepare_textual(Display(fps=5), environment).system == "mono"
+    assert prepare_textual(DisplayOptions(fps=5), environment).system == "mono"
     assert environment == {
         "TERM": "xterm-256color",
         "TEXTUAL_ANIMATIONS": "none",

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from textual.geometry import Region, Size
 
+from rise_tui.config.paths import PREFERENCES_NAME, state_folder
+from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.console.ui_state import UiState
 from rise_tui.model.store import Store
-from rise_tui.screens.tour import TourScreen, box, offered, placed, steps
-from rise_tui.start.keeper import Keeper
-from rise_tui.start.paths import CONSOLE, state_folder
-from rise_tui.start.preferences import Preferences, load
-from rise_tui.text import plain, width_of
+from rise_tui.rendering.text import line_width, plain_text
+from rise_tui.screens.tour import TourScreen, box_lines, is_tour_due, place_box, tour_steps
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
@@ -29,7 +29,7 @@ def a_store(change: Callable[[FakeClient], object] = lambda client: None, t: flo
 
 
 def test_it_is_offered_to_a_wizard_in_a_session_that_has_just_begun() -> None:
-    assert offered(a_store()) and offered(a_store(t=59.9))
+    assert is_tour_due(a_store()) and is_tour_due(a_store(t=59.9))
 
 
 @pytest.mark.parametrize(
@@ -45,22 +45,22 @@ def test_it_is_offered_to_a_wizard_in_a_session_that_has_just_begun() -> None:
     ids=["late", "a task", "stopped", "observer", "without control", "replay"],
 )
 def test_it_is_not_offered(store: Store) -> None:
-    assert not offered(store)
+    assert not is_tour_due(store)
 
 
 def test_it_has_five_steps_that_name_the_keys() -> None:
-    said = " ".join(step.text for step in steps())
-    assert len(steps()) == 5 and "{" not in said
+    said = " ".join(step.text for step in tour_steps())
+    assert len(tour_steps()) == 5 and "{" not in said
     for key in ("space", "ctrl+x", "ctrl+n", "F9", "ctrl+r", "F3", "ctrl+d", "?", ":", "ctrl+c"):
         assert key in said, key
 
 
 @pytest.mark.parametrize("width", [40, 60])
 def test_a_box_is_framed_and_loses_no_word(width: int) -> None:
-    for number, step in enumerate(steps(), 1):
-        lines = box(step, number, 5, width)
-        assert {width_of(line) for line in lines} == {width}
-        said = " ".join(" ".join(plain(line).strip("│╭╮╰╯─ ") for line in lines).split())
+    for number, step in enumerate(tour_steps(), 1):
+        lines = box_lines(step, number, 5, width)
+        assert {line_width(line) for line in lines} == {width}
+        said = " ".join(" ".join(plain_text(line).strip("│╭╮╰╯─ ") for line in lines).split())
         assert " ".join(step.text.split()) in said and f"{number} of 5" in said
         assert "esc" in said or number == 5
 
@@ -77,7 +77,7 @@ def test_a_box_is_framed_and_loses_no_word(width: int) -> None:
 )
 def test_a_box_stands_beside_what_it_points_at_and_within_the_room(part: Region, arrow: str) -> None:
     room, size = Region(0, 1, 120, 36), Size(60, 11)
-    at, pointer, shown = placed(part, size, room)
+    at, pointer, shown = place_box(part, size, room)
     assert shown == arrow
     for place in (Region(*at, *size), Region(*pointer, 3, 1)):
         assert room.contains_region(place)
@@ -103,10 +103,10 @@ async def test_enter_and_right_go_on_left_goes_back_and_the_last_one_ends_it(siz
             await it.until(lambda number=number: f"{number} of 5" in screen.text)  # type: ignore[misc]
             await it.until(lambda: screen._box.region.height == len(screen._box.lines))
             assert Region(0, 0, *size).contains_region(screen._box.region)
-            assert not it.screen.status.region.overlaps(screen._box.region)
+            assert not it.screen.status_line.region.overlaps(screen._box.region)
         await it.press("enter")
         await it.until(lambda: it.app.screen is it.screen)
-        assert it.client.sent == [] and it.pane("acts").rows.has_focus
+        assert it.client.sent == [] and it.pane("acts").row_view.has_focus
 
 
 async def test_keys_trigger_nothing_stop_works_and_the_alarm_is_not_covered() -> None:
@@ -117,8 +117,8 @@ async def test_keys_trigger_nothing_stop_works_and_the_alarm_is_not_covered() ->
         await it.press("f9")
         await it.sent("stopAll", "")
         it.client.stop("latched", ("pepper/speech",))
-        await it.until(lambda: it.screen.alarm.display and it.screen.alarm.region.height == 3)
-        await it.until(lambda: not screen._box.region.overlaps(it.screen.alarm.region))
+        await it.until(lambda: it.screen.alarm_bar.display and it.screen.alarm_bar.region.height == 3)
+        await it.until(lambda: not screen._box.region.overlaps(it.screen.alarm_bar.region))
         await it.press("escape")
         await it.until(lambda: it.app.screen is it.screen)
         assert it.client.asked() == [("stopAll", "")]
@@ -147,12 +147,12 @@ async def test_a_first_run_is_offered_the_tour_once(tmp_path: Path, monkeypatch:
     for run in ("first", "second"):
         client = FakeClient(demo())
         client.time = 2.0
-        preferences, _ = load(state_folder() / CONSOLE, Preferences)
-        async with console(client=client, keeper=Keeper(preferences)) as it:
+        preferences, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
+        async with console(client=client, keeper=UiState(preferences)) as it:
             if run == "first":
                 await it.until(lambda: isinstance(it.app.screen, TourScreen))
                 await it.press("escape")
-                await it.until(lambda: load(state_folder() / CONSOLE, Preferences)[0].tour)
+                await it.until(lambda: load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].tour)
             await it.pilot.pause(0.1)
             assert it.app.screen is it.screen
 
@@ -164,6 +164,6 @@ async def test_no_tour_where_nothing_is_restored_or_kept(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     client = FakeClient(demo())
     client.time = 2.0
-    async with console(client=client, keeper=Keeper(Preferences(), **options)) as it:
+    async with console(client=client, keeper=UiState(Preferences(), **options)) as it:
         await it.pilot.pause(0.1)
         assert it.app.screen is it.screen

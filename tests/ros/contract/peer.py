@@ -16,17 +16,17 @@ from typing import Any
 
 import msgspec
 from rise_adapters.ros2 import compatibility
-from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.carriers.fill import Group
-from rise_adapters.ros2.choose import open_transport
-from rise_adapters.ros2.mapping import Carrier, Deadlines
-from rise_adapters.ros2.nodes.hearing import hear
-from rise_adapters.ros2.parameters import ParameterServices, Setting
-from rise_adapters.ros2.port import Message, PortError, QoS, Reply, Transport
+from rise_adapters.ros2.examples.topic_listener import hear
+from rise_adapters.ros2.mapping import ActionMapping, GoalDeadlines
+from rise_adapters.ros2.mapping.field_sources import MessageSource
+from rise_adapters.ros2.parameters import ParameterServices, ReadableParameter
+from rise_adapters.ros2.transport.port import Message, PortError, QoS, SendReply, Transport
+from rise_adapters.ros2.transport.selection import open_transport
 
-from rise_engine.clock import RealClock
+from rise_engine.engine.clock import RealClock
 
 from .lines import decode, encode
 
@@ -38,7 +38,7 @@ class Peer:
         self._transport = transport
         self._clock = RealClock(asyncio.get_running_loop())
         self._things: dict[str, Any] = {}
-        self._replies: dict[int, Reply] = {}
+        self._replies: dict[int, SendReply] = {}
         self._goals: dict[bytes, ServerGoal] = {}
         self._decides: dict[bytes, Decide] = {}
 
@@ -46,7 +46,7 @@ class Peer:
 
     def about(self) -> dict[str, Any]:
         transport = self._transport
-        return {"kind": transport.kind, "about": transport.about, "node": transport.node, "lost": transport.lost()}
+        return {"kind": transport.kind, "about": transport.about, "node": transport.node, "lost": transport.failure()}
 
     def resolve(self, name: str) -> str:
         return self._transport.resolve(name)
@@ -59,13 +59,17 @@ class Peer:
 
     def ends(self, what: str, name: str) -> list[dict[str, Any]]:
         wire = self._transport
-        listed = {"publisher": wire.publisher_ends, "subscriber": wire.subscriber_ends, "server": wire.server_ends}
+        listed = {
+            "publisher": wire.publisher_endpoints,
+            "subscriber": wire.subscriber_endpoints,
+            "server": wire.server_endpoints,
+        }
         return [msgspec.to_builtins(end) for end in listed[what](name)]
 
     def look(self, name: str, type: str, **qos: dict[str, Any]) -> dict[str, Any]:
         """What `compatibility` says about an action."""
         made = {part: QoS(**each) for part, each in qos.items()}
-        carrier = Carrier("action", name, type, Deadlines(), Group({}), qos=made)
+        carrier = ActionMapping("action", name, type, GoalDeadlines(), MessageSource({}), qos=made)
         found = compatibility.compare(self._transport, carrier)
         return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.misfits]}
 
@@ -73,13 +77,13 @@ class Peer:
         return self._transport.topics()
 
     def strangers(self) -> list[tuple[str, str]]:
-        return self._transport.strangers()
+        return self._transport.programs_of_other_vendors()
 
     def nodes(self) -> list[str]:
         return self._transport.nodes()
 
     def clients_of(self, service: str) -> list[str]:
-        return self._transport.clients_of(service)
+        return self._transport.client_nodes(service)
 
     def close(self, key: str) -> None:
         self._things.pop(key).close()
@@ -122,14 +126,14 @@ class Peer:
         )
 
     def parameters(self, **settings: Any) -> None:
-        ParameterServices(self._transport, lambda: {name: Setting(value) for name, value in settings.items()})
+        ParameterServices(self._transport, lambda: {name: ReadableParameter(value) for name, value in settings.items()})
 
     # --- services -------------------------------------------------------------------------------------------------
 
     def serve(self, key: str, name: str, type: str, answer: Message | None = None) -> None:
         """Answer at once with `answer`; without one, when told to."""
 
-        def asked(request: Message, reply: Reply) -> None:
+        def asked(request: Message, reply: SendReply) -> None:
             number = len(self._replies)
             self._replies[number] = reply
             say("asked", key=key, number=number, message=request)
@@ -228,7 +232,7 @@ async def main(kind: str, node: str, arguments: list[str]) -> None:
     listening.add_done_callback(lambda done: ended.set())
     await ended.wait()
     transport.close()
-    assert transport.lost()
+    assert transport.failure()
     if listening.done():
         listening.result()
     listening.cancel()

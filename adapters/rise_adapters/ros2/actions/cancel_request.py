@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from rise_adapters.ros2.action_client import CANCEL_NONE, CANCEL_REJECTED
+from rise_adapters.ros2.actions.client import CANCEL_NONE, CANCEL_REJECTED
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.transport.port import Message
 
 MOST_WAITING = 64
 """Requests to cancel one goal, or for its result, that wait at most."""

@@ -29,24 +29,24 @@ from functools import partial
 from itertools import islice
 from typing import TypeAlias
 
-from rise_adapters.ros2.action_client import (
+from rise_adapters.ros2.actions.cancel_request import MOST_WAITING, CancelRequest
+from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCEL_UNKNOWN,
     CANCELED,
     CANCELING,
-    EVERYTHING,
     EXECUTING,
     SUCCEEDED,
     UNKNOWN,
 )
-from rise_adapters.ros2.actions.cancel_request import MOST_WAITING, CancelRequest
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.actions.status_publisher import StatusPublisher
-from rise_adapters.ros2.port import (
+from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
     FEEDBACK,
     GET_RESULT,
@@ -55,21 +55,21 @@ from rise_adapters.ros2.port import (
     STATUS_TOPIC,
     Message,
     PortError,
-    Reply,
+    SendReply,
     Transport,
     action_topic,
     action_types,
 )
-from rise_engine.robot import Clock, Timer
+from rise_engine.ports.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
 
 RESULT_TIMEOUT = 10.0
 """Seconds for which a result can be asked for after the end. A client asks as soon as its goal is accepted, so this is
 for one that was cut off for a moment; rclpy's 15 minutes would list 900,000 goals at 1,000 in a second."""
-KEPT = 10_000
+MAX_ENDED = 10_000
 """Ended goals that are kept at most, whatever the timeout."""
-LISTED = 20
+MAX_LISTED = 20
 """Ended goals that the status array lists at most, the latest."""
 
 Decide: TypeAlias = Callable[[bool], None]
@@ -134,7 +134,7 @@ class ActionServer:
     def adopt(self, id: bytes, message: Message | None = None) -> ServerGoal:
         """Take up a goal that a server of this name had accepted before it went down, so that its client can still
         cancel it and get its result. Raises ValueError when there is one of that id."""
-        if len(id) != 16 or id == EVERYTHING or id in self._goals or id in self._ended:
+        if len(id) != 16 or id == ALL_GOALS or id in self._goals or id in self._ended:
             raise ValueError(f"a goal of the id {id.hex()} cannot be taken up")
         goal = self._goals[id] = ServerGoal(self, id, message or {}, None)
         goal.status = EXECUTING
@@ -147,7 +147,7 @@ class ActionServer:
             return
         self._closed = True
         for goal in self.goals:
-            if goal.decided:
+            if goal.is_decided:
                 self.end(goal, ABORTED, result)
             else:
                 self.reject(goal)
@@ -227,7 +227,7 @@ class ActionServer:
         _answer_cancels(goal, CANCEL_NONE if status == CANCELED else CANCEL_TERMINATED)
         goal.expires_at = self._clock.now() + self._timeout
         self._ended[goal.id] = goal
-        if len(self._ended) > KEPT:
+        if len(self._ended) > MAX_ENDED:
             del self._ended[next(iter(self._ended))]
         if self._expiry is None and not self._closed:
             self._expiry = self._clock.call_at(goal.expires_at, self._expire)
@@ -250,13 +250,13 @@ class ActionServer:
     def _listed_goals(self) -> list[ServerGoal]:
         """What runs, and the latest that ended."""
         running = [goal for goal in self._goals.values() if goal.status != UNKNOWN]
-        return [*running, *reversed(list(islice(reversed(self._ended.values()), LISTED)))]
+        return [*running, *reversed(list(islice(reversed(self._ended.values()), MAX_LISTED)))]
 
     # --- requests -----------------------------------------------------------------------------------------------
 
-    def _take_goal_request(self, request: Message, reply: Reply) -> None:
+    def _take_goal_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
-        if self._closed or id == EVERYTHING or id in self._goals or id in self._ended:
+        if self._closed or id == ALL_GOALS or id in self._goals or id in self._ended:
             self._answer(reply, {"accepted": False})
             return
         goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
@@ -267,7 +267,7 @@ class ActionServer:
             if not self.reject(goal):
                 self.end(goal, ABORTED, None)
 
-    def _take_result_request(self, request: Message, reply: Reply) -> None:
+    def _take_result_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
         goal = self._goals.get(id)
         if goal is not None:
@@ -281,11 +281,11 @@ class ActionServer:
         else:
             self._answer_result(goal, reply)
 
-    def _take_cancel_request(self, request: Message, reply: Reply) -> None:
+    def _take_cancel_request(self, request: Message, reply: SendReply) -> None:
         info = request["goal_info"]
         id = bytes(info["goal_id"]["uuid"])
         until = int(info["stamp"]["sec"]) * 1_000_000_000 + int(info["stamp"]["nanosec"])
-        if id != EVERYTHING and not until:
+        if id != ALL_GOALS and not until:
             goal = self._goals.get(id)
             if goal is None:
                 code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
@@ -293,10 +293,12 @@ class ActionServer:
                 return
             goals = [goal]
         else:
-            goals = [goal for goal in self._goals.values() if not until or goal.nanoseconds <= until or goal.id == id]
-        CancelRequest(goals, partial(self._answer, reply), one=id != EVERYTHING and not until)
+            goals = [
+                goal for goal in self._goals.values() if not until or goal.received_at_ns <= until or goal.id == id
+            ]
+        CancelRequest(goals, partial(self._answer, reply), one=id != ALL_GOALS and not until)
         for goal in goals:
-            if goal.decided:
+            if goal.is_decided:
                 self._ask_to_cancel(goal)
 
     def _ask_to_cancel(self, goal: ServerGoal) -> None:
@@ -314,22 +316,22 @@ class ActionServer:
     def _decide_cancel(self, goal: ServerGoal, agreed: bool) -> None:
         if not goal.is_asked_to_cancel:
             return
-        if agreed and not goal.ended:
+        if agreed and not goal.has_ended:
             goal.status = CANCELING
             self._status.publish_soon()
         _answer_cancels(goal, CANCEL_NONE if agreed else CANCEL_REJECTED)
 
     # --- answers ------------------------------------------------------------------------------------------------
 
-    def _answer_result(self, goal: ServerGoal, reply: Reply) -> None:
-        goal.told = True
+    def _answer_result(self, goal: ServerGoal, reply: SendReply) -> None:
+        goal.is_result_fetched = True
         if not self._answer(reply, goal.result) and goal.result["result"]:
             # A result that does not fit its type would leave the client waiting; what happened is not known then.
             goal.status = ABORTED
             goal.result = {"status": ABORTED, "result": {}}
             self._answer(reply, goal.result)
 
-    def _answer(self, reply: Reply, message: Message) -> bool:
+    def _answer(self, reply: SendReply, message: Message) -> bool:
         try:
             reply(message)
         except PortError as error:

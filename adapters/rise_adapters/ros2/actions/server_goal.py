@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED, UNKNOWN
-from rise_adapters.ros2.port import Message, Reply
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED, UNKNOWN
+from rise_adapters.ros2.transport.port import Message, SendReply
 
 
 class GoalServer(Protocol):
@@ -28,7 +28,7 @@ class ServerGoal:
     """One goal, for whoever does it: accept or reject it, at once or later; then exactly one ending. What is done too
     late, or twice, changes nothing and says so by giving False. Made by the server."""
 
-    def __init__(self, server: GoalServer, id: bytes, message: Message, reply: Reply | None) -> None:
+    def __init__(self, server: GoalServer, id: bytes, message: Message, reply: SendReply | None) -> None:
         """`reply` says to the client whether it is accepted; None: it was, before this server was there."""
         self.id = id
         """Of its client's making, 16 bytes."""
@@ -37,9 +37,9 @@ class ServerGoal:
         self.status = UNKNOWN
         self.data: object = None
         """For the caller's use."""
-        self.told = False
+        self.is_result_fetched = False
         """Whether somebody has got its result; clients ask for that only when they know that it was accepted."""
-        self.nanoseconds = time.time_ns()
+        self.received_at_ns = time.time_ns()
         """When it came, since 1970: by that, requests to cancel what is older than some time find it."""
         self._server = server
         # The server's own notes about it:
@@ -48,7 +48,7 @@ class ServerGoal:
         """As action_msgs/msg/GoalInfo."""
         self.result: Message = {}
         """With its status, as it is answered to those who ask for it."""
-        self.result_requests: list[Reply] = []
+        self.result_requests: list[SendReply] = []
         """Those who wait for its result."""
         self.cancel_requests: list[Callable[[int], None]] = []
         """Those who wait for a word about its cancelling, as a code of CancelGoal.srv."""
@@ -58,25 +58,25 @@ class ServerGoal:
         """Until when its result can be asked for, by the server's clock."""
 
     @property
-    def hex(self) -> str:
+    def id_hex(self) -> str:
         """Its id as 32 digits, to be read."""
         return self.id.hex()
 
     @property
     def stamp(self) -> Message:
         """When it came, as builtin_interfaces/msg/Time."""
-        seconds, rest = divmod(self.nanoseconds, 1_000_000_000)
+        seconds, rest = divmod(self.received_at_ns, 1_000_000_000)
         return {"sec": seconds, "nanosec": rest}
 
     @property
-    def decided(self) -> bool:
+    def is_decided(self) -> bool:
         """Whether it was accepted or rejected."""
         return self.reply is None
 
     @property
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         """Whether nothing can become of it any more; also when it was rejected."""
-        return self.status >= SUCCEEDED or (self.status == UNKNOWN and self.decided)
+        return self.status >= SUCCEEDED or (self.status == UNKNOWN and self.is_decided)
 
     # --- what the caller does; each gives whether it counted ----------------------------------------------------
 
@@ -90,7 +90,7 @@ class ServerGoal:
         """It has begun to run; an accepted goal may wait before that."""
         return self._server.execute(self)
 
-    def feedback(self, message: Message) -> bool:
+    def publish_feedback(self, message: Message) -> bool:
         """Raises PortError when `message` does not fit the action."""
         return self._server.publish_feedback(self, message)
 

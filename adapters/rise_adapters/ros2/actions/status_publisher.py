@@ -6,8 +6,8 @@ import logging
 from collections.abc import Callable, Sequence
 
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.port import PortError, Publisher
-from rise_engine.robot import Clock, Timer
+from rise_adapters.ros2.transport.port import PortError, Publisher
+from rise_engine.ports.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
 

@@ -11,6 +11,6 @@ Nothing here changes anything: no goal is sent, and nothing is published but tha
 from __future__ import annotations
 
 from rise_adapters.ros2.doctor.examination import examine, examine_robot
-from rise_adapters.ros2.doctor.finding import Finding, as_json, as_text, exit_status
+from rise_adapters.ros2.doctor.finding import DoctorFinding, as_json, as_text, exit_status
 
-__all__ = ["Finding", "as_json", "as_text", "examine", "examine_robot", "exit_status"]
+__all__ = ["DoctorFinding", "as_json", "as_text", "examine", "examine_robot", "exit_status"]

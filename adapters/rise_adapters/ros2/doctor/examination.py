@@ -7,22 +7,22 @@ import os
 from collections.abc import Awaitable, Callable, Sequence
 from typing import TypeAlias
 
-from rise_adapters.ros2 import choose
 from rise_adapters.ros2.doctor import finding
 from rise_adapters.ros2.doctor.environment import Environment
-from rise_adapters.ros2.doctor.finding import Finding
+from rise_adapters.ros2.doctor.finding import DoctorFinding
 from rise_adapters.ros2.doctor.graph import check_graph
 from rise_adapters.ros2.doctor.installation import check_installation, check_middleware, check_transport
 from rise_adapters.ros2.doctor.interfaces import check_interfaces
 from rise_adapters.ros2.doctor.network import check_network
-from rise_adapters.ros2.doctor.robot import SECONDS, check_robot, definition_folders
-from rise_adapters.ros2.port import PortError, Transport
-from rise_engine.bridge import BridgeError, Wire
+from rise_adapters.ros2.doctor.robot import SEARCH_SECONDS, check_robot, definition_folders
+from rise_adapters.ros2.transport import selection
+from rise_adapters.ros2.transport.port import PortError, Transport
+from rise_engine.ports.bridge import BridgeError, RosConnection
 from rise_engine.scenario.model import RobotProfile
 
 TransportOpener: TypeAlias = Callable[..., Awaitable[Transport]]
 
-NODE = "rise_doctor"
+DOCTOR_NODE_NAME = "rise_doctor"
 
 
 async def examine(
@@ -31,13 +31,13 @@ async def examine(
     *,
     arguments: Sequence[str] = (),
     environment: Environment = os.environ,
-    seconds: float = SECONDS,
-    open_transport: TransportOpener = choose.open_transport,
-) -> list[Finding]:
+    seconds: float = SEARCH_SECONDS,
+    open_transport: TransportOpener = selection.open_transport,
+) -> list[DoctorFinding]:
     """Everything, in the order in which it matters. `choice` and `arguments` as a session has them (`--ros`,
     `--ros-args`); with a profile, its robot is looked for for `seconds` at most. Never raises for what it finds."""
     if choice == "off":
-        return [Finding("note", "transport", "ROS is off", "leave `--ros off` away to have it looked at")]
+        return [DoctorFinding("note", "transport", "ROS is off", "leave `--ros off` away to have it looked at")]
     kind, about_transport = check_transport(choice)
     found = [*check_installation(environment, wanted=kind == "rclpy" or choice == "rclpy")]
     found += check_middleware(environment, kind)
@@ -47,11 +47,11 @@ async def examine(
     if kind is None:
         return found
     try:
-        transport = await open_transport(choice, arguments, node=NODE, share=definition_folders(profile))
+        transport = await open_transport(choice, arguments, node=DOCTOR_NODE_NAME, share=definition_folders(profile))
     except (BridgeError, PortError) as error:
-        return [*found, *(Finding("problem", "transport", line) for line in str(error).splitlines())]
+        return [*found, *(DoctorFinding("problem", "transport", line) for line in str(error).splitlines())]
     try:
-        found.append(Finding("ok", "transport", f"connected: {transport.about}, as the node {transport.node}"))
+        found.append(DoctorFinding("ok", "transport", f"connected: {transport.about}, as the node {transport.node}"))
         found += await check_robot(transport, profile, seconds)
         found += check_graph(transport)
     finally:
@@ -59,7 +59,9 @@ async def examine(
     return found
 
 
-def examine_robot(wire: Wire, profile: RobotProfile | None, *, seconds: float, as_json: bool) -> tuple[str, int]:
-    """What `rise-engine doctor` prints, and its exit status (`rise_engine.bridge.Examiner`)."""
+def examine_robot(
+    wire: RosConnection, profile: RobotProfile | None, *, seconds: float, as_json: bool
+) -> tuple[str, int]:
+    """What `rise-engine doctor` prints, and its exit status (`rise_engine.ports.bridge.Examiner`)."""
     found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
     return (finding.as_json(found) + "\n" if as_json else finding.as_text(found)), finding.exit_status(found)

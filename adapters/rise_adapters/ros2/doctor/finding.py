@@ -12,7 +12,7 @@ from msgspec import Struct
 Level: TypeAlias = Literal["ok", "note", "warning", "problem"]
 
 
-class Finding(Struct, frozen=True):
+class DoctorFinding(Struct, frozen=True):
     """One thing to know."""
 
     level: Level
@@ -23,12 +23,12 @@ class Finding(Struct, frozen=True):
     """What to do about it."""
 
 
-def exit_status(findings: Sequence[Finding]) -> int:
+def exit_status(findings: Sequence[DoctorFinding]) -> int:
     """The exit status: 1 when there is a problem."""
     return 1 if any(finding.level == "problem" for finding in findings) else 0
 
 
-def as_text(findings: Sequence[Finding], width: int = 100) -> str:
+def as_text(findings: Sequence[DoctorFinding], width: int = 100) -> str:
     """For a person, with a last line that counts."""
     lines: list[str] = []
     for finding in findings:
@@ -42,7 +42,7 @@ def as_text(findings: Sequence[Finding], width: int = 100) -> str:
     return "\n".join(lines) + "\n"
 
 
-def as_json(findings: Sequence[Finding]) -> str:
+def as_json(findings: Sequence[DoctorFinding]) -> str:
     """The same as one JSON object."""
     levels = [finding.level for finding in findings]
     return msgspec.json.encode(

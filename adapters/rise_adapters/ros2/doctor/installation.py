@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from rise_adapters.ros2 import choose
 from rise_adapters.ros2.doctor.environment import (
     CYCLONE_RMW,
     DEFAULT_RMW,
@@ -15,41 +14,42 @@ from rise_adapters.ros2.doctor.environment import (
     installed_version,
     sourced_prefixes,
 )
-from rise_adapters.ros2.doctor.finding import Finding, Level
+from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
+from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.rclpy import rclpy_missing
-from rise_engine.bridge import BridgeError
+from rise_engine.ports.bridge import BridgeError
 
 _INSTALLED = Path("/opt/ros")
 
 
 def check_installation(
     environment: Environment, *, wanted: bool = False, installed: Path = _INSTALLED
-) -> Iterator[Finding]:
+) -> Iterator[DoctorFinding]:
     """Whether ROS 2 is installed and sourced, and whether this Python can use it. `wanted`: rclpy is what is used."""
     name, prefixes = environment.get("ROS_DISTRO", ""), sourced_prefixes(environment)
     if name and prefixes:
-        yield Finding("ok", "ros", f"ROS 2 {name.capitalize()} is sourced: {', '.join(map(str, prefixes[:6]))}")
+        yield DoctorFinding("ok", "ros", f"ROS 2 {name.capitalize()} is sourced: {', '.join(map(str, prefixes[:6]))}")
         if name != DISTRIBUTION:
-            yield Finding(
+            yield DoctorFinding(
                 "warning",
                 "ros",
                 f"this program is made for and tested with ROS 2 {DISTRIBUTION.capitalize()}, not {name}",
             )
     elif name or prefixes:
         which = "ROS_DISTRO, but not AMENT_PREFIX_PATH" if name else "AMENT_PREFIX_PATH, but not ROS_DISTRO"
-        yield Finding(
+        yield DoctorFinding(
             "warning", "ros", f"ROS 2 is sourced only in part: there is {which}", f"source {_setup_file(installed)}"
         )
     elif found := _installed_distributions(installed):
         level: Level = "warning" if wanted else "note"
-        yield Finding(
+        yield DoctorFinding(
             level,
             "ros",
             f"ROS 2 is installed ({', '.join(found)}), but not sourced in this terminal",
             f"source {_setup_file(installed)}",
         )
     else:
-        yield Finding(
+        yield DoctorFinding(
             "note",
             "ros",
             "there is no ROS 2 on this machine; it is not needed for robots whose nodes use "
@@ -57,42 +57,42 @@ def check_installation(
         )
     for prefix in prefixes:
         if not prefix.is_dir():
-            yield Finding(
+            yield DoctorFinding(
                 "warning",
                 "ros",
                 f"AMENT_PREFIX_PATH names {prefix}, which is not there",
                 "open a new terminal and source again",
             )
-    missing = choose.available()["rclpy"] or rclpy_missing()
+    missing = selection.why_unavailable()["rclpy"] or rclpy_missing()
     if not missing:
-        yield Finding(
+        yield DoctorFinding(
             "ok", "ros", f"rclpy {installed_version('rclpy') or 'of an unknown version'} can be used from this Python"
         )
     else:
-        yield Finding("problem" if wanted else "warning" if name else "note", "ros", missing)
+        yield DoctorFinding("problem" if wanted else "warning" if name else "note", "ros", missing)
 
 
-def check_middleware(environment: Environment, kind: choose.Kind | None = None) -> Iterator[Finding]:
+def check_middleware(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
     """Which middleware nodes of this terminal use, and whether the transport can talk to it."""
     there = installed_rmw(environment)
     named = environment.get("RMW_IMPLEMENTATION", "")
     if there:
-        yield Finding("ok", "rmw", f"installed middleware: {', '.join(there)}")
+        yield DoctorFinding("ok", "rmw", f"installed middleware: {', '.join(there)}")
     if named and there and named not in there:
-        yield Finding(
+        yield DoctorFinding(
             "problem" if kind == "rclpy" else "warning",
             "rmw",
             f"RMW_IMPLEMENTATION is {named}, which is not installed",
             f"sudo apt install ros-{environment.get('ROS_DISTRO') or DISTRIBUTION}-{named.replace('_', '-')}",
         )
     elif named:
-        yield Finding("ok", "rmw", f"RMW_IMPLEMENTATION is {named}")
+        yield DoctorFinding("ok", "rmw", f"RMW_IMPLEMENTATION is {named}")
     elif there:
         default = DEFAULT_RMW if DEFAULT_RMW in there else there[0]
-        yield Finding("note", "rmw", f"RMW_IMPLEMENTATION is not set, so nodes of this terminal use {default}")
+        yield DoctorFinding("note", "rmw", f"RMW_IMPLEMENTATION is not set, so nodes of this terminal use {default}")
     used = named or (DEFAULT_RMW if there else "")
     if kind == "dds" and used and used != CYCLONE_RMW:
-        yield Finding(
+        yield DoctorFinding(
             "warning",
             "rmw",
             f"nodes that are started in this terminal use {used}; of those, the transport `dds` gets topics at best, "
@@ -111,27 +111,29 @@ def installed_rmw(environment: Environment) -> list[str]:
     return sorted(names - {"rmw_implementation"})
 
 
-def check_transport(choice: str) -> tuple[choose.Kind | None, list[Finding]]:
+def check_transport(choice: str) -> tuple[selection.TransportKind | None, list[DoctorFinding]]:
     """The transport that a session would use with `--ros CHOICE`, and why."""
-    found: list[Finding] = []
-    missing = choose.available()
+    found: list[DoctorFinding] = []
+    missing = selection.why_unavailable()
     try:
-        kind: choose.Kind | None = choose.choose(choice)
+        kind: selection.TransportKind | None = selection.select_transport(choice)
     except BridgeError as error:
         kind = None
-        found += [Finding("problem", "transport", line) for line in error.lines]
+        found += [DoctorFinding("problem", "transport", line) for line in error.lines]
     else:
         why = "as asked for" if choice != "auto" else "rclpy is here" if kind == "rclpy" else "rclpy is not here"
-        found.append(Finding("ok", "transport", f"ROS is spoken by {kind}: {why}"))
+        found.append(DoctorFinding("ok", "transport", f"ROS is spoken by {kind}: {why}"))
     wheels = {name: installed_version(name) for name in ("cyclonedds", "rosbags")}
     there = [f"{name} {number}" for name, number in wheels.items() if number]
     if not missing["dds"]:
-        found.append(Finding("ok", "transport", f"for the transport `dds`: {', '.join(there)}"))
+        found.append(DoctorFinding("ok", "transport", f"for the transport `dds`: {', '.join(there)}"))
     elif kind is not None and kind != "dds":
-        found.append(Finding("note", "transport", f"the transport `dds` cannot be used: {missing['dds']}"))
+        found.append(DoctorFinding("note", "transport", f"the transport `dds` cannot be used: {missing['dds']}"))
     if missing["dds"] and kind != "rclpy" and not wheels["cyclonedds"] and sys.version_info >= (3, 14):
         found.append(
-            Finding("note", "transport", "cyclonedds is not offered for this Python; it is for Python 3.11 to 3.13")
+            DoctorFinding(
+                "note", "transport", "cyclonedds is not offered for this Python; it is for Python 3.11 to 3.13"
+            )
         )
     return kind, found
 

@@ -9,43 +9,43 @@ from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
-from rise_adapters.ros2 import choose
 from rise_adapters.ros2.doctor.environment import Environment, sourced_prefixes
-from rise_adapters.ros2.doctor.finding import Finding
-from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.doctor.finding import DoctorFinding
+from rise_adapters.ros2.transport import selection
+from rise_adapters.ros2.transport.port import PortError
 
 INTERFACES = "rise_interfaces"
 
 
-def check_interfaces(environment: Environment, kind: choose.Kind | None = None) -> Iterator[Finding]:
+def check_interfaces(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
     """Whether `rise_interfaces` is built and sourced, and is the one that this program speaks."""
     built = [prefix / "share" / INTERFACES for prefix in sourced_prefixes(environment)]
     built = [folder for folder in built if folder.is_dir()]
     remedy = f"colcon build --packages-select {INTERFACES}, and source install/setup.bash"
     if not built:
         if kind == "rclpy":
-            yield Finding(
+            yield DoctorFinding(
                 "problem", "interfaces", f"{INTERFACES} is not built, or its workspace is not sourced", remedy
             )
         elif sourced_prefixes(environment):
-            yield Finding(
+            yield DoctorFinding(
                 "note", "interfaces", f"{INTERFACES} is not built here; `dds` needs no build, but `ros2` does", remedy
             )
         else:
-            yield Finding("ok", "interfaces", f"{INTERFACES} comes with this program")
+            yield DoctorFinding("ok", "interfaces", f"{INTERFACES} comes with this program")
         return
     if len(built) > 1:
-        yield Finding(
+        yield DoctorFinding(
             "warning",
             "interfaces",
             f"{INTERFACES} is sourced {len(built)} times; the first counts: {', '.join(map(str, built))}",
         )
     if kind == "rclpy" and not _is_importable(INTERFACES):
-        yield Finding("problem", "interfaces", f"{INTERFACES} is built, but this Python does not find it", remedy)
+        yield DoctorFinding("problem", "interfaces", f"{INTERFACES} is built, but this Python does not find it", remedy)
         return
     ours, theirs = own_hashes(environment), built_hashes(built[0])
     if not ours:
-        yield Finding(
+        yield DoctorFinding(
             "note", "interfaces", f"{INTERFACES} is built; whether it is the right one cannot be told without rosbags"
         )
         return
@@ -54,27 +54,29 @@ def check_interfaces(environment: Environment, kind: choose.Kind | None = None) 
     for names, what in ((missing, "lacks"), (other, "has another version of")):
         if names:
             said = ", ".join(name.removeprefix(f"{INTERFACES}/") for name in names)
-            yield Finding(
+            yield DoctorFinding(
                 "problem",
                 "interfaces",
                 f"the {INTERFACES} in {built[0]} {what} {said}",
                 f"build the {INTERFACES} of this release: {remedy}",
             )
     if not missing and not other:
-        yield Finding("ok", "interfaces", f"{INTERFACES} is built and is the one of this program ({len(ours)} types)")
+        yield DoctorFinding(
+            "ok", "interfaces", f"{INTERFACES} is built and is the one of this program ({len(ours)} types)"
+        )
 
 
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     """Of the types that this program speaks, by name; empty when that cannot be told here."""
     try:
-        from rise_adapters.ros2.types import SHARE, Types
+        from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
     except ImportError:
         return {}
-    types = Types([SHARE], environment)  # ours first; ROS has the standard ones that they are made of
+    types = InterfaceCatalog([SHARE_FOLDER], environment)  # ours first; ROS has the standard ones that they are made of
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
         for kind in ("msg", "srv", "action")
-        for file in sorted((SHARE / INTERFACES / kind).glob(f"*.{kind}"))
+        for file in sorted((SHARE_FOLDER / INTERFACES / kind).glob(f"*.{kind}"))
     ]
     try:
         return {name: types.type_hash(name) for name in names}

@@ -6,35 +6,37 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from rise_adapters.ros2 import choose
 from rise_adapters.ros2.doctor.environment import CYCLONE_RMW, DEFAULT_RMW, Environment
-from rise_adapters.ros2.doctor.finding import Finding
+from rise_adapters.ros2.doctor.finding import DoctorFinding
+from rise_adapters.ros2.transport import selection
 
 _SAFE_DOMAINS = 101
 """Above it, the ports of DDS overlap those that Linux gives to programs."""
 
 
-def check_network(environment: Environment, kind: choose.Kind | None = None) -> Iterator[Finding]:
+def check_network(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
     """Domain and discovery: settings because of which programs do not find each other, and nobody says so."""
     yield from _check_domain(environment.get("ROS_DOMAIN_ID", "").strip())
     local = environment.get("ROS_LOCALHOST_ONLY", "")
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
     if local == "1":
-        yield Finding(
+        yield DoctorFinding(
             "warning",
             "network",
             "ROS_LOCALHOST_ONLY is set: nothing outside of this machine is found, whatever the discovery range says",
             "unset it; in Jazzy, ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST does the same",
         )
     elif reach == "LOCALHOST":
-        yield Finding("note", "network", "the discovery range is LOCALHOST: only programs on this machine are found")
+        yield DoctorFinding(
+            "note", "network", "the discovery range is LOCALHOST: only programs on this machine are found"
+        )
     elif reach == "OFF":
-        yield Finding(
+        yield DoctorFinding(
             "problem", "network", "the discovery range is OFF: nobody is found, not even on this machine",
             "unset ROS_AUTOMATIC_DISCOVERY_RANGE",
         )  # fmt: skip
     elif reach not in ("", "SUBNET", "SYSTEM_DEFAULT"):
-        yield Finding(
+        yield DoctorFinding(
             "problem",
             "network",
             f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}; it can be SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT",
@@ -42,21 +44,23 @@ def check_network(environment: Environment, kind: choose.Kind | None = None) -> 
     if uri := environment.get("CYCLONEDDS_URI", "").strip():
         named = environment.get("RMW_IMPLEMENTATION", "")
         if kind == "rclpy" and named != CYCLONE_RMW:
-            yield Finding("note", "network", f"CYCLONEDDS_URI is set, and means nothing to {named or DEFAULT_RMW}")
+            yield DoctorFinding(
+                "note", "network", f"CYCLONEDDS_URI is set, and means nothing to {named or DEFAULT_RMW}"
+            )
         else:
             yield from _check_cyclone(
                 uri, bool(environment.get("ROS_STATIC_PEERS")) or reach == "LOCALHOST" or local == "1"
             )
     for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
         if (file := environment.get(name, "")) and not Path(file).is_file():
-            yield Finding("warning", "network", f"{name} names {file}, which is not there")
+            yield DoctorFinding("warning", "network", f"{name} names {file}, which is not there")
     if kind == "dds":
         if environment.get("ROS_DISCOVERY_SERVER"):
-            yield Finding(
+            yield DoctorFinding(
                 "warning", "network", "ROS_DISCOVERY_SERVER is set: what is found through it only, `dds` does not find"
             )
         if environment.get("ROS_SECURITY_ENABLE", "").lower() == "true":
-            yield Finding(
+            yield DoctorFinding(
                 "problem",
                 "network",
                 "ROS_SECURITY_ENABLE is set, and the transport `dds` has no security: it and secured nodes do not talk",
@@ -64,23 +68,23 @@ def check_network(environment: Environment, kind: choose.Kind | None = None) -> 
             )
 
 
-def _check_domain(number: str) -> Iterator[Finding]:
+def _check_domain(number: str) -> Iterator[DoctorFinding]:
     if not number:
-        yield Finding("ok", "network", "ROS domain 0 (ROS_DOMAIN_ID is not set)")
+        yield DoctorFinding("ok", "network", "ROS domain 0 (ROS_DOMAIN_ID is not set)")
     elif not (number.isascii() and number.isdigit()) or int(number) > 232:
-        yield Finding("problem", "network", f"ROS_DOMAIN_ID must be a number from 0 to 232, not {number!r}")
+        yield DoctorFinding("problem", "network", f"ROS_DOMAIN_ID must be a number from 0 to 232, not {number!r}")
     elif int(number) > _SAFE_DOMAINS:
-        yield Finding(
+        yield DoctorFinding(
             "note",
             "network",
             f"ROS domain {int(number)}: above {_SAFE_DOMAINS} its ports may be taken by other programs",
             "choose a number from 0 to 101, the same for all programs",
         )
     else:
-        yield Finding("ok", "network", f"ROS domain {int(number)}")
+        yield DoctorFinding("ok", "network", f"ROS domain {int(number)}")
 
 
-def _check_cyclone(uri: str, peers: bool) -> Iterator[Finding]:
+def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
     """What a CYCLONEDDS_URI does to discovery. `peers`: addresses to look at are set elsewhere."""
     pieces: list[ElementTree.Element] = []
     for part in _split_uri(uri):
@@ -90,12 +94,12 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[Finding]:
             try:
                 words = path.read_text("utf-8")
             except (OSError, UnicodeDecodeError):
-                yield Finding("problem", "network", f"CYCLONEDDS_URI names the file {path}, which cannot be read")
+                yield DoctorFinding("problem", "network", f"CYCLONEDDS_URI names the file {path}, which cannot be read")
                 continue
         try:
             pieces.append(ElementTree.fromstring(f"<all>{_without_declaration(words)}</all>"))
         except ElementTree.ParseError as error:
-            yield Finding("problem", "network", f"CYCLONEDDS_URI holds XML that is not well-formed: {error}")
+            yield DoctorFinding("problem", "network", f"CYCLONEDDS_URI holds XML that is not well-formed: {error}")
     elements = [each for piece in pieces for each in piece.iter()]
     said = {_tag(each): (each.text or "").strip() for each in elements}
     interfaces = [each for each in elements if _tag(each) == "NetworkInterface"]
@@ -105,20 +109,20 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[Finding]:
     )
     loopback = bool(names) and all(name in ("lo", "localhost") or name.startswith("127.") for name in names)
     if loopback:
-        yield Finding(
+        yield DoctorFinding(
             "note", "network", "CYCLONEDDS_URI names the loopback only: just programs on this machine are found"
         )
     elif names:
-        yield Finding("note", "network", f"CYCLONEDDS_URI names the network interface {', '.join(names)}")
+        yield DoctorFinding("note", "network", f"CYCLONEDDS_URI names the network interface {', '.join(names)}")
     if silent and not peers and not any(_tag(each) == "Peer" for each in elements):
-        yield Finding(
+        yield DoctorFinding(
             "problem",
             "network",
             "CYCLONEDDS_URI switches multicast off and names no peers: nobody is found",
             'add <Discovery><Peers><Peer address="localhost"/></Peers></Discovery>, with the robot\'s address too',
         )
     elif silent:
-        yield Finding(
+        yield DoctorFinding(
             "note",
             "network",
             "CYCLONEDDS_URI switches multicast off: a program with another setting is not found, and nothing says so",

@@ -8,37 +8,39 @@ from pathlib import Path
 from typing import Any
 
 from rise_adapters.ros2 import compatibility, graph_checks
-from rise_adapters.ros2.action_client import ActionClient
-from rise_adapters.ros2.doctor.finding import Finding
-from rise_adapters.ros2.mapping import Carrier, CarrierErrors, read_carriers, read_options
-from rise_adapters.ros2.port import PortError, Transport
+from rise_adapters.ros2.actions.client import ActionClient
+from rise_adapters.ros2.doctor.finding import DoctorFinding
+from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options
+from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_engine.scenario.model import RobotProfile
 
 DRIVER = "ros2"
-SECONDS = 3.0
+SEARCH_SECONDS = 3.0
 """For which the robot's servers are waited for. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
-SETTLE = 0.5
+SETTLE_SECONDS = 0.5
 """For which it goes on after all were found, because a second server may come."""
 _POLL_SECONDS = 0.05
 _MOST_NAMES = 8
 
 
-async def check_robot(transport: Transport, profile: RobotProfile | None, seconds: float = SECONDS) -> list[Finding]:
+async def check_robot(
+    transport: Transport, profile: RobotProfile | None, seconds: float = SEARCH_SECONDS
+) -> list[DoctorFinding]:
     """Whether each of the robot's actions is offered: once, and as what the profile says (`compatibility`)."""
     if profile is None:
-        return [Finding("note", "robot", "no robot was named, so none was looked for", "add --robot NAME")]
+        return [DoctorFinding("note", "robot", "no robot was named, so none was looked for", "add --robot NAME")]
     if profile.driver != DRIVER:
         return [
-            Finding(
+            DoctorFinding(
                 "note",
                 "robot",
                 f"the robot {profile.name} was not looked for: its driver is {profile.driver!r}, which is not on ROS",
             )
         ]
     try:
-        mappings = read_carriers(profile, transport.fields)
-    except CarrierErrors as errors:
-        return [Finding("problem", "robot", sentence) for sentence in errors.findings]
+        mappings = read_mappings(profile, transport.fields)
+    except MappingError as errors:
+        return [DoctorFinding("problem", "robot", sentence) for sentence in errors.findings]
     expected: list[_ExpectedEndpoint] = []
     try:
         for name, mapping in _by_mapping(mappings).items():
@@ -48,16 +50,16 @@ async def check_robot(transport: Transport, profile: RobotProfile | None, second
             names = ", ".join(each.full for each in expected)
             others = list(dict.fromkeys(name for each in expected for name in each.names_elsewhere()))
             remedy = _advise_renaming("these", others) if others else _advise_start("these")
-            return [Finding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
+            return [DoctorFinding("problem", "robot", f"nothing of {profile.name} is there: {names}", remedy)]
         return [finding for each in expected for finding in each.findings()]
     except PortError as error:
-        return [Finding("problem", "robot", str(error))]
+        return [DoctorFinding("problem", "robot", str(error))]
     finally:
         for each in expected:
             each.close()
 
 
-def _by_mapping(mappings: Mapping[str, Carrier]) -> dict[str, Carrier]:
+def _by_mapping(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]:
     """Several actions may go the same way: `Emotion, SocialExpression`."""
     ways: dict[tuple[str, str, str], list[str]] = {}
     for name, mapping in mappings.items():
@@ -69,7 +71,7 @@ async def _wait_for(expected: Sequence[_ExpectedEndpoint], seconds: float) -> No
     loop = asyncio.get_running_loop()
     until = loop.time() + seconds
     complete: float | None = None
-    while loop.time() < until and (complete is None or loop.time() < complete + SETTLE):
+    while loop.time() < until and (complete is None or loop.time() < complete + SETTLE_SECONDS):
         if complete is None and all(each.is_complete() for each in expected):
             complete = loop.time()
         await asyncio.sleep(_POLL_SECONDS)
@@ -78,7 +80,7 @@ async def _wait_for(expected: Sequence[_ExpectedEndpoint], seconds: float) -> No
 class _ExpectedEndpoint:
     """What carries one action of the robot, or several."""
 
-    def __init__(self, transport: Transport, name: str, mapping: Carrier) -> None:
+    def __init__(self, transport: Transport, name: str, mapping: ActionMapping) -> None:
         self._transport = transport
         self._name = name
         self._mapping = mapping
@@ -110,29 +112,29 @@ class _ExpectedEndpoint:
         """The names under which there is something of its type."""
         return graph_checks.names_elsewhere(self._transport, self._mapping)
 
-    def findings(self) -> Iterator[Finding]:
+    def findings(self) -> Iterator[DoctorFinding]:
         number, name, full = self.count(), self._name, self.full
         action = self._mapping.kind == "action"
         found = compatibility.compare(self._transport, self._mapping)
         for misfit in found.misfits:
-            yield Finding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
+            yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
         if number > 1 and action:
-            yield Finding(
+            yield DoctorFinding(
                 "problem", "robot", f"{name}: {compatibility.several_servers(number, full)}", "end all but one of them"
             )
         elif number and not found.misfits:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
-            yield Finding(
+            yield DoctorFinding(
                 "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if action else listens}"
             )
         elif not found.misfits:
             others = self.names_elsewhere()
             remedy = "" if found.seen else _advise_renaming(full, others) if others else _advise_start(full)
-            yield Finding(
+            yield DoctorFinding(
                 "problem", "robot", f"{name}: {compatibility.describe_absence(found, self._mapping, full)}", remedy
             )
         if found.unannounced:
-            yield Finding("note", "robot", f"{name}: {compatibility.describe_uncompared(full)}")
+            yield DoctorFinding("note", "robot", f"{name}: {compatibility.describe_uncompared(full)}")
 
 
 def _advise_renaming(name: str, others: Sequence[str]) -> str:
@@ -155,5 +157,5 @@ def definition_folders(profile: RobotProfile | None) -> list[Path]:
         return []
     try:
         return [Path(folder).expanduser() for folder in read_options(profile).share]
-    except CarrierErrors:  # said with everything else that is wrong in the profile
+    except MappingError:  # said with everything else that is wrong in the profile
         return []

@@ -7,16 +7,16 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec.structs import replace
 
-from rise_adapters.ros2.carriers.carrier import Carrier, Options
-from rise_adapters.ros2.carriers.compile import Compiler, Notes
-from rise_adapters.ros2.carriers.fields import Types
-from rise_adapters.ros2.carriers.fill import Group
+from rise_adapters.ros2.mapping.action_mapping import ActionMapping, RosOptions
+from rise_adapters.ros2.mapping.compiler import MessageCompiler, ProfileMistakes
+from rise_adapters.ros2.mapping.field_sources import MessageSource
+from rise_adapters.ros2.mapping.field_types import FieldTypes
 from rise_adapters.ros2.mapping.options import is_ros_name, parse_deadlines
 from rise_adapters.ros2.mapping.quality import parse_qos
 from rise_adapters.ros2.mapping.result_rule import parse_result_rule
-from rise_engine.nearest_name import suggestion
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import ActionSpec
-from rise_engine.scenario.parameters import accepts_any_name, known_names
+from rise_engine.scenario.parameters import accepts_any_name, listed_names
 
 MappingKind: TypeAlias = Literal["action", "topic"]
 
@@ -31,36 +31,36 @@ _TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?:(?P<kind>[a-z]+)/)?(?P<name
 class ActionReader:
     """Reads the carrier of one action. What is wrong goes into its notes, all of it."""
 
-    def __init__(self, spec: ActionSpec, options: Options, types: Types, notes: Notes) -> None:
+    def __init__(self, spec: ActionSpec, options: RosOptions, types: FieldTypes, notes: ProfileMistakes) -> None:
         self._spec = spec
         self._table = spec.carrier
         self._options = options
         self._types = types
         self._notes = notes
 
-    def read(self) -> Carrier | None:
+    def read(self) -> ActionMapping | None:
         """None when it cannot even be told what carries the action."""
         kind = self._kind()
         if kind is None:
             return None
         for key in self._table:
             if key not in _KEYS[kind]:
-                self._note(key, f"does not exist{suggestion(key, _KEYS[kind])}")
+                self._note(key, f"does not exist{did_you_mean(key, _KEYS[kind])}")
         name, type = self._name(kind), self._known_type(kind)
         deadlines = parse_deadlines(
             self._part("deadlines"), self._options.deadlines, self._where("deadlines"), self._notes
         )
         part = "goal" if kind == "action" else "message"
-        compiler = Compiler(self._spec, self._values(), self._types, self._notes)
+        compiler = MessageCompiler(self._spec, self._values(), self._types, self._notes)
         sent = f"{type}_Goal" if type and kind == "action" else type
-        message = compiler.message(self._part(part), sent, self._where(part))
-        used = compiler.used
+        message = compiler.compile(self._part(part), sent, self._where(part))
+        used = compiler.used_parameters
         if kind == "topic":  # its time is kept here, whether it has a field for it or not
             used = used | {"duration", "repetitions"}
         rule = None
         if kind == "action":
             rule = parse_result_rule(self._part("error"), type, self._where("error"), self._types, self._notes)
-        return Carrier(
+        return ActionMapping(
             kind,
             name,
             type,
@@ -99,7 +99,7 @@ class ActionReader:
         """The type on ROS; empty when it is none, or cannot be had here."""
         type = self._type(kind)
         parts = [f"{type}_Goal", f"{type}_Result", f"{type}_Feedback"] if kind == "action" else [type]
-        if type and (missing := next(filter(None, map(self._types.missing, parts)), "")):
+        if type and (missing := next(filter(None, map(self._types.why_unknown, parts)), "")):
             self._note("type", f"cannot be used here: {missing}")
             return ""
         return type
@@ -126,25 +126,25 @@ class ActionReader:
         for name, table in self._part("values").items():
             parameter = self._spec.parameters.get(name)
             if parameter is None:
-                known = suggestion(name, self._spec.parameters)
+                known = did_you_mean(name, self._spec.parameters)
                 self._note(f"values.{name}", f"is no parameter of {self._spec.name}{known}")
             elif not isinstance(table, dict) or not all(isinstance(each, str | int | float) for each in table.values()):
                 self._note(f"values.{name}", 'translates values: { fear = "scared" }')
             else:
-                known_here = known_names(parameter)
+                known_here = listed_names(parameter)
                 for key in table:
                     if parameter.type == "name" and not accepts_any_name(parameter) and key not in known_here:
-                        self._note(f"values.{name}.{key}", f"is no name of `{name}`{suggestion(key, known_here)}")
+                        self._note(f"values.{name}.{key}", f"is no name of `{name}`{did_you_mean(key, known_here)}")
                 result[name] = table
         return result
 
-    def _reset(self, type: str) -> Group | None:
+    def _reset(self, type: str) -> MessageSource | None:
         if "reset" not in self._table:
             return None
         # When it is sent nobody knows the parameters any more: an action without any.
         nobody = replace(self._spec, parameters={})
-        compiler = Compiler(nobody, {}, self._types, self._notes)
-        return compiler.message(self._part("reset"), type, self._where("reset"))
+        compiler = MessageCompiler(nobody, {}, self._types, self._notes)
+        return compiler.compile(self._part("reset"), type, self._where("reset"))
 
     def _part(self, key: str) -> dict[str, Any]:
         """One of the carrier's tables; empty when it is not there."""

@@ -10,9 +10,9 @@ from typing import Any
 from msgspec.structs import fields as struct_fields
 from msgspec.structs import replace
 
-from rise_adapters.ros2.carriers.carrier import Deadlines, Options
-from rise_adapters.ros2.carriers.compile import Notes
-from rise_engine.nearest_name import suggestion
+from rise_adapters.ros2.mapping.action_mapping import GoalDeadlines, RosOptions
+from rise_adapters.ros2.mapping.compiler import ProfileMistakes
+from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import RobotProfile
 
@@ -21,17 +21,17 @@ DRIVER = "ros2"
 _NAME = re.compile(r"(?:~/|/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*\Z", re.ASCII)
 
 
-def parse_options(profile: RobotProfile, notes: Notes) -> Options:
+def parse_options(profile: RobotProfile, notes: ProfileMistakes) -> RosOptions:
     """The profile's `[options]`; what is wrong goes into `notes`, and is left out."""
-    known = [field.name for field in struct_fields(Options)]
+    known = [field.name for field in struct_fields(RosOptions)]
     for key in profile.options:
         if key not in known:
-            notes.add(f"options.{key}", f"does not exist for the driver `{DRIVER}`{suggestion(key, known)}")
-    frame = profile.options.get("frame", Options().frame)
+            notes.add(f"options.{key}", f"does not exist for the driver `{DRIVER}`{did_you_mean(key, known)}")
+    frame = profile.options.get("frame", RosOptions().frame)
     if not isinstance(frame, str) or not frame.strip():
         notes.add("options.frame", "is the name of a coordinate frame, a text")
-        frame = Options().frame
-    deadlines = parse_deadlines(profile.options.get("deadlines", {}), Deadlines(), "options.deadlines", notes)
+        frame = RosOptions().frame
+    deadlines = parse_deadlines(profile.options.get("deadlines", {}), GoalDeadlines(), "options.deadlines", notes)
     share = profile.options.get("share", [])
     if not isinstance(share, list) or not all(isinstance(each, str) and each for each in share):
         notes.add("options.share", 'is a list of folders: ["/opt/robot/share"]')
@@ -48,20 +48,20 @@ def parse_options(profile: RobotProfile, notes: Notes) -> Options:
     if wrapper and not is_ros_name(wrapper):
         notes.add("options.wrapper", "is a ROS name such as `pepper`: letters, digits and `_`, parts divided by `/`")
         wrapper = ""
-    return Options(frame, deadlines, error, wrapper, tuple(folders))
+    return RosOptions(frame, deadlines, error, wrapper, tuple(folders))
 
 
-def parse_deadlines(table: Any, before: Deadlines, where: str, notes: Notes) -> Deadlines:
+def parse_deadlines(table: Any, before: GoalDeadlines, where: str, notes: ProfileMistakes) -> GoalDeadlines:
     """A table of seconds; what it does not name stays as it was `before`."""
     if not isinstance(table, dict):
         notes.add(where, "is a table of seconds: { acceptance = 2 }")
         return before
-    known = [field.name for field in struct_fields(Deadlines)]
+    known = [field.name for field in struct_fields(GoalDeadlines)]
     found: dict[str, float] = {}
     for key, value in table.items():
         may_be_zero = key in ("feedback", "result")
         if key not in known:
-            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, known)}")
+            notes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, known)}")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_SECONDS:
             notes.add(f"{where}.{key}", f"is a number of seconds, up to {MAX_SECONDS:.0f} (24 hours)")
         elif not value and not may_be_zero:

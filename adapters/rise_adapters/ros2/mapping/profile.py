@@ -10,10 +10,10 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_adapters.ros2.carriers.carrier import Carrier, CarrierErrors, Options
-from rise_adapters.ros2.carriers.compile import Notes
-from rise_adapters.ros2.carriers.fields import Fields, Types
+from rise_adapters.ros2.mapping.action_mapping import ActionMapping, MappingError, RosOptions
 from rise_adapters.ros2.mapping.action_reader import ActionReader
+from rise_adapters.ros2.mapping.compiler import ProfileMistakes
+from rise_adapters.ros2.mapping.field_types import FieldTypes, ReadFields
 from rise_adapters.ros2.mapping.options import parse_options
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 
@@ -21,27 +21,27 @@ _STANDARD = "rise/robot"
 """What the names of the profile `rise` begin with."""
 
 
-def read_options(profile: RobotProfile) -> Options:
+def read_options(profile: RobotProfile) -> RosOptions:
     """The profile's `[options]`. Raises CarrierErrors."""
-    notes = Notes()
+    notes = ProfileMistakes()
     options = parse_options(profile, notes)
     if notes.sentences:
-        raise CarrierErrors(profile.name, notes.sentences)
+        raise MappingError(profile.name, notes.sentences)
     return options
 
 
-def read_carriers(
-    profile: RobotProfile, fields: Fields | None = None, *, actions: Collection[str] | None = None
-) -> dict[str, Carrier]:
+def read_mappings(
+    profile: RobotProfile, fields: ReadFields | None = None, *, actions: Collection[str] | None = None
+) -> dict[str, ActionMapping]:
     """By name, the mapping of every action that the robot itself does.
 
-    `fields` is `Transport.fields`; without it, types are taken as they are and everything else is checked. `actions`
+    `fields` is `RosTransport.fields`; without it, types are taken as they are and everything else is checked. `actions`
     narrows it down to some actions. Raises CarrierErrors with everything that is wrong.
     """
-    notes = Notes()
+    notes = ProfileMistakes()
     options = parse_options(profile, notes)
-    types = Types(fields)
-    mappings: dict[str, Carrier] = {}
+    types = FieldTypes(fields)
+    mappings: dict[str, ActionMapping] = {}
     for name, spec in profile.actions.items():
         if not _is_done_by_itself(spec) or (actions is not None and name not in actions):
             continue
@@ -50,26 +50,26 @@ def read_carriers(
             mappings[name] = mapping
             _check_qos(name, mappings, notes)
     if notes.sentences:
-        raise CarrierErrors(profile.name, list(dict.fromkeys(notes.sentences)))
+        raise MappingError(profile.name, list(dict.fromkeys(notes.sentences)))
     return mappings
 
 
-def profile_findings(profile: RobotProfile, fields: Fields | None = None) -> list[str]:
+def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) -> list[str]:
     """Everything that is wrong with what a profile says about ROS, as sentences; empty when it can be used."""
     try:
-        read_carriers(profile, fields)
-    except CarrierErrors as errors:
+        read_mappings(profile, fields)
+    except MappingError as errors:
         return errors.findings
     return []
 
 
-def written_out(profile: RobotProfile) -> RobotProfile:
+def with_all_carriers(profile: RobotProfile) -> RobotProfile:
     """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
-    options = parse_options(profile, Notes())
+    options = parse_options(profile, ProfileMistakes())
     return replace(profile, actions={name: _written_out(spec, options) for name, spec in profile.actions.items()})
 
 
-def _check_qos(name: str, mappings: Mapping[str, Carrier], notes: Notes) -> None:
+def _check_qos(name: str, mappings: Mapping[str, ActionMapping], notes: ProfileMistakes) -> None:
     """Actions that go the same way have one subscription or publisher between them, and it has one quality of service.
     `name`: that of the action that was read last."""
     mapping = mappings[name]
@@ -90,7 +90,7 @@ def _standard_carriers() -> Mapping[str, Mapping[str, Any]]:
     return {name: table["carrier"] for name, table in profile["actions"].items()}
 
 
-def _written_out(spec: ActionSpec, options: Options) -> ActionSpec:
+def _written_out(spec: ActionSpec, options: RosOptions) -> ActionSpec:
     """The action with its carrier, also when that is its wrapper's; without one if there is none."""
     carrier = spec.carrier
     standard = _standard_carriers().get(spec.name)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rise_adapters.ros2.carriers.compile import Notes
-from rise_adapters.ros2.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, QoS
-from rise_engine.nearest_name import nearest, suggestion
+from rise_adapters.ros2.mapping.compiler import ProfileMistakes
+from rise_adapters.ros2.transport.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, QoS
+from rise_engine.nearest_name import did_you_mean, nearest_name
 
 _KEYS = ("reliability", "durability", "depth")
 _RELIABILITY = {"reliable": True, "best_effort": False}
@@ -16,7 +16,7 @@ _DEEPEST = 10_000
 """Messages that may be kept for one topic."""
 
 
-def parse_qos(table: Mapping[str, Any], kind: str, where: str, notes: Notes) -> dict[str, QoS]:
+def parse_qos(table: Mapping[str, Any], kind: str, where: str, notes: ProfileMistakes) -> dict[str, QoS]:
     """By what it is of: `topic`, or `feedback` and `status` of an action (`kind`). What is wrong goes into `notes`."""
     if kind == "topic":
         return {"topic": _quality(table, RELIABLE, where, notes)}
@@ -25,17 +25,17 @@ def parse_qos(table: Mapping[str, Any], kind: str, where: str, notes: Notes) -> 
         if key in _KEYS:
             notes.add(f"{where}.{key}", f"stands in `qos.{FEEDBACK}` or `qos.{STATUS_TOPIC}`: goals have no other")
         elif key not in usual:
-            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, usual)}")
+            notes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, usual)}")
     return {key: _quality(table.get(key, {}), before, f"{where}.{key}", notes) for key, before in usual.items()}
 
 
-def _quality(table: Any, before: QoS, where: str, notes: Notes) -> QoS:
+def _quality(table: Any, before: QoS, where: str, notes: ProfileMistakes) -> QoS:
     if not isinstance(table, dict):
         notes.add(where, 'is a table: { reliability = "best_effort" }')
         return before
     for key in table:
         if key not in _KEYS:
-            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, _KEYS)}")
+            notes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, _KEYS)}")
     depth = table.get("depth", before.depth)
     if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= _DEEPEST:
         notes.add(f"{where}.depth", f"is a whole number of messages from 1 to {_DEEPEST}")
@@ -45,12 +45,12 @@ def _quality(table: Any, before: QoS, where: str, notes: Notes) -> QoS:
     return QoS(depth, reliable, latched)
 
 
-def _choice(word: Any, words: Mapping[str, bool], before: bool, where: str, notes: Notes) -> bool:
+def _choice(word: Any, words: Mapping[str, bool], before: bool, where: str, notes: ProfileMistakes) -> bool:
     if word is None:
         return before
     if isinstance(word, str) and word in words:
         return words[word]
-    near = nearest(word, words) if isinstance(word, str) else None
+    near = nearest_name(word, words) if isinstance(word, str) else None
     meant = f"; did you mean `{near}`?" if near is not None else ""
     notes.add(where, f"is {' or '.join(f'`{each}`' for each in words)}{meant}")
     return before

@@ -5,25 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rise_adapters.ros2.carriers.carrier import Verdict
-from rise_adapters.ros2.carriers.compile import Notes
-from rise_adapters.ros2.carriers.fields import FieldType, Types
-from rise_engine.nearest_name import suggestion
+from rise_adapters.ros2.mapping.action_mapping import ResultRule
+from rise_adapters.ros2.mapping.compiler import ProfileMistakes
+from rise_adapters.ros2.mapping.field_types import FieldTypes, MessageFieldType
+from rise_engine.nearest_name import did_you_mean
 
 _KEYS = ("code", "ok", "text", "codes")
 
 
-def parse_result_rule(table: Mapping[str, Any], type: str, where: str, types: Types, notes: Notes) -> Verdict:
+def parse_result_rule(
+    table: Mapping[str, Any], type: str, where: str, types: FieldTypes, notes: ProfileMistakes
+) -> ResultRule:
     """`type`: the action's; empty when it is not known. What is wrong goes into `notes`, and is left out."""
     for key in table:
         if key not in _KEYS:
-            notes.add(f"{where}.{key}", f"does not exist{suggestion(key, _KEYS)}")
+            notes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, _KEYS)}")
     code, code_type = _field(table, "code", type, where, types, notes)
     text, text_type = _field(table, "text", type, where, types, notes)
-    if text_type is not None and (text_type.kind != "text" or text_type.many):
+    if text_type is not None and (text_type.kind != "text" or text_type.is_list):
         notes.add(f"{where}.text", f"is the field with the robot's words, and this one is `{text_type}`")
     ok = table.get("ok", 0)
-    if code_type is not None and (code_type.many or code_type.kind not in ("integer", "boolean")):
+    if code_type is not None and (code_type.is_list or code_type.kind not in ("integer", "boolean")):
         notes.add(f"{where}.code", f"is a whole number or true or false, and this field is `{code_type}`")
     elif code_type is not None and code_type.kind == "boolean" and not isinstance(ok, bool):
         notes.add(where, "has a `code` that is true or false; say which one is success: `ok = true`")
@@ -37,12 +39,12 @@ def parse_result_rule(table: Mapping[str, Any], type: str, where: str, types: Ty
     for key in ("ok", "codes"):
         if key in table and "code" not in table:
             notes.add(f"{where}.{key}", "needs `code`: the field of the result that it is about")
-    return Verdict(code, ok, text, codes)
+    return ResultRule(code, ok, text, codes)
 
 
 def _field(
-    table: Mapping[str, Any], key: str, type: str, where: str, types: Types, notes: Notes
-) -> tuple[tuple[str, ...], FieldType | None]:
+    table: Mapping[str, Any], key: str, type: str, where: str, types: FieldTypes, notes: ProfileMistakes
+) -> tuple[tuple[str, ...], MessageFieldType | None]:
     """The path of a field of the result, and its type where that is known."""
     path = table.get(key)
     if path is None:
@@ -53,15 +55,15 @@ def _field(
     names = tuple(path.split("."))
     if not type:
         return names, None
-    inside = FieldType(f"{type}_Result")
+    inside = MessageFieldType(f"{type}_Result")
     for name in names:
-        fields = types.of(inside.name)
+        fields = types.fields_of(inside.name)
         if fields is None:
-            if missing := types.missing(inside.name):
+            if missing := types.why_unknown(inside.name):
                 notes.add(f"{where}.{key}", f"cannot be checked: {missing}")
             return names, None
         if name not in fields:
-            wrong = f"names `{name}`, which is no field of {inside.name}{suggestion(name, fields)}"
+            wrong = f"names `{name}`, which is no field of {inside.name}{did_you_mean(name, fields)}"
             notes.add(f"{where}.{key}", wrong)
             return names, None
         inside = fields[name]

@@ -18,23 +18,23 @@ from functools import partial
 from math import inf
 from uuid import uuid4
 
-from rise_adapters.ros2.action_client import (
+from rise_adapters.ros2.actions.client import (
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCELED,
     CANCELING,
-    TERMINAL,
+    FINAL_STATUSES,
     UNKNOWN,
-    CancelAnswer,
+    CancelResponse,
 )
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.cancellation import MAX_TRIES, Cancellation
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.robot.result_query import ResultQuery
+from rise_adapters.ros2.transport.port import Message, PortError
 
 _LOG = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ class ActionGoal:
         host: GoalHost,
         endpoint: ActionEndpoint,
         action: str,
-        mapping: Carrier,
+        mapping: ActionMapping,
         message: Message,
         expected: float,
         limit: float,
@@ -239,7 +239,7 @@ class ActionGoal:
         if status is None:
             if self.phase == "running" and self._result.may_doubt(now):
                 self._ask_result()
-        elif status in TERMINAL:
+        elif status in FINAL_STATUSES:
             self._take_terminal_status(status, now)
         elif status and self._is_unanswered():
             self._accept()
@@ -351,7 +351,7 @@ class ActionGoal:
             )
         if self.phase == "ended":
             self._take_late_result(servers, status)
-        elif status not in TERMINAL:  # UNKNOWN, or what no result can have: never a success by itself
+        elif status not in FINAL_STATUSES:  # UNKNOWN, or what no result can have: never a success by itself
             self._take_unknown(servers)
         else:
             self._result.taken = True
@@ -360,7 +360,7 @@ class ActionGoal:
             self._end(*endings.of_result(status, message, self._mapping, name, cancel_wanted=wanted))
 
     def _take_late_result(self, servers: int, status: int) -> None:
-        ended = status in TERMINAL
+        ended = status in FINAL_STATUSES
         if not self._result.taken and ended and not (self._cancellation.tries and status == CANCELED):
             self._note(
                 "late",
@@ -429,7 +429,7 @@ class ActionGoal:
                 _LOG.debug("%s could not be cancelled: %s", self.action, error)
         self._host.goal_changed(self)
 
-    def _take_cancel_answer(self, servers: int, answer: CancelAnswer) -> None:
+    def _take_cancel_answer(self, servers: int, answer: CancelResponse) -> None:
         """`servers`: those that there were when it was asked (`ServerPresence.changes`)."""
         if self.id in answer.goals:
             self.confirm_cancel()

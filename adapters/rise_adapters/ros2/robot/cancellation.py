@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from rise_engine.kernel.acts import CANCEL_LIMIT
+from rise_engine.kernel.act_runner import CANCEL_LIMIT
 
 RETRY_SECONDS = 1.0
 """Between requests to cancel that bring nothing."""

@@ -10,13 +10,13 @@ import logging
 from collections.abc import Callable
 from typing import TypeAlias
 
-from rise_adapters.ros2.action_client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, several_servers
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import Message
+from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.cancellation import Cancellation
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
 from rise_adapters.ros2.robot.goal_host import Ending
+from rise_adapters.ros2.transport.port import Message
 
 _LOG = logging.getLogger(__name__)
 
@@ -28,14 +28,14 @@ Outcome: TypeAlias = tuple[Ending, str]
 """A status, and its reason."""
 
 
-def of_result(status: int, result: Message, mapping: Carrier, name: str, *, cancel_wanted: bool) -> Outcome:
+def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *, cancel_wanted: bool) -> Outcome:
     """The server has given the result. `status` is one of SUCCEEDED, CANCELED, ABORTED; `name` the action's on ROS."""
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
-        why = _read(mapping.reason, result, name) or "the robot gave it up and did not say why"
+        why = _read(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
         return "failed", f"aborted: {why}"
-    if wrong := _read(mapping.error, result, name):
+    if wrong := _read(mapping.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"

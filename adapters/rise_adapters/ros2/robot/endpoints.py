@@ -9,12 +9,12 @@ import logging
 from typing import Literal, TypeAlias
 
 from rise_adapters.ros2 import compatibility
-from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import NOT_COMPARED
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import Message, PortError, Publisher, Transport
+from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.presence import ServerPresence
-from rise_engine.robot import Clock
+from rise_adapters.ros2.transport.port import Message, PortError, Publisher, Transport
+from rise_engine.ports.robot import Clock
 
 _LOG = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ anything. What the middleware has not listed by then it does not list."""
 class _ComparedEndpoint:
     """What `compatibility` says about an endpoint's other side."""
 
-    def __init__(self, label: str, transport: Transport, mapping: Carrier, clock: Clock) -> None:
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         self.label = label
         """For a person: `pepper/speech`."""
         self.presence = ServerPresence(clock)
@@ -71,7 +71,9 @@ class _ComparedEndpoint:
 class ActionEndpoint(_ComparedEndpoint):
     """One action server of the robot."""
 
-    def __init__(self, label: str, client: ActionClient, transport: Transport, mapping: Carrier, clock: Clock) -> None:
+    def __init__(
+        self, label: str, client: ActionClient, transport: Transport, mapping: ActionMapping, clock: Clock
+    ) -> None:
         super().__init__(label, transport, mapping, clock)
         self.client = client
         self._unanswered_at: float | None = None
@@ -82,9 +84,9 @@ class ActionEndpoint(_ComparedEndpoint):
 
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
-        gone = self.presence.update(self.client.servers() if count is None else count)
+        gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
-            self.client.forget()
+            self.client.forget_statuses()
             self._unanswered_at = None
         return gone
 
@@ -100,7 +102,7 @@ class ActionEndpoint(_ComparedEndpoint):
     @property
     def is_silent(self) -> bool:
         """It owed an answer and has given no sign of life since."""
-        since, heard = self._unanswered_at, self.client.heard
+        since, heard = self._unanswered_at, self.client.heard_at
         return since is not None and (heard is None or heard <= since)
 
     @property
@@ -133,7 +135,7 @@ class ActionEndpoint(_ComparedEndpoint):
 class TopicEndpoint(_ComparedEndpoint):
     """One topic that something of the robot listens to."""
 
-    def __init__(self, label: str, transport: Transport, mapping: Carrier, clock: Clock) -> None:
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
         self.name = transport.resolve(mapping.name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, Protocol, TypeAlias
 
 from rise_adapters.ros2.robot.endpoints import Endpoint
-from rise_engine.robot import Clock
+from rise_engine.ports.robot import Clock
 
 Phase: TypeAlias = Literal["waiting", "sent", "running", "ended"]
 Ending: TypeAlias = Literal["succeeded", "failed", "canceled", "timed-out", "lost"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from rise_engine.robot import Clock
+from rise_engine.ports.robot import Clock
 
 SETTLING = 0.5
 """Seconds that one which was gone has to be there before it gets anything; doubled with each further loss ..."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from rise_adapters.ros2.action_client import UNKNOWN
+from rise_adapters.ros2.actions.client import UNKNOWN
 from rise_adapters.ros2.robot.endings import RESULT_GRACE
 
 REPEAT_SECONDS = 5.0

@@ -12,10 +12,9 @@ from itertools import cycle
 from math import inf
 from typing import TypeAlias
 
-from rise_adapters.ros2.action_client import ActionClient
+from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import describe_uncompared
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import Message, PortError, Transport
+from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import standing
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, TopicEndpoint, close_all, short_labels
@@ -23,9 +22,10 @@ from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
 from rise_adapters.ros2.robot.standing import Standing
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.robot.topic_goal import TopicGoal
+from rise_adapters.ros2.transport.port import Message, PortError, Transport
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
-from rise_engine.robot import Clock, Report, RobotReport, Timer
+from rise_engine.ports.robot import Clock, ReportCallback, RobotReport, Timer
 from rise_engine.scenario.durations import limit_seconds
 from rise_engine.scenario.model import RobotProfile
 
@@ -46,10 +46,10 @@ FAREWELL = 0.5
 
 
 class Ros2Robot:
-    """Implements `rise_engine.robot.Robot` over a transport that somebody else has opened and will close."""
+    """Implements `rise_engine.ports.robot.Robot` over a transport that somebody else has opened and will close."""
 
     def __init__(
-        self, profile: RobotProfile, clock: Clock, transport: Transport, mappings: Mapping[str, Carrier]
+        self, profile: RobotProfile, clock: Clock, transport: Transport, mappings: Mapping[str, ActionMapping]
     ) -> None:
         """`mappings` by the action's name in the profile. Raises PortError when a type cannot be had."""
         self.clock = clock
@@ -61,7 +61,7 @@ class Ros2Robot:
         self._by_id: dict[bytes, ActionGoal] = {}
         self._live: dict[str, Goal] = {}
         """Those that are still to be polled."""
-        self._report: Report = _ignore
+        self._report: ReportCallback = _ignore
         self._timer: Timer | None = None
         self._next_poll = inf
         """When the timer goes off."""
@@ -90,7 +90,7 @@ class Ros2Robot:
         self._endpoints = tuple(made.values())
         self._turn = cycle(self._endpoints)
 
-    def _make_endpoint(self, mapping: Carrier, label: str) -> Endpoint:
+    def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
             return TopicEndpoint(label, self._transport, mapping, self.clock)
         client = ActionClient(
@@ -106,7 +106,7 @@ class Ros2Robot:
         client.on_status = partial(self._take_status, endpoint)
         return endpoint
 
-    def _endpoint_of(self, mapping: Carrier) -> Endpoint:
+    def _endpoint_of(self, mapping: ActionMapping) -> Endpoint:
         return self._by_name[mapping.name, mapping.type]
 
     @property
@@ -116,7 +116,7 @@ class Ros2Robot:
 
     # --- the port -----------------------------------------------------------------------------------------------
 
-    def connect(self, report: Report) -> None:
+    def connect(self, report: ReportCallback) -> None:
         """Discovery takes its time: until every server is there, or the longest deadline is over, nothing is said."""
         self._report = report
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
@@ -139,13 +139,13 @@ class Ros2Robot:
         made.poll()
         self.goal_changed(made)
 
-    def _make_goal(self, goal: StartAction, mapping: Carrier) -> Goal:
+    def _make_goal(self, goal: StartAction, mapping: ActionMapping) -> Goal:
         """Raises PortError and ValueError for what cannot be sent."""
         node, frame = self._transport.node, self._frame
-        message = mapping.message(goal.parameters, node=node, goal=goal.action, frame=frame)
+        message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of(mapping)
         if isinstance(endpoint, TopicEndpoint):
-            reset = mapping.reset(node=node, goal=goal.action, frame=frame)
+            reset = mapping.make_reset(node=node, goal=goal.action, frame=frame)
             return TopicGoal(self, endpoint, goal.action, mapping, message, reset, goal.expected)
         limit = limit_seconds(self._profile.actions[goal.type], goal.parameters)
         made = ActionGoal(self, endpoint, goal.action, mapping, message, goal.expected, limit)
@@ -168,7 +168,7 @@ class Ros2Robot:
         for mapping in self._mappings.values():
             endpoint = self._endpoint_of(mapping)
             if isinstance(endpoint, TopicEndpoint) and endpoint in idle:  # whatever others have published there
-                reset = mapping.reset(node=self._transport.node, goal="", frame=self._frame)
+                reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     endpoint.publish(reset)
         self._stop = stop = StopAll(self.clock, self._endpoints, self._own_goals, self._report_stop)
@@ -201,7 +201,7 @@ class Ros2Robot:
         Raises PortError when a type cannot be had there.
         """
         if self._reported is None or self._reported.status != "lost":
-            self._report_lost(f"the connection to ROS is gone: {self._transport.lost() or 'it is made anew'}")
+            self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
         names = {endpoint: name for name, endpoint in self._by_name.items()}
         before = self._endpoints
         self._use(transport)
@@ -282,7 +282,7 @@ class Ros2Robot:
         """See which servers are there (all of them, unless some are named), and tell their goals. What appears or
         changes is compared with what the profile says; one endpoint is each time, because a program can be replaced by
         another one between two polls."""
-        lost = bool(self._transport.lost())
+        lost = bool(self._transport.failure())
         changed: list[tuple[Endpoint, bool]] = []
         turn = next(self._turn, None) if some is None else None
         for endpoint in self._endpoints if some is None else some:
@@ -324,7 +324,7 @@ class Ros2Robot:
         """Report how the robot stands, when that has changed."""
         now = self._standing()
         if self._reported is None:
-            if now.status != "connected" and not self._transport.lost() and self._is_discovering():
+            if now.status != "connected" and not self._transport.failure() and self._is_discovering():
                 return
         elif not now.is_news_after(self._reported):
             return

@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, SHORT_MISFITS, describe_misfits
-from rise_adapters.ros2.port import Transport
 from rise_adapters.ros2.robot.endpoints import Endpoint
+from rise_adapters.ros2.transport.port import Transport
 
 Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
@@ -33,7 +33,7 @@ class Standing(Struct, frozen=True):
 
 def assess(transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint]) -> Standing:
     """How the robot stands now. `busy`: the endpoints that do something of ours."""
-    if transport.lost():
+    if transport.failure():
         return Standing("lost")
     faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
@@ -52,7 +52,7 @@ def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
 def describe(status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint]) -> str:
     """For a person; `title` is the robot's. Of what is wrong, what to do about it comes first: on a small screen the
     rest is cut."""
-    why = transport.lost()
+    why = transport.failure()
     if why:
         return f"the connection to ROS is gone: {why}"
     if status == "connected":

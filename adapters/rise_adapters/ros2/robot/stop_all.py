@@ -14,19 +14,19 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TypeAlias
 
-from rise_adapters.ros2.action_client import (
+from rise_adapters.ros2.actions.client import (
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_UNKNOWN,
     CANCELING,
-    TERMINAL,
-    CancelAnswer,
+    FINAL_STATUSES,
+    CancelResponse,
 )
-from rise_adapters.ros2.port import PortError
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
+from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
-from rise_engine.robot import Clock, Timer
+from rise_engine.ports.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ class CancelAll:
 
     def __init__(self, endpoint: ActionEndpoint, own_goals: OwnGoals) -> None:
         self.endpoint = endpoint
-        self.answer: CancelAnswer | None = None
+        self.answer: CancelResponse | None = None
         self._own_goals = own_goals
         self._known: set[bytes] = set()
         """Goals that it is cancelling, or that it called unfinished."""
@@ -60,7 +60,7 @@ class CancelAll:
         self._over: set[bytes] = set()
         """... and of which it said that it does not have them (any more)."""
 
-    def take_answer(self, answer: CancelAnswer) -> None:
+    def take_answer(self, answer: CancelResponse) -> None:
         if self.answer is None or answer.goals:
             self.answer = answer
         self._known.update(answer.goals)
@@ -73,13 +73,13 @@ class CancelAll:
     def still_running(self) -> set[bytes]:
         """Goals that may be running there."""
         statuses = self.endpoint.client.statuses
-        self._known |= self.endpoint.client.running()
+        self._known |= self.endpoint.client.unfinished_goals()
         self._listed |= self._known & statuses.keys()
         own = self._own_goals(self.endpoint)
         over = {
             goal
             for goal in self._known
-            if statuses.get(goal) in TERMINAL or (goal in self._listed and goal not in statuses)
+            if statuses.get(goal) in FINAL_STATUSES or (goal in self._listed and goal not in statuses)
         }
         others = self._known - over - self._over - own.keys()
         return {id for id, goal in own.items() if goal.may_be_running} | others
@@ -123,7 +123,9 @@ class CancelAll:
             except PortError as error:
                 _LOG.warning("%s could not be asked about a goal: %s", self.endpoint.name, error)
 
-    def _take_answer_about(self, goal: bytes, servers: int, changed: Callable[[], None], answer: CancelAnswer) -> None:
+    def _take_answer_about(
+        self, goal: bytes, servers: int, changed: Callable[[], None], answer: CancelResponse
+    ) -> None:
         self._stopping.update(answer.goals)
         if answer.code == CANCEL_UNKNOWN and self.endpoint.presence.changes == servers:
             self._over.add(goal)
@@ -189,7 +191,7 @@ class StopAll:
         else:
             self._timer = self._clock.call_at(self._until, self._finish)
 
-    def _take_answer(self, cancel: CancelAll, answer: CancelAnswer) -> None:
+    def _take_answer(self, cancel: CancelAll, answer: CancelResponse) -> None:
         cancel.take_answer(answer)
         cancel.ask_by_id(self.poll)
         self.poll()

@@ -5,11 +5,11 @@ Nobody answers on a topic. That something listens counts as acceptance, that the
 
 from __future__ import annotations
 
-from rise_adapters.ros2.mapping import Carrier
-from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+from rise_adapters.ros2.transport.port import Message, PortError
 
 
 class TopicGoal:
@@ -20,7 +20,7 @@ class TopicGoal:
         host: GoalHost,
         endpoint: TopicEndpoint,
         action: str,
-        mapping: Carrier,
+        mapping: ActionMapping,
         message: Message,
         reset: Message | None,
         expected: float,

@@ -17,14 +17,14 @@ from msgspec import Struct, field
 
 from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.face.record_topics import RecordTopics
-from rise_adapters.ros2.port import SEND_GOAL, PortError, Transport, action_topic
-from rise_engine.clock import RealClock
+from rise_adapters.ros2.session_node.record_topics import RecordTopics
+from rise_adapters.ros2.transport.port import SEND_GOAL, PortError, Transport, action_topic
+from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, TaskRecord
-from rise_engine.link import client as link
-from rise_engine.link.messages import MESSAGE_LIMIT
-from rise_engine.link.room import Member, Room
+from rise_engine.protocol import client as link
+from rise_engine.protocol.messages import MAX_MESSAGE_BYTES
+from rise_engine.server.hub import AttachedClient, SessionHub
 
 _LOG = logging.getLogger(__name__)
 
@@ -61,8 +61,8 @@ class DomainTaskServer:
     def __init__(
         self,
         transport: Transport,
-        room: Room,
-        member: Member,
+        hub: SessionHub,
+        member: AttachedClient,
         topics: RecordTopics,
         wake: Callable[[], object],
     ) -> None:
@@ -71,7 +71,7 @@ class DomainTaskServer:
         self.refused = 0
         """Goals that were rejected without a task."""
         self._transport = transport
-        self._room = room
+        self._hub = hub
         self._member = member
         self._topics = topics
         self._wake = wake
@@ -131,7 +131,7 @@ class DomainTaskServer:
         self._submitted.clear()
         self._running.clear()
         for goal in self._server.goals:
-            if not goal.decided:
+            if not goal.is_decided:
                 self._refuse(goal, reason)
             else:
                 self._ended_here.append(goal)
@@ -147,7 +147,7 @@ class DomainTaskServer:
     async def _wait_for_fetches(self) -> None:
         """Whoever has just heard that a goal was accepted is only about to ask for its result."""
         for _ in range(round(FETCH_SECONDS / FETCH_POLL)):
-            if all(goal.told for goal in self._ended_here):
+            if all(goal.is_result_fetched for goal in self._ended_here):
                 return
             await asyncio.sleep(FETCH_POLL)
 
@@ -161,9 +161,9 @@ class DomainTaskServer:
         is_stop = function == "stopAll"
         if self._gone:
             self._refuse(goal, self._gone)
-        elif len(function) + len(behavior) + len(calling_type) > MESSAGE_LIMIT:
+        elif len(function) + len(behavior) + len(calling_type) > MAX_MESSAGE_BYTES:
             message.update(function_type=function[:100], domain_task_behavior=behavior[:100], calling_type="")
-            self._refuse(goal, f"a task may have {MESSAGE_LIMIT:,} characters at most")
+            self._refuse(goal, f"a task may have {MAX_MESSAGE_BYTES:,} characters at most")
         elif self.waiting >= (2 * UNDECIDED if is_stop else UNDECIDED):
             self._refuse(goal, f"{self.waiting:,} goals are waiting already; send the next when one has been accepted")
         else:
@@ -186,18 +186,18 @@ class DomainTaskServer:
             self._submit(goal, submit, self._member)
         return True
 
-    def _submit(self, goal: ServerGoal, submit: Submit, member: Member) -> None:
+    def _submit(self, goal: ServerGoal, submit: Submit, member: AttachedClient) -> None:
         goal.data = _GoalTask(source=member.source)
-        self._submitted[goal.hex] = goal
+        self._submitted[goal.id_hex] = goal
         try:
-            self._room.send(member, submit, partial(self._take_reply, goal))
+            self._hub.submit(member, submit, partial(self._take_reply, goal))
         except Exception as error:  # the engine's own failure, which ends the session
-            if self._submitted.pop(goal.hex, None) is not None:
+            if self._submitted.pop(goal.id_hex, None) is not None:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
 
     def _take_reply(self, goal: ServerGoal, reply: link.Reply) -> None:
         """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
-        self._submitted.pop(goal.hex, None)
+        self._submitted.pop(goal.id_hex, None)
         task = _task_of(goal)
         if not reply.accepted:
             if task.records:  # which say why
@@ -216,12 +216,12 @@ class DomainTaskServer:
         submit = _submit_of(goal)
         self.refused += 1
         goal.reject()
-        self._topics.refused(submit, reason)
+        self._topics.enqueue_refusal(submit, reason)
         self._wake()
 
     def _adopt_running(self) -> None:
         """Of a session that goes on: the goals whose tasks still run."""
-        for task in self._room.tasks()[0]:
+        for task in self._hub.tasks()[0]:
             if task.source != self._member.source or task.ref is None or task.status in FINAL:
                 continue
             try:
@@ -237,18 +237,18 @@ class DomainTaskServer:
         """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
         says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
         self._releasing.discard(goal.id)
-        if goal.decided:
+        if goal.is_decided:
             return
         who = str(goal.message["domain_task_behavior"]).strip()
-        named = self._room.engine.scenario.may_release
+        named = self._hub.engine.scenario.may_release
         if not who.startswith("/") or who not in named:
             self._refuse_release(goal, _why_not_released(who, named))
             return
         action = self._transport.resolve(DOMAIN_TASK)
-        if who in self._transport.clients_of(action_topic(action, SEND_GOAL)):
-            member = self._room.attach("node", "node", f"ros:{who}")
-            self._submit(goal, Submit(function="releaseStop", ref=goal.hex), member)
-            self._loop.call_soon(self._room.leave, member)
+        if who in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
+            member = self._hub.attach("node", "node", f"ros:{who}")
+            self._submit(goal, Submit(function="releaseStop", ref=goal.id_hex), member)
+            self._loop.call_soon(self._hub.detach, member)
         elif self._loop.time() < until and not self._gone and len(self._releasing) < RELEASING:
             self._releasing.add(goal.id)
             self._loop.call_later(KNOWN_POLL, self._release, goal, until)
@@ -260,7 +260,7 @@ class DomainTaskServer:
         text = f"a node asked to release the stop and may not: {reason}"
         if text not in self._refused_releases and len(self._refused_releases) < REFUSALS_NOTED:
             self._refused_releases.add(text)
-            self._room.send(self._member, Note(text=text), _ignore)
+            self._hub.submit(self._member, Note(text=text), _ignore)
 
     # --- what becomes of them -----------------------------------------------------------------------------------
 
@@ -310,12 +310,12 @@ class DomainTaskServer:
             self._answer_later(partial(decide, False))
             return True
         submit = Submit(function="cancelTask", behavior=str(task))
-        self._room.send(self._member, submit, partial(self._take_cancel_reply, submit, decide))
+        self._hub.submit(self._member, submit, partial(self._take_cancel_reply, submit, decide))
         return True
 
     def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: link.Reply) -> None:
         if not reply.accepted and reply.task is None:
-            self._topics.refused(submit, reply.reason)
+            self._topics.enqueue_refusal(submit, reply.reason)
         self._answer_later(partial(decide, reply.accepted))
 
 
@@ -333,7 +333,7 @@ def _apply(goal: ServerGoal, record: TaskRecord) -> None:
             if status == "ACTIVE":
                 goal.execute()
             position = -1 if record.position is None else record.position
-            goal.feedback({"status": status, "reason": record.reason, "position": position})
+            goal.publish_feedback({"status": status, "reason": record.reason, "position": position})
 
 
 def _why_not_released(who: str, named: tuple[str, ...]) -> str:
@@ -353,7 +353,7 @@ def _submit_of(goal: ServerGoal) -> Submit:
         function=message["function_type"],
         behavior=message["domain_task_behavior"],
         calling_type=message["calling_type"],
-        ref=goal.hex,
+        ref=goal.id_hex,
     )
 
 

@@ -17,17 +17,17 @@ import asyncio
 import logging
 from time import time_ns
 
-from rise_adapters.ros2.face import diagnostics
-from rise_adapters.ros2.face.record_topics import RecordTopics
-from rise_adapters.ros2.neighbours import Neighbours
-from rise_adapters.ros2.port import Message, PortError, QoS, Transport
+from rise_adapters.ros2.session_node import diagnostics
 from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
 from rise_adapters.ros2.session_node.memory_service import MemoryService
+from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
+from rise_adapters.ros2.session_node.record_topics import RecordTopics
+from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.lag_meter import LagMeter
-from rise_engine.link import client as link
-from rise_engine.link.room import Room
+from rise_engine.protocol import client as link
+from rise_engine.server.hub import SessionHub
 from rise_engine.time_slicer import TimeSlicer
 
 _LOG = logging.getLogger(__name__)
@@ -46,7 +46,12 @@ class RosSessionInterface:
     """One session on ROS. All methods belong to the engine's loop."""
 
     def __init__(
-        self, transport: Transport, room: Room, neighbours: Neighbours | None = None, *, rosout: bool = True
+        self,
+        transport: Transport,
+        hub: SessionHub,
+        neighbours: NeighbourSessions | None = None,
+        *,
+        rosout: bool = True,
     ) -> None:
         """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
         sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
@@ -54,21 +59,21 @@ class RosSessionInterface:
         Raises PortError when the transport does not have the types of `rise_interfaces`.
         """
         self._transport = transport
-        self._room = room
+        self._hub = hub
         self._neighbours = neighbours
         self._loop = asyncio.get_running_loop()
-        self._member = room.attach("domain_task", "node", SOURCE)
+        self._member = hub.attach("domain_task", "node", SOURCE)
         self._dropped = 0
         """Of the records that were never published, those that were noted."""
         self._closed = False
         self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
-        self._topics = RecordTopics(transport, room, self._member.source, rosout=rosout)
+        self._topics = RecordTopics(transport, hub, self._member.source, rosout=rosout)
         self._lag = LagMeter(self._loop)
         self._diagnostics = transport.publisher(diagnostics.TOPIC, diagnostics.TYPE, QoS())
-        self._memory = MemoryService(transport, room)
-        self._tasks = DomainTaskServer(transport, room, self._member, self._topics, self._slicer.wake)
-        room.subscribe(self._take_update)
-        room.engine.when_ended(self._end_goals)
+        self._memory = MemoryService(transport, hub)
+        self._tasks = DomainTaskServer(transport, hub, self._member, self._topics, self._slicer.wake)
+        hub.subscribe(self._take_update)
+        hub.engine.on_ended(self._end_goals)
         self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
 
     async def close(self) -> None:
@@ -85,7 +90,7 @@ class RosSessionInterface:
         await self._tasks.close(GONE)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
-        self._room.leave(self._member)
+        self._hub.detach(self._member)
 
     def _work(self) -> bool:
         """One piece of each kind of work, so that none keeps another waiting."""
@@ -94,20 +99,20 @@ class RosSessionInterface:
 
     def _take_update(self, update: link.Update) -> None:
         """Every record; in the engine's step."""
-        if self._closed or isinstance(update, link.Journaling | link.Pulse):
+        if self._closed or isinstance(update, link.JournalStatus | link.Heartbeat):
             return
         if isinstance(update, TaskRecord):
             self._tasks.take_record(update)
-        self._topics.take(update)
+        self._topics.enqueue(update)
         self._slicer.wake()
 
     def _end_goals(self) -> None:
         """The session has ended, or this does: no goal waits for what never comes."""
-        engine = self._room.engine
+        engine = self._hub.engine
         if engine.failure is not None:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
         elif engine.ended:
-            reason = f"the session has ended: {self._room.end_reason}".removesuffix(": ")
+            reason = f"the session has ended: {self._hub.end_reason}".removesuffix(": ")
         else:
             reason = GONE
         self._tasks.end_all(reason)
@@ -118,13 +123,13 @@ class RosSessionInterface:
         self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
         self._publish_diagnostics()
         dropped = self._topics.dropped
-        if dropped > self._dropped and not self._room.engine.ended:
+        if dropped > self._dropped and not self._hub.engine.ended:
             text = f"{dropped - self._dropped:,} records were not published on ROS: they came faster than that takes"
             self._dropped = dropped
-            self._room.send(self._member, Note(text=text), _ignore)
+            self._hub.submit(self._member, Note(text=text), _ignore)
 
     def _publish_diagnostics(self) -> None:
-        statuses = diagnostics.statuses(self._room, (self._lag.recent, self._lag.max), self.status())
+        statuses = diagnostics.session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status())
         seconds, rest = divmod(time_ns(), 1_000_000_000)
         try:
             self._diagnostics.publish({"header": {"stamp": {"sec": seconds, "nanosec": rest}}, "status": statuses})
@@ -133,13 +138,13 @@ class RosSessionInterface:
 
     def status(self) -> Message:
         """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
-        topics, tasks, lost = self._topics, self._tasks, self._transport.lost()
+        topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
         others = self._neighbours.others if self._neighbours is not None else []
         level, message = diagnostics.OK, self._transport.about
         if lost:
             level, message = diagnostics.ERROR, lost
-        elif topics.trouble:
-            level, message = diagnostics.ERROR, f"records are not published: {topics.trouble}"
+        elif topics.error:
+            level, message = diagnostics.ERROR, f"records are not published: {topics.error}"
         elif others:
             level, message = diagnostics.WARN, f"another session has the same names: {others[0]}"
         elif topics.dropped > self._dropped:
@@ -154,7 +159,7 @@ class RosSessionInterface:
             "records dropped": topics.dropped,
             "other sessions": len(others),
         }
-        return diagnostics.status(self._room, "ros", level, message, values)
+        return diagnostics.make_status(self._hub, "ros", level, message, values)
 
 
 def _ignore(reply: link.Reply) -> None:

@@ -6,11 +6,11 @@ import logging
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rise_adapters.ros2.face.record_topics import as_json
-from rise_adapters.ros2.port import Message, PortError, Reply, Transport
+from rise_adapters.ros2.session_node.record_topics import encode_json
+from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Transport
 from rise_engine.expression import lookup
-from rise_engine.link.room import Room
-from rise_engine.view import MemoryView
+from rise_engine.kernel.view import MemoryView
+from rise_engine.server.hub import SessionHub
 
 _LOG = logging.getLogger(__name__)
 
@@ -20,19 +20,19 @@ GET_MEMORY, GET_MEMORY_TYPE = "rise/get_memory", "rise_interfaces/srv/GetMemory"
 class MemoryService:
     """Answers from the view of the session, so it never waits for the engine."""
 
-    def __init__(self, transport: Transport, room: Room) -> None:
+    def __init__(self, transport: Transport, hub: SessionHub) -> None:
         """Raises PortError when the transport does not have the type."""
-        self._room = room
+        self._hub = hub
         self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._answer)
 
     def close(self) -> None:
         self._service.close()
 
-    def _answer(self, request: Message, reply: Reply) -> None:
-        found, value = lookup(_MemoryValues(self._room.view.memory), request["request_by_key"])
+    def _answer(self, request: Message, reply: SendReply) -> None:
+        found, value = lookup(_MemoryValues(self._hub.view.memory), request["request_by_key"])
         answer: Message = {"found": False}
         if found:
-            answer = {"found": True, "value": as_json(value), "type": _json_type(value)}
+            answer = {"found": True, "value": encode_json(value), "type": _json_type(value)}
         try:
             reply(answer)
         except PortError as error:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, TypeAlias
 
-from rise_adapters.ros2.port import Message, PortError
+from rise_adapters.ros2.transport.port import Message, PortError
 
 _INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _FLOATS = {"float": "float32", "double": "float64"}

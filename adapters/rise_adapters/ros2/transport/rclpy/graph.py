@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from rise_adapters.ros2.port import End
+from rise_adapters.ros2.transport.port import RemoteEndpoint
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
 
@@ -26,13 +26,13 @@ class RclpyGraph:
         self._node: Any = node.rclpy_node
         self._vendor = vendor
 
-    def publishers(self, topic: str) -> list[End]:
+    def publishers(self, topic: str) -> list[RemoteEndpoint]:
         return self._ends(self._node.get_publishers_info_by_topic, topic)
 
-    def subscribers(self, topic: str) -> list[End]:
+    def subscribers(self, topic: str) -> list[RemoteEndpoint]:
         return self._ends(self._node.get_subscriptions_info_by_topic, topic)
 
-    def servers(self, service: str) -> list[End]:
+    def servers(self, service: str) -> list[RemoteEndpoint]:
         # RMWs on DDS carry a service on two topics: what reads the one and writes the other are the servers.
         found = [
             *self._ends(self._node.get_subscriptions_info_by_topic, f"rq{service}Request", no_mangle=True),
@@ -60,8 +60,8 @@ class RclpyGraph:
     def nodes(self) -> list[str]:
         return [] if self._spinning.ended() else list(self._node.get_fully_qualified_node_names())
 
-    def strangers(self) -> list[tuple[str, str]]:
-        """As `port.Transport.strangers`."""
+    def programs_of_other_vendors(self) -> list[tuple[str, str]]:
+        """As `port.Transport.programs_of_other_vendors`."""
         if not self._vendor or self._spinning.ended():
             return []
         # By what they have: what a program is carried by is nowhere else to be seen.
@@ -75,7 +75,7 @@ class RclpyGraph:
         named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
         return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
 
-    def _ends(self, list_infos: Callable[..., Any], name: str, **more: Any) -> list[End]:
+    def _ends(self, list_infos: Callable[..., Any], name: str, **more: Any) -> list[RemoteEndpoint]:
         """What others have under a name."""
         if self._spinning.ended():
             return []
@@ -86,9 +86,9 @@ class RclpyGraph:
             return []
         return [self._end(info) for info in found if not self._is_own(info)]
 
-    def _end(self, info: Any) -> End:
+    def _end(self, info: Any) -> RemoteEndpoint:
         node = _node_of(info)
-        return End(
+        return RemoteEndpoint(
             "" if _UNKNOWN in node else node,
             _plain_type(info.topic_type),
             _hash_text(info.topic_type_hash),
@@ -99,9 +99,9 @@ class RclpyGraph:
     def _is_own(self, info: Any) -> bool:
         return _node_of(info) == self._spinning.name
 
-    def _servers_by_node(self, service: str) -> list[End]:
+    def _servers_by_node(self, service: str) -> list[RemoteEndpoint]:
         """The service of that name as far as other nodes, each by itself, are known to offer it."""
-        found: list[End] = []
+        found: list[RemoteEndpoint] = []
         if self._spinning.ended():
             return found
         for name, namespace in self._node.get_node_names_and_namespaces():
@@ -112,7 +112,9 @@ class RclpyGraph:
                 offered = self._node.get_service_names_and_types_by_node(name, namespace)
             except Exception:  # the node went away meanwhile
                 continue
-            found += [End(node, f"{type}_Request") for full, types in offered if full == service for type in types]
+            found += [
+                RemoteEndpoint(node, f"{type}_Request") for full, types in offered if full == service for type in types
+            ]
         return found
 
 

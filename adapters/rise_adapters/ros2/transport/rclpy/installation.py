@@ -6,7 +6,7 @@ import re
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.transport.port import PortError
 
 
 class Rclpy(NamedTuple):

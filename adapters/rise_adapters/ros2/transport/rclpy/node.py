@@ -13,8 +13,8 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from rise_adapters.ros2.port import PortError, QoS
 from rise_adapters.ros2.transport.inbox import Inbox
+from rise_adapters.ros2.transport.port import PortError, QoS
 from rise_adapters.ros2.transport.rclpy.installation import Rclpy, first_line, load_rclpy
 
 _log = logging.getLogger(__name__)

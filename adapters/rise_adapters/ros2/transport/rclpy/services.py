@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from rise_adapters.ros2.port import Message, PortError, QoS, Reply
+from rise_adapters.ros2.transport.port import Message, PortError, QoS, SendReply
 from rise_adapters.ros2.transport.rclpy.conversion import MessageConverter
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
@@ -30,7 +30,7 @@ class RclpyServer:
         service: Any,
         request: MessageConverter,
         response: MessageConverter,
-        on_request: Callable[[Message, Reply], None],
+        on_request: Callable[[Message, SendReply], None],
     ) -> None:
         """`service`: rclpy's class of the type. Raises PortError."""
         self._node = node

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rise_adapters.ros2.port import Message, PortError, QoS
+from rise_adapters.ros2.transport.port import Message, PortError, QoS
 from rise_adapters.ros2.transport.rclpy.conversion import MessageConverter
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode

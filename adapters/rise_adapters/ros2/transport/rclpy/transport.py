@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
-from rise_adapters.ros2 import vendors
-from rise_adapters.ros2.port import RELIABLE, End, Message, PortError, QoS, Reply
+from rise_adapters.ros2.transport import vendors
+from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS, RemoteEndpoint, SendReply
 from rise_adapters.ros2.transport.rclpy.graph import RclpyGraph
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
@@ -42,7 +42,7 @@ class RclpyTransport:
         self._node = SpinningNode(loop, node, namespace, arguments, domain)
         self._types = InstalledTypes()
         self.node = self._node.name
-        self.vendor = vendors.of_rmw(self._node.rmw)
+        self.vendor = vendors.vendor_of_rmw(self._node.rmw)
         self.about = f"rclpy, {self._node.rmw}, domain {self._node.domain}"
         self._graph = RclpyGraph(self._node, self.vendor)
 
@@ -58,7 +58,7 @@ class RclpyTransport:
         self._node.check()
         return RclpySubscription(self._node, topic, *self._types.message(type), taken, qos)
 
-    def serve(self, name: str, type: str, asked: Callable[[Message, Reply], None]) -> RclpyServer:
+    def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> RclpyServer:
         self._node.check()
         return RclpyServer(self._node, name, type, *self._types.service(type), asked)
 
@@ -85,28 +85,28 @@ class RclpyTransport:
     def type_hash(self, type: str) -> str:
         return self._types.hash(type)
 
-    def publisher_ends(self, topic: str) -> list[End]:
+    def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         return self._graph.publishers(self.resolve(topic))
 
-    def subscriber_ends(self, topic: str) -> list[End]:
+    def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         return self._graph.subscribers(self.resolve(topic))
 
-    def server_ends(self, service: str) -> list[End]:
+    def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
         return self._graph.servers(self.resolve(service))
 
     def topics(self) -> list[str]:
         return self._graph.topics()
 
-    def strangers(self) -> list[tuple[str, str]]:
-        return self._graph.strangers()
+    def programs_of_other_vendors(self) -> list[tuple[str, str]]:
+        return self._graph.programs_of_other_vendors()
 
     def nodes(self) -> list[str]:
         return self._graph.nodes()
 
-    def clients_of(self, service: str) -> list[str]:
+    def client_nodes(self, service: str) -> list[str]:
         return self._graph.clients(self.resolve(service))
 
-    def lost(self) -> str:
+    def failure(self) -> str:
         return self._node.lost()
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rise_adapters.ros2.port import PortError
+from rise_adapters.ros2.transport.port import PortError
 from rise_adapters.ros2.transport.rclpy.conversion import (
     FieldConverter,
     MessageConverter,

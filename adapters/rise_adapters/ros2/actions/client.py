@@ -1,0 +1,156 @@
+"""The client's side of a ROS 2 action, from the three services and two topics that make it up.
+
+There is no policy in here: no deadline, no retry, no opinion (that is `goals`). What the ready-made clients cannot do
+is possible because the parts are used directly: goal ids of our own, cancelling by id without having been accepted,
+cancelling everything that a server does, asking for a result again. Source: https://design.ros2.org/articles/actions.html,
+and measurements against rclpy 7.1 (docs/explanation/ros2.md).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+from msgspec import Struct
+
+from rise_adapters.ros2.transport.port import (
+    CANCEL_GOAL,
+    FEEDBACK,
+    GET_RESULT,
+    RELIABLE,
+    SEND_GOAL,
+    STATUS,
+    STATUS_TOPIC,
+    Message,
+    QoS,
+    Transport,
+    action_topic,
+    action_types,
+)
+
+UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
+"""What a goal is (action_msgs/msg/GoalStatus). UNKNOWN is also the answer about a goal that the server never had."""
+FINAL_STATUSES = frozenset((SUCCEEDED, CANCELED, ABORTED))
+
+CANCEL_NONE, CANCEL_REJECTED, CANCEL_UNKNOWN, CANCEL_TERMINATED = range(4)
+"""What a cancel request is answered with (action_msgs/srv/CancelGoal). NONE is no error, but that something is being
+cancelled only the list of goals says: rclpy answers a refused cancel with NONE and an empty list."""
+
+ALL_GOALS = bytes(16)
+"""The goal id that, with a zero stamp, asks to cancel all goals of a server."""
+
+
+class CancelResponse(Struct, frozen=True):
+    """What a server said to a cancel request."""
+
+    code: int
+    goals: tuple[bytes, ...]
+    """The goals that are being cancelled now."""
+
+
+class ActionClient:
+    """One action on the wire. Owns its services and subscriptions; every answer is handed on, also a second one."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        name: str,
+        type: str,
+        *,
+        now: Callable[[], float] = time.monotonic,
+        feedback: QoS = RELIABLE,
+        status: QoS = STATUS,
+    ) -> None:
+        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard`; `feedback` and `status`:
+        how these topics are listened to. Raises PortError."""
+        self.name = transport.resolve(name)
+        """The full name."""
+        self.type = type
+        self.heard_at: float | None = None
+        """When a sign of life came last from the server: any answer, feedback or status."""
+        self.statuses: dict[bytes, int] = {}
+        """What the server said last about each goal that it knows, also about those of others."""
+        self.on_feedback: Callable[[bytes, Message], None] = _ignore
+        """Called with the goal's id and the action's feedback."""
+        self.on_status: Callable[[Mapping[bytes, int]], None] = _ignore
+        """Called with `statuses` when the server has published it."""
+        self._now = now
+        types = action_types(type)
+        self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
+        self._cancel = transport.client(action_topic(self.name, CANCEL_GOAL), types[CANCEL_GOAL])
+        self._result = transport.client(action_topic(self.name, GET_RESULT), types[GET_RESULT])
+        self._subscriptions = (
+            transport.subscribe(action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, feedback),
+            transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status),
+        )
+
+    def count_servers(self) -> int:
+        """How many offer the action; 0 as long as any of its three services is missing: a request would vanish."""
+        counts = (self._send.servers(), self._cancel.servers(), self._result.servers())
+        return max(counts) if all(counts) else 0
+
+    def send(self, goal: bytes, fields: Message, answered: Callable[[bool], None]) -> None:
+        """Send a goal under an id of our own (16 bytes); `answered` hears whether it was accepted. Raises PortError."""
+
+        def answer(reply: Message) -> None:
+            self._note_sign_of_life()
+            answered(bool(reply["accepted"]))
+
+        self._send.call({"goal_id": {"uuid": goal}, "goal": fields}, answer)
+
+    def get_result(self, goal: bytes, ended: Callable[[int, Message], None]) -> None:
+        """Ask for a goal's result: its status and fields, which come when it has ended. May be asked again at any time.
+
+        Raises PortError.
+        """
+
+        def answer(reply: Message) -> None:
+            self._note_sign_of_life()
+            ended(int(reply["status"]), reply["result"])
+
+        self._result.call({"goal_id": {"uuid": goal}}, answer)
+
+    def cancel(self, goal: bytes, answered: Callable[[CancelResponse], None]) -> None:
+        """Ask the server to stop one goal, whether or not it was accepted. Raises PortError."""
+
+        def answer(reply: Message) -> None:
+            self._note_sign_of_life()
+            stopping = tuple(bytes(each["goal_id"]["uuid"]) for each in reply["goals_canceling"])
+            answered(CancelResponse(int(reply["return_code"]), stopping))
+
+        self._cancel.call({"goal_info": {"goal_id": {"uuid": goal}, "stamp": {"sec": 0, "nanosec": 0}}}, answer)
+
+    def cancel_all(self, answered: Callable[[CancelResponse], None]) -> None:
+        """Ask the server to stop everything, also goals of others. Raises PortError."""
+        self.cancel(ALL_GOALS, answered)
+
+    def unfinished_goals(self) -> set[bytes]:
+        """The goals that the server calls unfinished, also those of others."""
+        return {goal for goal, status in self.statuses.items() if status not in FINAL_STATUSES}
+
+    def forget_statuses(self) -> None:
+        """The server has gone: what it last said about its goals counts no more."""
+        self.statuses.clear()
+
+    def close(self) -> None:
+        """No answers come any more. What the server does goes on."""
+        for part in (self._send, self._cancel, self._result, *self._subscriptions):
+            part.close()
+
+    def _take_feedback(self, message: Message) -> None:
+        self._note_sign_of_life()
+        self.on_feedback(bytes(message["goal_id"]["uuid"]), message["feedback"])
+
+    def _take_status(self, message: Message) -> None:
+        self._note_sign_of_life()
+        self.statuses = {
+            bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]
+        }
+        self.on_status(self.statuses)
+
+    def _note_sign_of_life(self) -> None:
+        self.heard_at = self._now()
+
+
+def _ignore(*arguments: object) -> None:
+    """Nobody listens."""

@@ -1,1 +1,0 @@
-"""What the mappings of a profile are made of (moves to `mapping`)."""

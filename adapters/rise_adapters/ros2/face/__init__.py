@@ -1,1 +1,0 @@
-"""What a session publishes on ROS (moves to `session_node`)."""

@@ -1,0 +1,211 @@
+"""How an action's parameters fill the fields of a message: what a carrier says, checked and prepared once per session,
+so that making the message of a goal is a walk over a small tree.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from msgspec import Struct
+
+from rise_adapters.ros2.mapping.field_types import (
+    DURATION,
+    MessageFieldType,
+    describe_field_type,
+    describe_value,
+    duration_message,
+    fit_value,
+)
+from rise_adapters.ros2.mapping.templates import seconds_per_unit
+from rise_engine.scenario.model import Parameter
+from rise_engine.scenario.template import spoken_text
+
+
+class FillContext(Struct, frozen=True):
+    """What one message is made of."""
+
+    parameters: Mapping[str, Any]
+    """As the author gave them; those left out are absent."""
+    specials: Mapping[str, str]
+
+
+class _NoValue:
+    """Neither author, fallback nor declaration give a value: the field keeps its zero."""
+
+
+NO_VALUE = _NoValue()
+
+
+class FieldSource(Protocol):
+    def fill(self, filling: FillContext) -> Any:
+        """The value of a field, or NOTHING. Raises ValueError with a sentence when the field cannot take it."""
+        ...
+
+
+# --- makers ---------------------------------------------------------------------------------------------------------
+
+
+class FixedSource(Struct, frozen=True):
+    value: Any
+
+    def fill(self, filling: FillContext) -> Any:
+        return self.value
+
+
+class MessageSource(Struct, frozen=True):
+    """A message of several fields."""
+
+    fields: dict[str, FieldSource]
+
+    def fill(self, filling: FillContext) -> Any:
+        made = {name: maker.fill(filling) for name, maker in self.fields.items()}
+        return {name: value for name, value in made.items() if value is not NO_VALUE}
+
+
+class ListSource(Struct, frozen=True):
+    """A list of values."""
+
+    items: tuple[FieldSource, ...]
+    zero: Any = NO_VALUE
+    """What stands for an item without a value; NOTHING: it is left out."""
+    as_bytes: bool = False
+
+    def fill(self, filling: FillContext) -> Any:
+        made = [item.fill(filling) for item in self.items]
+        values = [self.zero if value is NO_VALUE else value for value in made]
+        values = [value for value in values if value is not NO_VALUE]
+        return bytes(values) if self.as_bytes else values
+
+
+class ParameterSource(Struct, frozen=True):
+    """A field that one parameter fills."""
+
+    field: str
+    """Its path, for messages."""
+    conversion: ParameterConversion
+    absent: Any = NO_VALUE
+    """What the field gets when the author gives nothing."""
+    special: str | None = None
+    """The special that the field gets then, if one."""
+
+    def fill(self, filling: FillContext) -> Any:
+        conversion = self.conversion
+        value = filling.parameters.get(conversion.parameter.name)
+        try:
+            if value is not None:
+                return conversion.field_value(value)
+            return (
+                self.absent if self.special is None else literal_value(filling.specials[self.special], conversion.type)
+            )
+        except ValueError as error:
+            raise ValueError(f"`{self.field}` {error} (parameter `{conversion.parameter.name}`)") from None
+
+
+class SpecialSource(Struct, frozen=True):
+    field: str
+    name: str
+    type: MessageFieldType | None
+
+    def fill(self, filling: FillContext) -> Any:
+        value = filling.specials[self.name]
+        try:
+            return value if self.type is None else fit_value(value, self.type)
+        except ValueError as error:
+            raise ValueError(f"`{self.field}` {error} (@{self.name})") from None
+
+
+class AllParametersSource(Struct, frozen=True):
+    """All parameters as the text of a JSON object, in the order of their declaration."""
+
+    field: str
+    all: tuple[ParameterConversion, ...]
+    type: MessageFieldType | None
+
+    def fill(self, filling: FillContext) -> Any:
+        values = {
+            each.parameter.name: each.named_value(filling.parameters.get(each.parameter.name, each.parameter.default))
+            for each in self.all
+        }
+        text = json.dumps({name: value for name, value in values.items() if value is not None}, ensure_ascii=False)
+        try:
+            return text if self.type is None else fit_value(text, self.type)
+        except ValueError as error:
+            raise ValueError(f"`{self.field}` {error} (@parameters)") from None
+
+
+class JoinedTextSource(Struct, frozen=True):
+    """A text put together from pieces."""
+
+    field: str
+    pieces: tuple[FieldSource, ...]
+    type: MessageFieldType | None
+
+    def fill(self, filling: FillContext) -> Any:
+        made = [piece.fill(filling) for piece in self.pieces]
+        text = "".join(spoken_text(value) for value in made if value is not NO_VALUE)
+        try:
+            return text if self.type is None else fit_value(text, self.type)
+        except ValueError as error:
+            raise ValueError(f"`{self.field}` {error}") from None
+
+
+# --- one parameter --------------------------------------------------------------------------------------------------
+
+
+class ParameterConversion(Struct, frozen=True):
+    """From a parameter's value, as the author gives it, to what a field of a type takes."""
+
+    parameter: Parameter
+    values: dict[str, Any]
+    """The robot's own words for some values, by RISE's (`carrier.values`)."""
+    type: MessageFieldType | None = None
+    """Of the field; None: not known, or a piece of a text."""
+    factor: float = 1.0
+    divisor: float = 1.0
+
+    def named_value(self, value: Any) -> Any:
+        """The value by its name, not by its number, and by the robot's own word if it has one."""
+        value = self._by_name(value)
+        return self.values.get(spoken_text(value), value) if self.values and value is not None else value
+
+    def field_value(self, value: Any) -> Any:
+        """The field's value. Raises ValueError: what the field takes instead."""
+        value = self._by_name(value)
+        if self.values and (word := spoken_text(value)) in self.values:
+            return literal_value(self.values[word], self.type)
+        if (self.factor, self.divisor) != (1.0, 1.0):
+            value = value * self.factor / self.divisor
+        if self.type is None:
+            return value
+        if self.type.name == DURATION:
+            return duration_message(value * (seconds_per_unit(self.parameter) or 1.0))
+        if self.type.kind == "text":
+            return fit_value(spoken_text(value), self.type)
+        if self.parameter.type == "name" and isinstance(value, str):
+            code = self.parameter.codes.get(value)
+            if code is None:
+                raise ValueError(f"takes {describe_field_type(self.type)}, and {describe_value(value)} has no number")
+            value = code
+        elif self.parameter.type == "boolean" and self.type.kind == "integer":
+            value = int(value)
+        return fit_value(value, self.type)
+
+    def _by_name(self, value: Any) -> Any:
+        if self.parameter.type == "name" and isinstance(value, int) and not isinstance(value, bool):
+            return next((name for name, code in self.parameter.codes.items() if code == value), value)
+        return value
+
+
+def literal_value(value: Any, type: MessageFieldType | None) -> Any:
+    """A plain value of the profile in a field. Raises ValueError: what the field takes."""
+    if type is None:
+        return value
+    if type.name == DURATION:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"takes a time in seconds, and {describe_value(value)} is not")
+        return duration_message(value)
+    if type.kind == "message":
+        raise ValueError(f"takes {describe_field_type(type)}, and {describe_value(value)} is not")
+    return fit_value(value, type)

@@ -1,0 +1,215 @@
+"""What a field of a ROS message takes: its type as ROS writes it, and which values fit (docs/reference/robots.md)."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_adapters.ros2.transport.port import PortError
+
+FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
+ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
+"""`RosTransport.fields`: the fields of a message type. Raises PortError where the type is not known."""
+
+DURATION = "builtin_interfaces/msg/Duration"
+
+_INTEGERS = {
+    "byte": (0, 255),
+    "char": (0, 255),
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+_FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
+"""The largest number of each."""
+_TEXTS = ("string", "wstring")
+_TYPE = re.compile(
+    r"(?P<name>[A-Za-z]\w*(?:/\w+)*)(?:<=(?P<longest>\d+))?(?P<many>\[(?P<upto><=)?(?P<size>\d*)\])?\Z", re.ASCII
+)
+_NEARLY = 1e-9
+"""How far from a whole number, as a part of it, what is still one: 0.3 s in ms is 300, whatever its binary digits."""
+
+
+class MessageFieldType(Struct, frozen=True):
+    """The type of a field, taken apart."""
+
+    name: str
+    """Of one item: `float64`, `geometry_msgs/msg/Point`."""
+    max_bytes: int | None = None
+    """Of a text, in bytes of UTF-8."""
+    is_list: bool = False
+    """A list of such items."""
+    min_items: int = 0
+    max_items: int | None = None
+    """How many items at most."""
+
+    @property
+    def kind(self) -> FieldKind:
+        """Of one item."""
+        if self.name in _INTEGERS:
+            return "integer"
+        if self.name in _FLOATS:
+            return "float"
+        if self.name in _TEXTS:
+            return "text"
+        return "boolean" if self.name == "bool" else "message"
+
+    @property
+    def item(self) -> MessageFieldType:
+        return MessageFieldType(self.name, self.max_bytes)
+
+    @property
+    def travels_as_bytes(self) -> bool:
+        """Whether a list of these travels as `bytes` (rise_adapters.ros2.transport.port.Message)."""
+        return self.is_list and self.name in ("uint8", "byte")
+
+    @property
+    def zero(self) -> Any:
+        """What one item is when nobody says."""
+        return {"integer": 0, "float": 0.0, "text": "", "boolean": False, "message": {}}[self.kind]
+
+    def __str__(self) -> str:
+        text = self.name if self.max_bytes is None else f"{self.name}<={self.max_bytes}"
+        if not self.is_list:
+            return text
+        if self.max_items is None:
+            return f"{text}[]"
+        return f"{text}[{self.max_items}]" if self.min_items else f"{text}[<={self.max_items}]"
+
+
+def parse_field_type(text: str) -> MessageFieldType:
+    """Read a type as ROS writes it. What cannot be read is taken for the name of a message."""
+    found = _TYPE.match(text.strip())
+    if found is None:
+        return MessageFieldType(text)
+    name, size = found["name"], int(found["size"]) if found["size"] else None
+    if name.count("/") == 1:
+        name = name.replace("/", "/msg/")
+    return MessageFieldType(
+        name,
+        int(found["longest"]) if found["longest"] else None,
+        found["many"] is not None,
+        size if size is not None and found["upto"] is None else 0,
+        size,
+    )
+
+
+class FieldTypes:
+    """The fields of message types, asked for once. Without `fields` (no transport yet), no type is known."""
+
+    def __init__(self, fields: ReadFields | None) -> None:
+        self._fields = fields
+        self._known: dict[str, dict[str, MessageFieldType] | str] = {}
+
+    def fields_of(self, type: str) -> dict[str, MessageFieldType] | None:
+        """The fields of a type; None: it is not known, and `missing` may say why."""
+        known = self._look_up(type)
+        return known if isinstance(known, dict) else None
+
+    def why_unknown(self, type: str) -> str:
+        """Why a type is not known, as a sentence; empty when it is, and when no types can be had at all."""
+        known = self._look_up(type)
+        return known if isinstance(known, str) else ""
+
+    def _look_up(self, type: str) -> dict[str, MessageFieldType] | str | None:
+        if self._fields is None:
+            return None
+        if type not in self._known:
+            try:
+                self._known[type] = {name: parse_field_type(text) for name, text in self._fields(type).items()}
+            except PortError as error:
+                self._known[type] = str(error) or f"the type {type} is not known"
+        return self._known[type]
+
+
+# --- values ---------------------------------------------------------------------------------------------------------
+
+
+def fit_value(value: Any, field: MessageFieldType) -> Any:
+    """One plain value as the field takes it (`field` is not a message). Raises ValueError: what the field takes."""
+    fitted: Any
+    match field.kind:
+        case "integer":
+            fitted = _integer(value, field.name)
+        case "float":
+            fitted = _float(value, field.name)
+        case "text":
+            fitted = _text(value, field)
+        case _:
+            fitted = value if isinstance(value, bool) else None
+    if fitted is None:
+        raise ValueError(f"takes {describe_field_type(field)}, and {describe_value(value)} is not")
+    return fitted
+
+
+def duration_message(seconds: float) -> dict[str, int]:
+    """A `builtin_interfaces/msg/Duration`. Raises ValueError for a time that it cannot hold."""
+    if not math.isfinite(seconds) or not -(2**31) <= seconds < 2**31:
+        raise ValueError(f"takes a time of at most 68 years, and {seconds:g} s is more")
+    whole, nanoseconds = divmod(round(seconds * 1_000_000_000), 1_000_000_000)
+    return {"sec": whole, "nanosec": nanoseconds}
+
+
+def describe_field_type(field: MessageFieldType) -> str:
+    """For a person: `a whole number from 0 to 255`."""
+    if field.is_list:
+        return f"a list ({field}): [...]"
+    match field.kind:
+        case "integer":
+            least, most = _INTEGERS[field.name]
+            return f"a whole number from {least} to {most}"
+        case "float":
+            return "a number" if field.name == "float64" else "a number of single precision"
+        case "text":
+            return "a text" if field.max_bytes is None else f"a text of at most {field.max_bytes} bytes"
+        case "boolean":
+            return "true or false"
+        case _:
+            return "a time" if field.name == DURATION else f"a {field.name}"
+
+
+def describe_value(value: Any) -> str:
+    """A value in a message: short, whatever it is."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f"the text `{value}`" if len(value) <= 60 else f"the text `{value[:59]}…`"
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return "a number of more than 30 digits"
+    return "a list" if isinstance(value, list) else "a table" if isinstance(value, dict) else f"`{value}`"
+
+
+def _integer(value: Any, name: str) -> int | None:
+    if isinstance(value, float):
+        if not math.isfinite(value) or abs(value - round(value)) > _NEARLY * max(1.0, abs(value)):
+            return None
+        value = round(value)
+    if not isinstance(value, int):
+        return None
+    least, most = _INTEGERS[name]
+    return int(value) if least <= value <= most else None
+
+
+def _float(value: Any, name: str) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) and abs(number) <= _FLOATS[name] else None
+
+
+def _text(value: Any, field: MessageFieldType) -> str | None:
+    if not isinstance(value, str):
+        return None
+    if "\0" in value:
+        raise ValueError("takes a text without the character NUL, which would end it too early")
+    try:
+        size = len(value.encode())
+    except UnicodeEncodeError:
+        raise ValueError("takes a text of Unicode characters, and half of a surrogate pair is none") from None
+    return value if field.max_bytes is None or size <= field.max_bytes else None

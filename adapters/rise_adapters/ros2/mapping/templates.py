@@ -1,0 +1,123 @@
+"""The texts of a carrier that an action's parameters go into: `{message}`, `{frame|@frame}`, `{duration:s}`
+(docs/reference/robots.md, "What fills a field")."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.model import Parameter
+
+SPECIAL_NAMES = ("node", "goal", "frame", "parameters")
+"""What `{@...}` can name: the full name of the node that sends, the goal as the session's record names it
+(`<task>/<actionID>`), the robot's frame, all parameters as a JSON object."""
+_STANDING_IN = SPECIAL_NAMES[:-1]
+"""What can stand in for a parameter: `{frame|@frame}`."""
+
+_SLOT = re.compile(
+    r"\s*(?P<special>@)?(?P<name>[^\W\d]\w*)\s*(?::\s*(?P<unit>[a-z%]+)\s*)?(?:\|(?P<fallback>.*))?\Z", re.DOTALL
+)
+
+_SIZES = {
+    "time": {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9},
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "length": {"mm": 1.0, "cm": 10.0, "m": 1000.0},
+    "part": {"%": 1.0, "": 100.0},
+}
+"""The units that can be converted into each other, by what they measure; the smallest is 1. A number without a unit is
+a part of one, so 0.8 is 80 %."""
+
+
+class Placeholder(Struct, frozen=True):
+    """A place where a parameter goes, or a special."""
+
+    name: str
+    special: bool = False
+    unit: str | None = None
+    """The unit that the field wants."""
+    fallback: str | None = None
+    """When the author gives no value: as the author would write it, or `@` and a special."""
+
+
+TemplatePiece: TypeAlias = str | Placeholder
+
+
+def parse_template(text: str) -> tuple[TemplatePiece, ...]:
+    """Take a text apart; `{{` and `}}` are braces. Raises ValueError with a sentence."""
+    pieces: list[TemplatePiece] = []
+    literal = ""
+    at = 0
+    while at < len(text):
+        if text[at : at + 2] in ("{{", "}}"):
+            literal += text[at]
+            at += 2
+        elif text[at] == "}":
+            raise ValueError("has a `}` without its `{`; write `}}` for the character itself")
+        elif text[at] == "{":
+            end = text.find("}", at)
+            if end < 0:
+                raise ValueError("has a `{` without its `}`; write `{{` for the character itself")
+            if literal:
+                pieces.append(literal)
+                literal = ""
+            pieces.append(_slot(text[at + 1 : end]))
+            at = end + 1
+        else:
+            literal += text[at]
+            at += 1
+    if literal or not pieces:
+        pieces.append(literal)
+    return tuple(pieces)
+
+
+def _slot(inside: str) -> Placeholder:
+    found = _SLOT.match(inside)
+    if found is None:
+        raise ValueError(
+            f"has `{{{inside}}}`, which names no parameter; write {{name}}, {{name|fallback}} or {{@node}}"
+        )
+    slot = Placeholder(found["name"], found["special"] is not None, found["unit"], found["fallback"])
+    for special, known in (
+        (slot.name if slot.special else None, SPECIAL_NAMES),
+        (special_fallback(slot), _STANDING_IN),
+    ):
+        if special is not None and special not in known:
+            raise ValueError(f"has `@{special}`, which cannot stand there{did_you_mean(special, known)}")
+    if slot.special and (slot.unit is not None or slot.fallback is not None):
+        raise ValueError(f"has `{{{inside}}}`; `@{slot.name}` has a value always, and no unit")
+    return slot
+
+
+def special_fallback(slot: Placeholder) -> str | None:
+    """The special that stands in when there is no value."""
+    fallback = (slot.fallback or "").strip()
+    return fallback[1:] if fallback.startswith("@") else None
+
+
+def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
+    """How a number in the parameter's unit becomes one in `unit`: what to multiply by and what to divide by, one of
+    which is 1. Raises ValueError with a sentence.
+    """
+    if parameter.type not in ("number", "integer"):
+        raise ValueError(f"wants `{parameter.name}` in `{unit}`, and it is no number")
+    for sizes in _SIZES.values():
+        if parameter.unit in sizes and unit in sizes:
+            have, want = sizes[parameter.unit], sizes[unit]
+            return (have / want, 1.0) if have >= want else (1.0, want / have)
+    known = [each for sizes in _SIZES.values() for each in sizes if each]
+    if unit not in known:
+        raise ValueError(
+            f"wants `{parameter.name}` in `{unit}`, which is no unit known here{did_you_mean(unit, known)}"
+        )
+    declared = f"is declared in `{parameter.unit}`" if parameter.unit else "is declared without a unit"
+    raise ValueError(f"wants `{parameter.name}` in `{unit}`, but it {declared}")
+
+
+def seconds_per_unit(parameter: Parameter) -> float | None:
+    """How many seconds one unit of the parameter is; None when it is no time."""
+    size = _SIZES["time"].get(parameter.unit) if parameter.type in ("number", "integer") else None
+    return None if size is None else size / 1e9

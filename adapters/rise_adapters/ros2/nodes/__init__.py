@@ -1,1 +1,0 @@
-"""Nodes that run beside a session: `python -m rise_adapters.ros2.nodes.NAME --help` (docs/how-to/feature-nodes.md)."""

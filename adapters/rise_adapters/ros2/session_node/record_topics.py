@@ -1,0 +1,234 @@
+"""The topics on which a session tells what happens: `rise/record`, `rise/task_state`, `rise/rule_state`, and `/rosout`
+for those who look there."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from datetime import datetime
+from pathlib import Path
+from time import time_ns
+from typing import TypeAlias
+
+from rise_adapters.ros2.session_node import rosout as rosout_topic
+from rise_adapters.ros2.transport.port import Message, PortError, Publisher, QoS, Transport
+from rise_engine.json_codec import encode
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
+from rise_engine.server.hub import SessionHub
+from rise_engine.session.journal_format import encode_record
+from rise_engine.text import escape_all_surrogates
+
+_LOG = logging.getLogger(__name__)
+
+RECORD, TASK_STATE, RULE_STATE = "rise/record", "rise/task_state", "rise/rule_state"
+RECORD_TYPE = "rise_interfaces/msg/Record"
+TASK_STATE_TYPE = "rise_interfaces/msg/TaskState"
+RULE_STATE_TYPE = "rise_interfaces/msg/RuleState"
+
+RECORDS_LATCHED = 1000
+TASKS_LATCHED = 100
+RULES_LATCHED = 100
+"""Or twice as many as the scenario has rules."""
+MAX_WAITING = 20_000
+"""Records that wait to be published at most; it takes 2 seconds or so to publish them."""
+
+REPEATED_STATUS = "repeated"
+"""The status of a rule state that is said again only for those who subscribe later: nothing has happened."""
+
+_WaitingItem: TypeAlias = "AnyRecord | Message"
+"""A record, or a task state of which there is no record."""
+
+
+class RecordTopics:
+    """Publishes records. `take` is quick and may be called in an engine's step; the work is done by `publish_next`."""
+
+    def __init__(self, transport: Transport, hub: SessionHub, source: str, *, rosout: bool = True) -> None:
+        """`source`: of tasks whose `ref` is the id of a DomainTask goal. Raises PortError."""
+        self.dropped = 0
+        """Records that were never published, because too many were waiting."""
+        self.error = ""
+        """Why the latest message could not be published; empty when it was."""
+        self._session = Path(hub.folder).name
+        self._source = source
+        self._waiting: deque[_WaitingItem] = deque()
+        self._records = transport.publisher(RECORD, RECORD_TYPE, QoS(RECORDS_LATCHED, latched=True))
+        self._tasks = transport.publisher(TASK_STATE, TASK_STATE_TYPE, QoS(TASKS_LATCHED, latched=True))
+        # A latched topic holds so many of the latest messages, whatever they are about. So that they always hold the
+        # state of each running rule, a rule's last message is sent again when it is about to fall out.
+        self._depth = max(RULES_LATCHED, 2 * len(hub.engine.scenario.rules))
+        self._rules = transport.publisher(RULE_STATE, RULE_STATE_TYPE, QoS(self._depth, latched=True))
+        self._rosout = transport.publisher(rosout_topic.TOPIC, rosout_topic.TYPE, rosout_topic.QOS) if rosout else None
+        self._logger = transport.node.strip("/").replace("/", ".")
+        self._rule_messages = 0
+        self._running: dict[str, tuple[int, Message]] = {}
+        """By running rule, the number of its latest message, and that; the one that was said first comes first."""
+        for name, rule in hub.view.rules.items():  # of a session that goes on
+            if rule.running:
+                state = _rule_state(
+                    name, REPEATED_STATUS, rule.state, rule.previous, rule.trigger, rule.priority, _header(time_ns())
+                )
+                self._publish_rule_message(name, state, state)
+
+    @property
+    def waiting(self) -> int:
+        return len(self._waiting)
+
+    def enqueue(self, record: AnyRecord) -> None:
+        self._append(record)
+
+    def enqueue_refusal(self, task: Submit, reason: str) -> None:
+        """Tell of a task that was rejected before it came to the record. Its `ref` is the goal's id, if it was one."""
+        self._append(
+            {
+                "header": _header(time_ns()),
+                "domain_task_behavior": task.behavior,
+                "function_type": task.function,
+                "calling_type": task.calling_type,
+                "source": self._source,
+                "status": "REJECTED",
+                "reason": reason,
+                "position": -1,
+                "goal_id": task.ref or "",
+            }
+        )
+
+    def publish_next(self) -> bool:
+        """Publish one of those that wait; false when nothing did."""
+        if not self._waiting:
+            return False
+        each = self._waiting.popleft()
+        if isinstance(each, dict):
+            self._publish(self._tasks, each)
+            self._log(rosout_topic.log_line_for_refusal(each), each["header"])
+        else:
+            self._publish_record(each)
+        return True
+
+    def close(self) -> None:
+        for publisher in (self._rules, self._tasks, self._records, self._rosout):
+            if publisher is not None:
+                publisher.close()
+
+    def _append(self, each: _WaitingItem) -> None:
+        if len(self._waiting) >= MAX_WAITING:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(each)
+
+    def _publish_record(self, record: AnyRecord) -> None:
+        header = _header(wall_to_nanoseconds(record.wall))
+        self._log(rosout_topic.log_line_for_record(record), header)
+        # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
+        if isinstance(record, RuleRecord):
+            self._publish_rule(record, header)
+        elif isinstance(record, TaskRecord):  # also while nobody hears it: who comes later gets the latest of them
+            self._publish(
+                self._tasks,
+                {
+                    "header": header,
+                    "id": record.id,
+                    "domain_task_behavior": record.behavior,
+                    "function_type": record.function,
+                    "calling_type": record.calling_type,
+                    "source": record.source,
+                    "status": record.status,
+                    "reason": record.reason,
+                    "position": -1 if record.position is None else record.position,
+                    "goal_id": record.ref if record.ref is not None and record.source.startswith("ros:") else "",
+                },
+            )
+        self._publish(
+            self._records,
+            {
+                "header": header,
+                "session": self._session,
+                "seq": record.seq,
+                "t": record.t,
+                "kind": record.__struct_config__.tag,
+                "json": encode_record(record).decode(),
+            },
+        )
+
+    def _log(self, line: rosout_topic.LogLine | None, header: Message) -> None:
+        if line is None or self._rosout is None:
+            return
+        level, text = line
+        self._publish(
+            self._rosout, {"stamp": header["stamp"], "level": level, "name": self._logger, "msg": text, "file": "rise"}
+        )
+
+    def _publish_rule(self, record: RuleRecord, header: Message) -> None:
+        parts = (record.state, record.previous, record.trigger, record.priority, header)
+        again = None
+        if record.status in ("started", "entered", "stayed"):
+            again = _rule_state(record.name, REPEATED_STATUS, *parts)
+        self._publish_rule_message(record.name, _rule_state(record.name, record.status, *parts), again)
+
+    def _publish_rule_message(self, name: str, message: Message, again: Message | None) -> None:
+        """`again`: how to say it for those who come later; None when the rule has ended."""
+        running = self._running
+        self._publish(self._rules, message)
+        self._rule_messages += 1
+        running.pop(name, None)
+        if again is not None:
+            running[name] = (self._rule_messages, again)
+        while running:
+            name = next(iter(running))
+            number, again = running[name]
+            if self._rule_messages - number < self._depth - 1:
+                break
+            self._publish(self._rules, again)
+            self._rule_messages += 1
+            del running[name]
+            running[name] = (self._rule_messages, again)
+
+    def _publish(self, publisher: Publisher, message: Message) -> None:
+        try:
+            try:
+                publisher.publish(message)
+            except UnicodeEncodeError:  # half a character, as it stands for the bytes of a file name that is no text
+                publisher.publish(escape_all_surrogates(message))
+        except PortError as error:
+            if not self.error:
+                _LOG.warning("what happens in the session could not be published: %s", error)
+            self.error = str(error)
+        else:
+            self.error = ""
+
+
+def wall_to_nanoseconds(wall: str) -> int:
+    """The time of a record's label, in nanoseconds since 1970; 0 when it has none."""
+    if not wall:
+        return 0
+    return round(datetime.fromisoformat(wall).timestamp() * 1e6) * 1000
+
+
+def encode_json(value: object) -> str:
+    """A JSON value as every output writes it. Half characters are written as `\\udcff`."""
+    return encode(value).decode()
+
+
+def _header(since_1970: int) -> Message:
+    seconds, rest = divmod(since_1970, 1_000_000_000)
+    return {"stamp": {"sec": seconds, "nanosec": rest}}
+
+
+def _rule_state(
+    name: str,
+    status: str,
+    state: str | None,
+    previous: str | None,
+    trigger: str | None,
+    priority: float,
+    header: Message,
+) -> Message:
+    return {
+        "header": header,
+        "rule": name,
+        "status": status,
+        "state": state or "",
+        "previous_state": previous or "",
+        "trigger": trigger or "",
+        "priority": float(priority),
+    }

@@ -1,0 +1,112 @@
+"""The DDS domain of this process, configured from the environment as ROS's own rmw_cyclonedds does it, so that both
+find each other with the same settings: `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_STATIC_PEERS`, `ROS_LOCALHOST_ONLY` first,
+then `CYCLONEDDS_URI`, whose settings count more.
+
+A domain has one configuration in a process, the first; transports of the same domain share it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from threading import Lock
+from xml.sax.saxutils import quoteattr
+
+from cyclonedds.core import DDSException
+from cyclonedds.domain import Domain
+
+from rise_adapters.ros2.transport.port import PortError
+
+DISCOVERY_RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+LARGEST_DOMAIN = 232
+"""Above it the ports that DDS computes do not exist."""
+_MOST_PARTICIPANTS = 32
+"""How many programs find each other on one machine without multicast, as in rmw_cyclonedds."""
+
+
+def domain_id(environment: Mapping[str, str] = os.environ) -> int:
+    """`ROS_DOMAIN_ID`, 0 when it is not set. Raises PortError when it is no number."""
+    text = environment.get("ROS_DOMAIN_ID", "").strip()
+    return check_domain_id(text or "0", "ROS_DOMAIN_ID")
+
+
+def check_domain_id(text: str | int, what: str = "the ROS domain") -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= LARGEST_DOMAIN:
+        raise PortError(f"{what} must be a number from 0 to {LARGEST_DOMAIN}, not {text!r}")
+    return number
+
+
+def configuration(lease: float, environment: Mapping[str, str] = os.environ) -> str:
+    """The configuration for Cyclone DDS. `lease`: seconds without a sign of life after which others take us for dead.
+    Raises PortError for a discovery range that does not exist."""
+    discovery, general = "", ""
+    reach, peers = _discovery_range(environment)
+    if reach in ("LOCALHOST", "OFF"):
+        general = "<General><AllowMulticast>false</AllowMulticast></General>"
+    if reach == "OFF":
+        discovery = f"<ParticipantIndex>none</ParticipantIndex><Tag>ros_discovery_off_{os.getpid()}</Tag>"
+    elif reach != "SYSTEM_DEFAULT":
+        discovery = "<ParticipantIndex>auto</ParticipantIndex>"
+        discovery += f"<MaxAutoParticipantIndex>{_MOST_PARTICIPANTS}</MaxAutoParticipantIndex>"
+        if peers:
+            discovery += f"<Peers>{''.join(f'<Peer address={quoteattr(peer)}/>' for peer in peers)}</Peers>"
+    # Signs of life at a quarter of the lease: one or two may get lost without anybody being taken for dead.
+    discovery += f"<LeaseDuration>{lease:.3f}s</LeaseDuration><SPDPInterval>{lease / 4:.3f}s</SPDPInterval>"
+    own = f"<CycloneDDS><Domain>{general}<Discovery>{discovery}</Discovery></Domain></CycloneDDS>"
+    return ",".join(part for part in (own, environment.get("CYCLONEDDS_URI", "")) if part)
+
+
+def _discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
+    if environment.get("ROS_LOCALHOST_ONLY") == "1":
+        return "LOCALHOST", ["localhost"]
+    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
+    if reach not in DISCOVERY_RANGES:
+        raise PortError(f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}, but must be one of {', '.join(DISCOVERY_RANGES)}")
+    peers = [peer.strip() for peer in environment.get("ROS_STATIC_PEERS", "").split(";") if peer.strip()]
+    if reach == "LOCALHOST":
+        return reach, ["localhost", *peers]
+    return reach, peers if reach == "SUBNET" else []
+
+
+class _SharedDomain:
+    def __init__(self, domain: Domain | None) -> None:
+        self.domain = domain
+        self.users = 0
+
+
+_domains: dict[int, _SharedDomain] = {}
+_lock = Lock()
+
+
+def acquire_domain(number: int, lease: float, environment: Mapping[str, str] = os.environ) -> None:
+    """Have the domain configured; to be paired with `release`. Raises PortError when the configuration is wrong."""
+    with _lock:
+        if number not in _domains:
+            _domains[number] = _SharedDomain(_create(number, configuration(lease, environment)))
+        _domains[number].users += 1
+
+
+def release_domain(number: int) -> None:
+    with _lock:
+        shared = _domains[number]
+        shared.users -= 1
+        if not shared.users:
+            del _domains[number]
+
+
+def _create(number: int, config: str) -> Domain | None:
+    try:
+        return Domain(number, config)
+    except DDSException as error:
+        if error.code == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+            return None  # Somebody else in this process has it already; its configuration holds.
+        raise PortError(
+            f"Cyclone DDS does not take its configuration for ROS domain {number}: {error.msg or error}. "
+            "It comes from CYCLONEDDS_URI and the ROS_... variables"
+        ) from None
+    except UnicodeEncodeError:
+        raise PortError("CYCLONEDDS_URI has letters in it that Cyclone DDS does not take") from None

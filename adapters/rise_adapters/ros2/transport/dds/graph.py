@@ -1,0 +1,231 @@
+"""Who is there: participants, endpoints and nodes, from what DDS and ROS announce of them.
+
+Fed by three built-in topics of DDS and by `ros_discovery_info`, on which every participant of ROS says which nodes it
+has.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
+
+from cyclonedds import _clayer
+from cyclonedds.core import InstanceState
+from cyclonedds.qos import _CQos
+from msgspec import Struct
+
+from rise_adapters.ros2.transport import vendors
+from rise_adapters.ros2.transport.dds import names
+from rise_adapters.ros2.transport.port import QoS, RemoteEndpoint
+
+CYCLONE = bytes.fromhex(vendors.CYCLONE)
+"""What the ids of its participants and endpoints begin with."""
+
+
+class DdsEndpoint(Struct, frozen=True):
+    """A reader or a writer of somebody."""
+
+    key: bytes
+    """Its id; the first 12 bytes are those of its participant."""
+    participant: bytes
+    topic: str
+    """As DDS has it: `rt/chatter`."""
+    type: str
+    """As ROS has it; empty when it is none of ROS."""
+    user_data: dict[str, str]
+    """Its user data: `typehash`, `serviceid`, `clientid`."""
+    qos: QoS | None = None
+
+    @property
+    def is_cyclone(self) -> bool:
+        return self.key[:2] == CYCLONE
+
+
+_Announcement: TypeAlias = tuple[bytes, QoS | None]
+"""Of what an endpoint announces: its user data, and its quality of service."""
+
+
+class VanishedEntity(Struct, frozen=True):
+    key: bytes
+
+
+class SeenParticipant(Struct, frozen=True):
+    key: bytes
+
+
+def take_participants(reader: int, most: int) -> Any:
+    def made(key: bytes, data: bytes, info: Any) -> SeenParticipant | VanishedEntity:
+        return SeenParticipant(key) if info.instance_state == InstanceState.Alive else VanishedEntity(key)
+
+    return _clayer.ddspy_take_participant(reader, most, made, _no_qos)
+
+
+def take_endpoints(reader: int, most: int) -> Any:
+    return _clayer.ddspy_take_endpoint(reader, most, _endpoint, _read_announcement)
+
+
+def matched_reader(writer: int, handle: int) -> DdsEndpoint | None:
+    """Who a matched reader is; None when it is gone."""
+    found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _endpoint, _read_announcement)
+    return found if isinstance(found, DdsEndpoint) else None
+
+
+def matched_writer(reader: int, handle: int) -> DdsEndpoint | None:
+    """Who a matched writer is; None when it is gone."""
+    found = _clayer.ddspy_get_matched_publication_data(reader, handle, _endpoint, _read_announcement)
+    return found if isinstance(found, DdsEndpoint) else None
+
+
+def _endpoint(
+    key: bytes,
+    participant: bytes,
+    handle: int,
+    topic: str,
+    type: str,
+    announcement: _Announcement,
+    info: Any,
+    type_id: Any,
+) -> DdsEndpoint | VanishedEntity:
+    if info is not None and info.instance_state != InstanceState.Alive:
+        return VanishedEntity(key)
+    data, qos = announcement
+    return DdsEndpoint(key, participant, topic or "", names.ros_type(type or ""), names.read_user_data(data), qos)
+
+
+# What is read of a QoS is read one by one and not by the library's own conversion of whole QoS objects: that is slow,
+# and not made for several threads.
+
+
+def _read_announcement(pointer: int) -> _Announcement:
+    reliable, durable, blocking = ctypes.c_int(), ctypes.c_int(), ctypes.c_int64()
+    qos = None
+    if _CQos._get_reliability(
+        ctypes.c_void_p(pointer), ctypes.byref(reliable), ctypes.byref(blocking)
+    ) and _CQos._get_durability(ctypes.c_void_p(pointer), ctypes.byref(durable)):
+        qos = QoS(reliable=bool(reliable.value), latched=bool(durable.value))
+    return _user_data(pointer), qos
+
+
+def _user_data(pointer: int) -> bytes:
+    value, size = ctypes.c_void_p(), ctypes.c_size_t()
+    if not _CQos._get_userdata(ctypes.c_void_p(pointer), ctypes.byref(value), ctypes.byref(size)) or not value.value:
+        return b""
+    data = ctypes.string_at(value.value, size.value)
+    _CQos.free(value)
+    return data
+
+
+def _no_qos(pointer: int) -> bytes:
+    return b""
+
+
+class DdsGraph:
+    """Everybody who is seen, with this process. Belongs to the loop's thread."""
+
+    def __init__(self, own: bytes) -> None:
+        """`own`: the id of this participant."""
+        self._own = own[:12]
+        self._participants: set[bytes] = {own}
+        self._readers = _EndpointIndex()
+        self._writers = _EndpointIndex()
+        self._nodes: dict[bytes, dict[str, int]] = {}
+        """By participant, its nodes: how many there are of each name."""
+        self._owners: dict[bytes, dict[bytes, str]] = {}
+        """By participant, the node that each of its endpoints belongs to."""
+
+    def update_participant(self, seen: SeenParticipant | VanishedEntity) -> None:
+        if isinstance(seen, SeenParticipant):
+            self._participants.add(seen.key)
+        else:
+            self._participants.discard(seen.key)
+            self._nodes.pop(seen.key, None)
+            self._owners.pop(seen.key[:12], None)
+
+    def update_reader(self, seen: DdsEndpoint | VanishedEntity) -> None:
+        self._readers.update(seen)
+
+    def update_writer(self, seen: DdsEndpoint | VanishedEntity) -> None:
+        self._writers.update(seen)
+
+    def set_nodes(self, participant: bytes, nodes: Iterable[tuple[str, Iterable[bytes]]]) -> None:
+        """A participant says which nodes it has, and the ids of what each of them has."""
+        counts: dict[str, int] = {}
+        owners: dict[bytes, str] = {}
+        for node, keys in nodes:
+            counts[node] = counts.get(node, 0) + 1
+            owners.update(dict.fromkeys(keys, node))
+        self._nodes[participant] = counts
+        self._owners[participant[:12]] = owners
+
+    def writer_nodes(self, topic: str) -> list[str]:
+        """The nodes of others that write a DDS topic, as far as they say so."""
+        return sorted({end.node for end in self.writers(topic) if end.node})
+
+    def nodes(self) -> list[str]:
+        """Full names, each as often as it is there."""
+        return sorted(
+            node
+            for participant, nodes in self._nodes.items()
+            if participant in self._participants
+            for node, count in nodes.items()
+            for _ in range(count)
+        )
+
+    def writers(self, topic: str) -> list[RemoteEndpoint]:
+        """Those of others that write a DDS topic."""
+        return self._others(self._writers, topic)
+
+    def readers(self, topic: str) -> list[RemoteEndpoint]:
+        """Those of others that read a DDS topic."""
+        return self._others(self._readers, topic)
+
+    def topics(self) -> list[str]:
+        """The topics of ROS (without those of services) on which others have something."""
+        found = {
+            topic
+            for index in (self._readers, self._writers)
+            for topic, ends in index.by_topic.items()
+            if any(end.participant[:12] != self._own for end in ends.values())
+        }
+        return sorted(name for topic in found if (name := names.ros_topic(topic)))
+
+    def programs_of_other_vendors(self) -> list[tuple[str, str]]:
+        """Programs that use other software for DDS than Cyclone, or talk DDS but are not ROS 2."""
+        return [
+            (", ".join(self._nodes.get(key, ())) or f"without named nodes ({key[:12].hex()})", key[:2].hex())
+            for key in sorted(self._participants)
+            if key[:2] != CYCLONE
+        ]
+
+    def _others(self, index: _EndpointIndex, topic: str) -> list[RemoteEndpoint]:
+        return [self._end(end) for end in index.on_topic(topic) if end.participant[:12] != self._own]
+
+    def _end(self, end: DdsEndpoint) -> RemoteEndpoint:
+        owner = self._owners.get(end.participant[:12], _NO_OWNERS).get(end.key, "")
+        return RemoteEndpoint(owner, end.type, end.user_data.get("typehash", ""), end.key[:2].hex(), end.qos)
+
+
+_NO_OWNERS: Mapping[bytes, str] = {}
+
+
+class _EndpointIndex:
+    """Those that read, or those that write."""
+
+    def __init__(self) -> None:
+        self.by_topic: dict[str, dict[bytes, DdsEndpoint]] = {}
+        self._topics: dict[bytes, str] = {}
+
+    def update(self, seen: DdsEndpoint | VanishedEntity) -> None:
+        before = self._topics.pop(seen.key, None)
+        if before is not None:
+            ends = self.by_topic[before]
+            del ends[seen.key]
+            if not ends:
+                del self.by_topic[before]
+        if isinstance(seen, DdsEndpoint):
+            self._topics[seen.key] = seen.topic
+            self.by_topic.setdefault(seen.topic, {})[seen.key] = seen
+
+    def on_topic(self, topic: str) -> list[DdsEndpoint]:
+        return list(self.by_topic.get(topic, {}).values())

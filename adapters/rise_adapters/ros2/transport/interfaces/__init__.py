@@ -1,0 +1,14 @@
+"""ROS types without ROS: definitions, type hashes, and bytes."""
+
+from rise_adapters.ros2.transport.interfaces.catalog import SHARE_FOLDER, InterfaceCatalog
+from rise_adapters.ros2.transport.interfaces.cdr import MessageCodec
+from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceField, InterfaceFieldType
+
+__all__ = [
+    "SHARE_FOLDER",
+    "InterfaceCatalog",
+    "InterfaceDefinition",
+    "InterfaceField",
+    "InterfaceFieldType",
+    "MessageCodec",
+]

@@ -1,0 +1,203 @@
+"""The ROS types that are known here, without a ROS installation.
+
+A definition is looked for in this order: folders that the user names; the ROS workspaces that are sourced
+(`AMENT_PREFIX_PATH`); the definitions that travel with this program (`share/`: RISE's own, and the field layouts of the
+robot skills it speaks to); and those of ROS 2 Jazzy's standard packages, as the library `rosbags` has them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import rise_adapters.ros2
+from rise_adapters.ros2.transport.interfaces import hashes
+from rise_adapters.ros2.transport.interfaces.cdr import MessageCodec
+from rise_adapters.ros2.transport.interfaces.definitions import (
+    InterfaceDefinition,
+    InterfaceField,
+    InterfaceFieldType,
+    file_stems,
+    read_definitions,
+    split_name,
+)
+from rise_adapters.ros2.transport.port import PortError
+from rise_engine.nearest_name import nearest_name
+
+SHARE_FOLDER = Path(rise_adapters.ros2.__file__).parent / "share"
+"""The definitions that travel with this program."""
+_KINDS = ("msg", "srv", "action")
+_STANDARD_ORIGIN = "the standard definitions of ROS 2 Jazzy"
+
+
+class InterfaceCatalog:
+    """Definitions by name, read when they are first asked for, and what follows from them."""
+
+    def __init__(self, share: Sequence[str | Path] = (), environment: Mapping[str, str] = os.environ) -> None:
+        """`share`: folders `.../share` with `PACKAGE/{msg,srv,action}` in them, or folders of single packages.
+        Raises PortError when one does not exist."""
+        own = [Path(folder).expanduser() for folder in share]
+        for folder in own:
+            if not folder.is_dir():
+                raise PortError(f"the folder of ROS definitions {str(folder)!r} does not exist")
+        sourced = [
+            Path(prefix, "share") for prefix in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
+        ]
+        self.folders: tuple[Path, ...] = (*own, *(folder for folder in sourced if folder.is_dir()), SHARE_FOLDER)
+        """Where definitions are looked for, before the standard ones."""
+        self._definitions: dict[str, InterfaceDefinition] = {}
+        self._hashes: dict[str, str] = {}
+        self._codecs: dict[str, MessageCodec] = {}
+
+    def definition(self, type: str) -> InterfaceDefinition:
+        """Raises PortError: not known (with the nearest that is), or its file cannot be understood."""
+        known = self._definitions.get(type)
+        if known is None:
+            self._load(type)
+            known = self._definitions.get(type)
+        if known is None:
+            raise PortError(self._not_known(type))
+        return known
+
+    def message_definition(self, type: str) -> InterfaceDefinition:
+        """The definition of a type that messages have. Raises PortError, also for a whole service or action."""
+        definition = self.definition(type)
+        if definition.is_whole:
+            first, others = ("Goal", "_Result and _Feedback") if "/action/" in type else ("Request", "_Response")
+            raise PortError(f"{type} is no message; its messages are {type}_{first}, and the same with {others}")
+        return definition
+
+    def fields(self, type: str) -> dict[str, str]:
+        """As `port.Transport.fields`. All nested types are known then, too."""
+        definition = self.message_definition(type)
+        self._check_nested(definition, ())
+        self._check_has_bytes(definition, definition, ())
+        return {field.name: str(field.type) for field in definition.fields}
+
+    def type_hash(self, type: str) -> str:
+        """As `port.Transport.type_hash`; raises PortError when the type or one nested in it is not known."""
+        if type not in self._hashes:
+            self._hashes[type] = hashes.type_hash(type, self.definition)
+        return self._hashes[type]
+
+    def codec(self, type: str) -> MessageCodec:
+        """What makes bytes of a message and back. Raises PortError as `fields`, and for types it cannot handle."""
+        if type not in self._codecs:
+            self.fields(type)
+            self._codecs[type] = MessageCodec(type, self.message_definition)
+        return self._codecs[type]
+
+    def known_names(self) -> set[str]:
+        """All messages, services and actions that have a file (or are standard), without those that they imply."""
+        found = {name for name in _standard() if "/msg/" in name}
+        for folder in self.folders:
+            for package in (folder, *sorted(folder.iterdir())):
+                for kind in _KINDS:
+                    found.update(f"{package.name}/{kind}/{path.stem}" for path in (package / kind).glob(f"*.{kind}"))
+        return found
+
+    def _load(self, type: str) -> None:
+        package, kind, name = split_name(type)
+        for path in self._candidate_files(package, kind, name):
+            try:
+                text = path.read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                raise PortError(f"{path} cannot be read: {error}") from None
+            found = read_definitions(package, kind, path.stem, text, str(path))
+            if type in found:
+                self._definitions.update(found)
+                return
+        if type in _standard():
+            self._definitions[type] = _standard()[type]
+
+    def _candidate_files(self, package: str, kind: str, name: str) -> Iterator[Path]:
+        for folder in self.folders:
+            for root in (folder / package, *([folder] if folder.name == package else [])):
+                for stem in file_stems(kind, name):
+                    path = root / kind / f"{stem}.{kind}"
+                    if path.is_file():
+                        yield path
+
+    def _check_nested(self, definition: InterfaceDefinition, path: tuple[str, ...]) -> None:
+        if definition.name in path:
+            raise PortError(f"{definition.origin}: {definition.name} contains itself, by way of {' in '.join(path)}")
+        for field in definition.fields:
+            if field.type.is_nested:
+                try:
+                    nested = self.definition(field.type.base)
+                except PortError as missing:
+                    raise PortError(f"{definition.origin}: the field {field.name!r}: {missing}") from None
+                self._check_nested(nested, (*path, definition.name))
+
+    def _check_has_bytes(self, whole: InterfaceDefinition, part: InterfaceDefinition, path: tuple[str, ...]) -> None:
+        """Raises PortError naming a field that `cdr` cannot make. That nothing contains itself was checked."""
+        for field in part.fields:
+            here = (*path, field.name)
+            if field.type.base == "wstring":
+                raise PortError(
+                    f"{part.origin}: the field {'.'.join(here)} of {whole.name} is a wstring (a text of wide letters), "
+                    "which the transport `dds` cannot carry; make it a string, or use --ros rclpy"
+                )
+            if field.type.is_nested:
+                self._check_has_bytes(whole, self.definition(field.type.base), here)
+
+    def _not_known(self, type: str) -> str:
+        package, kind, name = split_name(type)
+        names = self.known_names()
+        if not any(known.startswith(f"{package}/") for known in names):
+            packages = {known.split("/")[0] for known in names}
+            near = nearest_name(package, packages)
+            hint = f" (did you mean {near}?)" if near else ""
+            return (
+                f"the type {type} is not known: there are no definitions of the package {package}{hint}. Source the "
+                "ROS workspace that has it, or name the folder of its definitions (share)"
+            )
+        *_, stem = file_stems(kind, name)
+        near = nearest_name(f"{package}/{kind}/{stem}", names)
+        hint = f". Did you mean {near}?" if near else ""
+        where = next(
+            (str(folder / package) for folder in self.folders if (folder / package).is_dir()), _STANDARD_ORIGIN
+        )
+        return f"the type {type} is not known: there is no {kind}/{stem}.{kind} in {where}{hint}"
+
+
+@cache
+def _standard() -> dict[str, InterfaceDefinition]:
+    """Jazzy's standard messages; none where `rosbags` is not installed."""
+    try:
+        from rosbags.typesys.stores import ros2_jazzy
+    except ImportError:
+        return {}
+    return {
+        name: _definition_of_rosbags(name, fields)
+        for name, (_, fields) in ros2_jazzy.FIELDDEFS.items()
+        if "/msg/" in name
+    }
+
+
+def _definition_of_rosbags(name: str, fields: Any) -> InterfaceDefinition:
+    return InterfaceDefinition(
+        name,
+        tuple(
+            InterfaceField(field, _field_type_of_rosbags(*type))
+            for field, type in fields
+            if field != hashes.PLACEHOLDER_FIELD
+        ),
+        _STANDARD_ORIGIN,
+    )
+
+
+def _field_type_of_rosbags(node: int, content: Any) -> InterfaceFieldType:
+    base, named, array = 1, 2, 3
+    if node == base:
+        primitive, length = content
+        return InterfaceFieldType("uint8" if primitive == "char" else primitive, length)
+    if node == named:
+        return InterfaceFieldType(content)
+    inner, count = content
+    element = _field_type_of_rosbags(*inner)
+    many = "array" if node == array else "bounded" if count else "sequence"
+    return InterfaceFieldType(element.base, element.length, many, count)

@@ -1,0 +1,243 @@
+"""Reads ROS interface definitions: the text of a `.msg`, `.srv` or `.action` file, as ROS 2 writes them
+(https://docs.ros.org/en/jazzy/Concepts/Basic/About-Interfaces.html).
+
+Names are made full on the way in (`PointStamped` of `geometry_msgs` becomes `geometry_msgs/msg/PointStamped`), and what
+a service or an action implies is derived: requests and responses, and for an action the services and messages that
+carry it (https://design.ros2.org/articles/actions.html).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from rise_adapters.ros2.transport.port import PortError
+
+PRIMITIVES = frozenset(
+    {
+        *("bool", "byte", "float32", "float64", "string", "wstring"),
+        *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+    }
+)
+_ALIASES = {"char": "uint8"}
+"""ROS 2 keeps `char` as another name of `uint8`; on the wire and in type hashes there is only the latter."""
+_ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
+
+_PACKAGE = r"[a-z][a-z0-9_]*"
+_NAME = r"[A-Z][A-Za-z0-9_]*"
+_TYPE = re.compile(
+    rf"(?P<base>(?:{_PACKAGE}/(?:msg/)?)?[A-Za-z][A-Za-z0-9_]*)(?:<=(?P<length>\d+))?"
+    r"(?P<array>\[(?P<most><=)?(?P<count>\d*)\])?"
+)
+_FIELD = re.compile(r"[a-z](?:_?[a-z0-9]+)*")
+_CONSTANT = re.compile(r"[A-Z](?:_?[A-Z0-9]+)*")
+_FULL = re.compile(rf"(?P<package>{_PACKAGE})/(?P<kind>msg|srv|action)/(?P<name>{_NAME})")
+
+
+class InterfaceFieldType(Struct, frozen=True):
+    """The type of a field."""
+
+    base: str
+    """A primitive as ROS names it, or the full name of a message: `float64`, `geometry_msgs/msg/Point`."""
+    length: int = 0
+    """Of a `string<=N`: bytes at most. 0: as long as it likes."""
+    container: str = ""
+    """Empty for one value; `array` (exactly `count`), `bounded` (at most `count`) or `sequence`."""
+    count: int = 0
+
+    @property
+    def is_nested(self) -> bool:
+        return self.base not in PRIMITIVES
+
+    def __str__(self) -> str:
+        text = f"{self.base}<={self.length}" if self.length else self.base
+        brackets = {"": "", "array": f"[{self.count}]", "bounded": f"[<={self.count}]", "sequence": "[]"}
+        return text + brackets[self.container]
+
+
+class InterfaceField(Struct, frozen=True):
+    name: str
+    type: InterfaceFieldType
+
+
+class InterfaceDefinition(Struct, frozen=True):
+    """A message type, or the whole of a service or an action (whose fields are then its parts)."""
+
+    name: str
+    """`std_msgs/msg/String`, `rise_interfaces/action/Speech_Goal`."""
+    fields: tuple[InterfaceField, ...]
+    origin: str
+    """Where it was read: a file's path, or a few words."""
+    is_whole: bool = False
+    """A service or an action, of which no messages exist."""
+
+
+def split_name(name: str) -> tuple[str, str, str]:
+    """The package, the kind (`msg`, `srv`, `action`) and the name of a type. Raises PortError if it is none."""
+    match = _FULL.fullmatch(name)
+    if match is None:
+        raise PortError(f"{name!r} is not the name of a ROS type; one looks like std_msgs/msg/String")
+    return match["package"], match["kind"], match["name"]
+
+
+def read_definitions(package: str, kind: str, name: str, text: str, origin: str) -> dict[str, InterfaceDefinition]:
+    """Everything that one file defines and implies, by full name. Raises PortError naming the place (`origin:line`)."""
+    parts: list[list[tuple[int, str]]] = [[]]
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.strip() == "---" and kind != "msg":
+            parts.append([])
+        else:
+            parts[-1].append((number, line))
+    wanted = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}[kind]
+    if len(parts) != len(wanted):
+        raise PortError(
+            f"{origin}: {'a service' if kind == 'srv' else 'an action'} has {len(wanted)} parts with --- between them; "
+            f"here are {len(parts)}"
+        )
+    full = f"{package}/{kind}/{name}"
+    found = {}
+    for part, lines in zip(wanted, parts, strict=True):
+        fields: list[InterfaceField] = []
+        for place, content in _contents(lines, origin):
+            _read_line(package, place, content, fields)
+        found[full + part] = InterfaceDefinition(full + part, tuple(fields), origin)
+    if kind == "srv":
+        found |= service_definitions(full, origin)
+    elif kind == "action":
+        found |= action_definitions(full, origin)
+    return found
+
+
+def service_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]:
+    """What a service implies, besides its request and response."""
+    event = (
+        _field("info", "service_msgs/msg/ServiceEventInfo"),
+        InterfaceField("request", InterfaceFieldType(f"{name}_Request", container="bounded", count=1)),
+        InterfaceField("response", InterfaceFieldType(f"{name}_Response", container="bounded", count=1)),
+    )
+    whole = (
+        _field("request_message", f"{name}_Request"),
+        _field("response_message", f"{name}_Response"),
+        _field("event_message", f"{name}_Event"),
+    )
+    return {
+        f"{name}_Event": InterfaceDefinition(f"{name}_Event", event, origin),
+        name: InterfaceDefinition(name, whole, origin, is_whole=True),
+    }
+
+
+def action_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]:
+    """What an action implies, besides its goal, result and feedback."""
+    goal_id = _field("goal_id", "unique_identifier_msgs/msg/UUID")
+    messages = {
+        f"{name}_SendGoal_Request": (goal_id, _field("goal", f"{name}_Goal")),
+        f"{name}_SendGoal_Response": (_field("accepted", "bool"), _field("stamp", "builtin_interfaces/msg/Time")),
+        f"{name}_GetResult_Request": (goal_id,),
+        f"{name}_GetResult_Response": (_field("status", "int8"), _field("result", f"{name}_Result")),
+        f"{name}_FeedbackMessage": (goal_id, _field("feedback", f"{name}_Feedback")),
+    }
+    whole = (
+        _field("goal", f"{name}_Goal"),
+        _field("result", f"{name}_Result"),
+        _field("feedback", f"{name}_Feedback"),
+        _field("send_goal_service", f"{name}_SendGoal"),
+        _field("get_result_service", f"{name}_GetResult"),
+        _field("feedback_message", f"{name}_FeedbackMessage"),
+    )
+    return {
+        **{full: InterfaceDefinition(full, fields, origin) for full, fields in messages.items()},
+        **service_definitions(f"{name}_SendGoal", origin),
+        **service_definitions(f"{name}_GetResult", origin),
+        name: InterfaceDefinition(name, whole, origin, is_whole=True),
+    }
+
+
+def file_stems(kind: str, name: str) -> Iterator[str]:
+    """The files that may define a type of this name, the likeliest first."""
+    yield name
+    suffixes = {
+        "msg": (),
+        "srv": ("_Request", "_Response", "_Event"),
+        "action": (
+            *("_Goal", "_Result", "_Feedback", "_FeedbackMessage"),
+            *(f"_{part}{end}" for part in ("SendGoal", "GetResult") for end in ("", "_Request", "_Response", "_Event")),
+        ),
+    }
+    for suffix in suffixes[kind]:
+        if name.endswith(suffix) and name != suffix:
+            yield name.removesuffix(suffix)
+
+
+def _field(name: str, base: str) -> InterfaceField:
+    return InterfaceField(name, InterfaceFieldType(base))
+
+
+def _contents(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, str]]:
+    """The lines that say something, without comments, and where they are."""
+    for number, line in lines:
+        content = line.partition("#")[0].strip()
+        if content:
+            yield f"{origin}:{number}", content
+
+
+def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]) -> None:
+    words = line.split(maxsplit=1)
+    if len(words) != 2:
+        raise PortError(f"{place}: {line!r} is neither a field nor a constant")
+    type = _read_type(package, place, words[0])
+    name, equals, value = words[1].partition("=")
+    if equals and _CONSTANT.fullmatch(name.strip()):
+        _check_constant(place, type, value.strip())
+        return
+    name = words[1].split(maxsplit=1)[0]
+    if not _FIELD.fullmatch(name):
+        raise PortError(f"{place}: {name!r} cannot be a field's name: small letters, digits and single _ only")
+    if any(field.name == name for field in fields):
+        raise PortError(f"{place}: the field {name!r} is there twice")
+    fields.append(InterfaceField(name, type))
+
+
+def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
+    match = _TYPE.fullmatch(text)
+    if match is None:
+        raise PortError(f"{place}: {text!r} is not a type")
+    base = _ALIASES.get(match["base"], match["base"])
+    if base in _ROS_1:
+        raise PortError(f"{place}: {base!r} is of ROS 1; in ROS 2 it is {_ROS_1[base]}")
+    length = int(match["length"] or 0)
+    if length and base not in ("string", "wstring"):
+        raise PortError(f"{place}: only texts can have a largest length, not {base}")
+    if base not in PRIMITIVES:
+        base = _full_base(package, place, base)
+    if not match["array"]:
+        return InterfaceFieldType(base, length)
+    if match["most"]:
+        return InterfaceFieldType(base, length, "bounded", int(match["count"] or 0))
+    if match["count"]:
+        return InterfaceFieldType(base, length, "array", int(match["count"]))
+    return InterfaceFieldType(base, length, "sequence")
+
+
+def _full_base(package: str, place: str, base: str) -> str:
+    owner, slash, name = base.rpartition("/")
+    owner = owner.removesuffix("/msg") if slash else package
+    if not re.fullmatch(_NAME, name):
+        raise PortError(f"{place}: there is no type {base!r}; a message's name begins with a capital letter")
+    return f"{owner}/msg/{name}"
+
+
+def _check_constant(place: str, type: InterfaceFieldType, text: str) -> None:
+    """Constants are on no wire and in no hash; but a file that ROS would refuse is refused here, too."""
+    try:
+        if (
+            type.container
+            or type.is_nested
+            or (type.base == "bool" and text.lower() not in ("true", "false", "1", "0"))
+        ):
+            raise ValueError
+        if type.base not in ("bool", "string", "wstring"):
+            float(text) if type.base.startswith("float") else int(text, 0)
+    except ValueError:
+        raise PortError(f"{place}: {text!r} is no value for a constant of type {type}") from None

@@ -1,0 +1,61 @@
+"""Names of topics, services and actions, from what is written to what is on the wire
+(https://design.ros2.org/articles/topic_and_service_names.html)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from rise_adapters.ros2.transport.port import PortError
+
+_TOKEN = r"[A-Za-z_][A-Za-z0-9_]*"
+_NAME = re.compile(rf"(?:~|/?{_TOKEN})(?:/{_TOKEN})*")
+_NODE = re.compile(_TOKEN)
+
+
+def check_node(name: str) -> str:
+    """The name of a node. Raises PortError."""
+    if not _NODE.fullmatch(name):
+        raise PortError(
+            f"{name!r} cannot be the name of a node: letters, digits and _ only, and no digit at the beginning"
+        )
+    return name
+
+
+def check_namespace(name: str) -> str:
+    """A namespace, always with a slash first and none last (but `/` itself). Raises PortError."""
+    full = "/" + name.strip("/")
+    if full != "/" and not _NAME.fullmatch(full):
+        raise PortError(f"{name!r} cannot be a namespace: it is made of names with / between them")
+    return full
+
+
+class NameResolver:
+    """Resolves names for one node: `~` and relative names first, then the first remapping that fits."""
+
+    def __init__(self, node: str, namespace: str, remaps: Iterable[tuple[str, str]]) -> None:
+        """`node` without its namespace; `remaps`: what is replaced and by what, of which the first that fits counts.
+        Raises PortError for a name that cannot be."""
+        self.namespace = check_namespace(namespace)
+        self.node = self._join(self.namespace, check_node(node))
+        self._remaps: dict[str, str] = {}
+        for source, target in remaps:
+            self._remaps.setdefault(self._full(source), self._full(target))
+
+    def resolve(self, name: str) -> str:
+        """The full name. Raises PortError for a name that cannot be."""
+        full = self._full(name)
+        return self._remaps.get(full, full)
+
+    def _full(self, name: str) -> str:
+        if not _NAME.fullmatch(name):
+            raise PortError(
+                f"{name!r} cannot be a name in ROS: one is made of letters, digits and _, with single / between parts"
+            )
+        if name.startswith("~"):
+            return self.node + name[1:]
+        return name if name.startswith("/") else self._join(self.namespace, name)
+
+    @staticmethod
+    def _join(namespace: str, name: str) -> str:
+        return f"/{name}" if namespace == "/" else f"{namespace}/{name}"

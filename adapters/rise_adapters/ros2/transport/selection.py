@@ -1,0 +1,74 @@
+"""Which transport a session uses, and opening it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+from rise_adapters.ros2.transport.port import PortError, Transport
+from rise_adapters.ros2.transport.rclpy import RclpyTransport, rclpy_missing
+from rise_engine.ports.bridge import BridgeError
+
+TransportKind = Literal["rclpy", "dds"]
+
+
+def why_unavailable() -> dict[TransportKind, str]:
+    """The transports, and why each cannot be used here; an empty text: it can."""
+    return {"rclpy": _why_no_rclpy(), "dds": _why_no_dds()}
+
+
+def select_transport(choice: str) -> TransportKind:
+    """The transport that `auto`, `rclpy` or `dds` means here. Raises BridgeError."""
+    missing = why_unavailable()
+    if choice == "rclpy" or (choice == "auto" and not missing["rclpy"]):
+        if missing["rclpy"]:
+            raise BridgeError([missing["rclpy"]])
+        return "rclpy"
+    if choice == "dds" or not missing["dds"]:
+        if missing["dds"]:
+            raise BridgeError([missing["dds"]])
+        return "dds"
+    raise BridgeError([*missing.values(), "to rehearse without a robot: --mode debug"])
+
+
+async def open_transport(
+    choice: str = "auto", arguments: Sequence[str] = (), *, node: str, share: Sequence[Path] = ()
+) -> Transport:
+    """A node on the wire.
+
+    `arguments` are those after `--ros-args`; `share` are folders with definitions of types, beside those that come with
+    this program and with a ROS installation (`dds` only: `rclpy` has the types that are built and sourced). Raises
+    BridgeError.
+    """
+    kind = select_transport(choice)
+    loop = asyncio.get_running_loop()
+    try:
+        if kind == "rclpy":
+            return RclpyTransport(loop, node=node, arguments=arguments)
+        from rise_adapters.ros2.transport.dds import DdsTransport  # imports the wheel, which may not be installed
+
+        return DdsTransport(loop, node=node, arguments=arguments, share=share)
+    except PortError as error:
+        raise BridgeError([str(error)]) from error
+
+
+def _why_no_rclpy() -> str:
+    why = rclpy_missing()
+    if why and find_spec("rclpy") is None and "AMENT_PREFIX_PATH" in os.environ:
+        return (
+            f"ROS 2 is sourced here, but this Python ({sys.version.split()[0]}) has no rclpy: it belongs to the "
+            "system's own Python; make the environment of rise-tui from that one, with --system-site-packages"
+        )
+    return why
+
+
+def _why_no_dds() -> str:
+    missing = [name for name in ("cyclonedds", "rosbags") if find_spec(name) is None]
+    if not missing:
+        return ""
+    return f"ROS 2 without an installation needs {' and '.join(missing)}: pip install 'rise-tui[dds]'"

@@ -1,0 +1,373 @@
+"""What `rise-engine check`, `eval`, `schema`, `robots` and `doctor` print."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from random import Random
+from shlex import quote
+from textwrap import wrap
+from typing import Any
+
+import msgspec
+
+from rise_engine.cli.terminal import write_json
+from rise_engine.engine.drivers import DriverError, driver_names, find_examiner, profile_problems
+from rise_engine.errors import RiseError
+from rise_engine.expression import EvaluationError, Expression, ExpressionError
+from rise_engine.expression.rise1_compat import rise1_difference
+from rise_engine.expression.signatures import SIGNATURES
+from rise_engine.json_codec import JsonError, decode, encode
+from rise_engine.ports.bridge import RosConnection
+from rise_engine.scenario import act_schema_text, load, rule_schema_text
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
+from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, read_robot, robot_names
+from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines
+from rise_engine.scenario.source_files import FileReader
+from rise_engine.text import clean, counted
+
+# --- check ----------------------------------------------------------------------------------------------------------
+
+
+def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool = False) -> int:
+    """Print every finding, with `all_of_them` also what was silenced; the exit status is 1 when one is an error."""
+    loaded = load(folder, robot=robot, mode=mode)
+    scenario, diagnostics, silenced = loaded.scenario, loaded.diagnostics, loaded.suppressed
+    if scenario is not None:
+        diagnostics += _driver_findings(scenario)
+    errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
+    warnings = len(diagnostics) - errors
+    if as_json:
+        rows = [_finding_row(diagnostic) for diagnostic in diagnostics]
+        quiet = [{**_finding_row(each.diagnostic), "reason": each.reason} for each in silenced]
+        write_json(_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": quiet}))
+    else:
+        for diagnostic in diagnostics:
+            _print(str(diagnostic))
+        for each in silenced if all_of_them else ():
+            told = each.diagnostic
+            _print(f"{told.location}: silenced {told.code}: {told.message} (reason: {each.reason})")
+        found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}" if diagnostics else "no findings"
+        found += f", {len(silenced)} silenced" if silenced else ""
+        _print(f"{found}{_contents_text(scenario)}")
+    return 1 if errors else 0
+
+
+def _finding_row(diagnostic: Diagnostic) -> dict[str, Any]:
+    return {
+        "file": diagnostic.location.file,
+        "line": diagnostic.location.line,
+        "column": diagnostic.location.column,
+        "severity": diagnostic.severity,
+        "code": diagnostic.code,
+        "message": diagnostic.message,
+    }
+
+
+def _driver_findings(scenario: Scenario) -> list[Diagnostic]:
+    """What a real session would be refused for, because the robot's driver cannot use the profile."""
+    if scenario.mode != "real":
+        return []
+    folder = Path(scenario.folder)
+    path = find_profile(scenario.robot.name, folder)
+    place = SourceLocation(scenario.robot.name if path is None else str(path))
+    if path is not None and path.is_relative_to(folder):
+        place = SourceLocation(path.relative_to(folder).as_posix())
+    return [
+        Diagnostic("error", "robot-profile", problem, place)
+        for problem in profile_problems(scenario.robot, scenario.mode)
+    ]
+
+
+def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scenario | None:
+    """The scenario, or None when it is refused; findings go to standard error."""
+    scenario, diagnostics = _load(folder, robot, mode)
+    for diagnostic in diagnostics:
+        sys.stderr.write(f"{diagnostic}\n")
+    if scenario is None:
+        errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
+        sys.stderr.write(f"the scenario is refused: {counted(errors, 'error')}\n")
+    return scenario
+
+
+def _load(folder: str, robot: str | None, mode: str | None) -> tuple[Scenario | None, list[Diagnostic]]:
+    loaded = load(folder, robot=robot, mode=mode)
+    return loaded.scenario, loaded.diagnostics
+
+
+def _contents_text(scenario: Scenario | None) -> str:
+    if scenario is None:
+        return ""
+    return (
+        f" ({counted(len(scenario.acts), 'act')}, {counted(len(scenario.rules), 'rule')}, "
+        f"{counted(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
+    )
+
+
+# --- eval -----------------------------------------------------------------------------------------------------------
+
+
+class UnusableMemoryError(RiseError):
+    """`--memory` cannot be read; the message is a sentence."""
+
+
+def strict_json(text: str) -> Any:
+    """The value of a JSON text. Raises ValueError with a sentence, also for a key that is there twice."""
+    try:
+        return decode(text)
+    except JsonError as error:
+        raise ValueError(f"{error} (column {error.offset + 1})") from None
+
+
+def read_memory(text: str) -> dict[str, Any]:
+    """A memory from JSON or from a file, plain or as in the paper's listing 3. Raises UnusableMemoryError."""
+    source = text.strip()
+    if source.startswith("@") or not source.startswith("{"):
+        path = Path(source.removeprefix("@"))
+        try:
+            source = path.read_text("utf-8-sig")
+        except (OSError, UnicodeDecodeError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise UnusableMemoryError(
+                f"{text} is neither a JSON object, such as '{{\"task\": 2}}', nor a file that can be read ({reason})"
+            ) from None
+    try:
+        value = strict_json(source)
+    except ValueError as error:
+        raise UnusableMemoryError(str(error)) from None
+    if isinstance(value, dict) and isinstance(value.get("WorkingMemory"), list) and len(value) == 1:
+        items = value["WorkingMemory"]
+        if not all(isinstance(item, dict) for item in items):
+            raise UnusableMemoryError('every entry of "WorkingMemory" is an object')
+        value = {key: each for item in items for key, each in item.items()}
+    if not isinstance(value, dict):
+        raise UnusableMemoryError("the memory is a JSON object")
+    return value
+
+
+def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
+    """Print what an expression gives, and how it was read; the exit status is 1 when it gives nothing."""
+    try:
+        expression = Expression.parse(text)
+    except ExpressionError as error:
+        if as_json:
+            told = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
+            write_json(_json(told))
+        else:
+            sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
+        return 1
+    missing: set[str] = set()
+    chance = Random(0).random
+    try:
+        value = expression.value(memory, chance, missing)
+    except EvaluationError as error:
+        if as_json:
+            write_json(_json({"expression": text, "error": str(error), "read_as": expression.with_all_brackets}))
+        else:
+            _print(f"read as    {expression.with_all_brackets}")
+            sys.stderr.write(f"error: {error}\n")
+        return 1
+    try:
+        holds = str(expression.as_condition(memory, Random(0).random)).lower()
+    except EvaluationError as error:
+        holds = f"error: {error}"
+    otherwise = rise1_difference(expression)
+    if as_json:
+        write_json(
+            _json(
+                {
+                    "expression": text,
+                    "value": value,
+                    "type": type_name(value),
+                    "condition": holds == "true",
+                    "read_as": expression.with_all_brackets,
+                    "keys": sorted(expression.keys),
+                    "missing": sorted(missing),
+                    "rise_differs": otherwise,
+                }
+            )
+        )
+        return 0
+    _print(f"value      {_json_text(value)}")
+    _print(f"type       {type_name(value)}")
+    if not isinstance(value, bool):
+        _print(f"condition  {holds}")
+    _print(f"read as    {expression.with_all_brackets}")
+    for key in sorted(missing):
+        _print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
+    if otherwise is not None:
+        _print(f"differs    {otherwise}")
+    return 0
+
+
+def functions_report(*, as_json: bool) -> int:
+    """Print what each function of the language takes and gives."""
+    if as_json:
+        rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]
+        write_json(_json({"functions": rows}))
+        return 0
+    for each in SIGNATURES:
+        _print(", ".join(each.written))
+        for line in (*wrap(each.meaning.replace("`", ""), 90), f"{each.example} = {each.result}"):
+            _print(f"    {line}")
+    return 0
+
+
+def type_name(value: Any) -> str:
+    """What a memory value is, in JSON's words (a whole number is an integer)."""
+    if value is None:
+        return "null"
+    names = ((bool, "boolean"), (int, "integer"), (float, "number"), (str, "string"), (list, "array"), (dict, "object"))
+    return next((name for kind, name in names if isinstance(value, kind)), type(value).__name__)
+
+
+# --- schema and robots ----------------------------------------------------------------------------------------------
+
+
+def schema_text(folder: str | None, kind: str, robot: str | None) -> str | None:
+    """The RELAX NG schema of act (`cra`) or rule files; None when the scenario is refused or the robot unknown."""
+    if kind == "rules":
+        return rule_schema_text()
+    if folder is not None:
+        scenario = load_or_refuse(folder, robot=robot, mode=None)
+        return None if scenario is None else act_schema_text(scenario.robot.actions)
+    profile, diagnostics = _profile(robot or "generic", None)
+    for diagnostic in diagnostics:
+        sys.stderr.write(f"{diagnostic}\n")
+    return None if diagnostics else act_schema_text(profile.actions)
+
+
+def robots_report(folder: str | None, *, as_json: bool) -> int:
+    """Print every robot that a scenario (in `folder`) can name."""
+    home = _robots_folder(folder)
+    installed = driver_names()
+    rows = []
+    for name in robot_names(home):
+        profile, diagnostics = _profile(name, folder)
+        actions = [_action_row(spec) for spec in profile.actions.values() if spec.supported]
+        rows.append(
+            {
+                "name": name,
+                "title": profile.title,
+                "from": str(find_profile(name, home) or "built in"),
+                "driver": profile.driver,
+                "installed": profile.driver in installed,
+                "actions": actions,
+                "findings": [str(diagnostic) for diagnostic in diagnostics],
+            }
+        )
+    if as_json:
+        write_json(_json({"robots": rows}))
+    else:
+        _print("\n\n".join(_robot_text(row) for row in rows))
+    return 0
+
+
+def doctor_report(folder: str | None, *, robot: str | None, wire: RosConnection, seconds: float, as_json: bool) -> int:
+    """Print what there is to know about ROS 2 here and about the robot; the exit status is 1 when something is in the
+    way, 2 when there is no such robot."""
+    profile: RobotProfile | None = None
+    if robot is not None or folder is not None:
+        profile, diagnostics = _profile(robot or _robot_of(folder), folder)
+        if diagnostics:
+            for diagnostic in diagnostics:
+                sys.stderr.write(f"{diagnostic}\n")
+            return 2
+    try:
+        examine = find_examiner()
+    except DriverError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    said, status = examine(wire, profile, seconds=seconds, as_json=as_json)
+    sys.stdout.write(said)
+    return status
+
+
+def _robot_of(folder: str | None) -> str:
+    """The robot that a scenario names, whatever else is wrong with it."""
+    scenario, _ = _load(folder or ".", None, None)
+    return scenario.robot.name if scenario is not None else DEFAULT_ROBOT
+
+
+def _robots_folder(folder: str | None) -> Path:
+    """The folder whose own robots count."""
+    path = Path(folder or ".")
+    return (path.parent if path.is_file() else path).resolve()
+
+
+def _profile(name: str, folder: str | None) -> tuple[RobotProfile, list[Diagnostic]]:
+    diagnostics = Diagnostics()
+    profile = read_robot(name, FileReader(_robots_folder(folder), diagnostics), SourceLocation("command line"))
+    return profile, diagnostics.sorted()
+
+
+def _action_row(spec: ActionSpec) -> dict[str, Any]:
+    names = {
+        parameter.name: [*parameter.codes, *parameter.names]
+        for parameter in spec.parameters.values()
+        if parameter.type == "name"
+    }
+    return {"name": spec.name, "substitute": spec.substitute, "channels": list(spec.channels), "names": names}
+
+
+def _robot_text(row: dict[str, Any]) -> str:
+    missing = "" if row["installed"] else ", which is NOT INSTALLED"
+    lines = [f"{row['name']}: {row['title']}, driver {row['driver']}{missing}", f"  {row['from']}"]
+    for action in row["actions"]:
+        instead = f", done as {action['substitute']}" if action["substitute"] else ""
+        lines.append(f"  {action['name']}{instead}")
+        for parameter, names in action["names"].items():
+            known = ", ".join("any other name" if name == "*" else name for name in names) or "any name"
+            lines += wrap(f"{parameter}: {known}", 100, initial_indent="    ", subsequent_indent="      ")
+    lines += [f"  {diagnostic}" for diagnostic in row["findings"]]
+    return "\n".join(map(clean, lines))
+
+
+# --- the studies that come with the program -------------------------------------------------------------------------
+
+
+def studies_report() -> int:
+    """Print the shipped studies, one in a line."""
+    lines = study_lines()
+    _print("\n".join(lines) if lines else "no study is installed with the program")
+    return 0 if lines else 1
+
+
+def new_report(folder: str, study: str) -> int:
+    """Copy a shipped study and say how to go on; the exit status is 1 when it could not be copied."""
+    try:
+        number = copy_study(study, Path(folder))
+    except StudyCopyError as why:
+        sys.stderr.write(f"error: {why}\n")
+        if study not in shipped_studies():
+            sys.stderr.write("".join(f"  {line}\n" for line in study_lines()))
+        return 1
+    _print(f"{folder}: {number} files of the study {study}, which are yours to change")
+    _print(f"  check it   rise-engine check {quote(folder)}")
+    _print(f"  run it     rise-tui --config {quote(folder)}")
+    if (Path(folder) / "README.md").exists():
+        _print(f"  read       {Path(folder) / 'README.md'}")
+    return 0
+
+
+# --- small things ---------------------------------------------------------------------------------------------------
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+def _json(value: Any) -> str:
+    return msgspec.json.format(encode(value), indent=2).decode()
+
+
+def _json_text(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _one_line(text: str) -> str:
+    """Every character at the column where it was written."""
+    return "".join(" " if character.isspace() else character for character in text)

@@ -1,0 +1,141 @@
+"""What `rise-engine replay` and `rise-engine export` print."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+import msgspec
+
+from rise_engine.cli.terminal import write_json
+from rise_engine.cli.transcript import Transcript
+from rise_engine.exit_status import BROKEN_PIPE, DIFFERENT, OK, PARTIAL, USAGE
+from rise_engine.json_codec import encode
+from rise_engine.session.disk import error_message
+from rise_engine.session.errors import SessionError
+from rise_engine.session.export import Export, Format
+from rise_engine.session.folder import JOURNAL, find_session
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.replay import ReplayComparison, compare_replay
+from rise_engine.text import clean, counted
+
+
+def play_report(session: str, speed: float) -> int:
+    """Play a session in real time; the exit status. In a terminal, the console takes over this process."""
+    try:
+        folder = find_session(session)
+        if sys.stdin.isatty() and sys.stdout.isatty() and find_spec("rise_tui") is not None:
+            console = [sys.executable, "-m", "rise_tui", "--replay", str(folder), "--speed", repr(speed)]
+            os.execv(sys.executable, console)
+        contents = read_journal(folder / JOURNAL)
+    except SessionError as error:
+        _print_error(f"error: {error}")
+        return USAGE
+    account, began = Transcript(), time.monotonic()
+    try:
+        for record in contents.read_records():
+            line = account.line_for(record)
+            if line is not None:
+                time.sleep(max(0.0, record.t / speed - (time.monotonic() - began)))
+                sys.stdout.write(clean(line) + "\n")
+                sys.stdout.flush()
+    except BrokenPipeError:
+        return _discard_stdout()
+    return OK
+
+
+def replay_report(session: str, *, scenario: str | None, as_json: bool) -> int:
+    """Print whether a session repeats, or where it first does not; the exit status."""
+    try:
+        folder = find_session(session)
+        found = compare_replay(folder, None if scenario is None else Path(scenario))
+    except SessionError as error:
+        _print_error(f"error: {error}")
+        return USAGE
+    if as_json:
+        _print_json(folder, found)
+    else:
+        sys.stdout.write("\n".join(_comparison_lines(found)) + "\n")
+    return OK if found.identical else DIFFERENT
+
+
+def export_report(session: str, format: Format, out: str | None) -> int:
+    """Write a session's records to the file `out`, or to standard output; the exit status."""
+    try:
+        reader = Export(find_session(session))
+    except SessionError as error:
+        _print_error(f"error: {error}")
+        return USAGE
+    try:
+        if out is None or out == "-":
+            sys.stdout.flush()
+            reader.write(format, sys.stdout.buffer)
+        else:
+            with Path(out).open("xb") as file:
+                reader.write(format, file)
+    except FileExistsError:
+        _print_error(f"error: {out} is there already, and nothing is ever written over: name another file")
+        return USAGE
+    except FileNotFoundError:
+        _print_error(f"error: {out} cannot be made: there is no folder {Path(str(out)).parent}")
+        return USAGE
+    except BrokenPipeError:
+        return _discard_stdout()
+    except OSError as error:
+        where = "standard output" if out is None or out == "-" else out
+        _print_error(f"error: {where} could not be written: {error_message(error)}")
+        return USAGE
+    for problem in reader.problems:
+        _print_error(f"warning: {problem}")
+    if reader.problems:
+        _print_error("Everything else was exported.")
+    return PARTIAL if reader.problems else OK
+
+
+def _comparison_lines(found: ReplayComparison) -> list[str]:
+    lines = [f"note: {note}" for note in found.notes]
+    if found.difference is not None:
+        lines.append(f"different: {found.difference}")
+        lines.append(
+            f"({counted(found.records, 'record')} before it {'is' if found.records == 1 else 'are'} identical)"
+        )
+        return lines
+    same = (
+        f"{counted(found.inputs, 'input')}, {counted(found.records, 'record')}, {found.seconds:.1f} s of session time"
+    )
+    if found.identical:
+        return [*lines, f"identical: {same}"]
+    lines += [f"different: {JOURNAL}:{line} cannot be read: {why}" for line, why in found.damaged.items()]
+    if found.missing:
+        lines.append(f"different: {counted(found.missing, 'record')} of the replay cannot be read in the journal")
+    return [*lines, f"(all else is identical: {same})"]
+
+
+def _print_json(folder: Path, found: ReplayComparison) -> None:
+    document = {
+        "session": str(folder),
+        "identical": found.identical,
+        "inputs": found.inputs,
+        "records": found.records,
+        "seconds": found.seconds,
+        "difference": found.difference,
+        "damaged": [{"line": line, "reason": why} for line, why in found.damaged.items()],
+        "missing": found.missing,
+        "notes": found.notes,
+    }
+    write_json(msgspec.json.format(encode(document), indent=2).decode())
+
+
+def _discard_stdout() -> int:
+    """Standard output is closed: what is still buffered, and the flush at exit, go nowhere."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return BROKEN_PIPE
+
+
+def _print_error(text: str) -> None:
+    sys.stderr.write(clean(text) + "\n")

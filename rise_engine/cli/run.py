@@ -1,0 +1,352 @@
+"""A headless session: what `rise-engine run` does once its arguments are understood.
+
+In real time it runs on an asyncio loop; with `speed=None` in virtual time, in one plain loop without waiting.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+from msgspec import Struct
+
+from rise_engine import exit_status
+from rise_engine.cli.output import Output, ThreadedOutput
+from rise_engine.cli.task_file import TaskFileError, TaskFileReader, TimedTask, warning_for_task
+from rise_engine.engine.clock import RealClock, SessionClock, VirtualClock
+from rise_engine.engine.drivers import make_robot, open_bridge, simulated_robot_warning
+from rise_engine.engine.engine import Engine
+from rise_engine.kernel.inputs import Note
+from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.ports.bridge import Bridge
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario.model import Scenario
+from rise_engine.server.hub import SessionHub
+
+LIVELOCK = 20_000
+"""Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
+LIVELOCK_SECONDS = 0.1
+ENDLESS_AFTER = 86_400.0
+"""Virtual seconds after the last scripted task: a session that is not idle by then never will be."""
+STOP_SECONDS = 6.0
+"""Real seconds that an interrupted session waits for the robot to confirm that it stopped."""
+
+
+class RunOptions(Struct, frozen=True):
+    """What to run, and until when."""
+
+    scenario: Scenario
+    session: SessionOptions
+    """How it was asked for; `session.first` is submitted at time 0, in this order, before the script."""
+    script: tuple[TimedTask, ...] = ()
+    stream: bool = False
+    """Read further tasks from standard input while the session runs."""
+    virtual: bool = False
+    """In virtual time, in which ROS 2 is not spoken."""
+    until: float | None = None
+    """Seconds of session time; None: until nothing happens by itself any more."""
+    json: bool = False
+    strict: bool = False
+    """Whether a task that was rejected or aborted shows in the exit status."""
+
+    @property
+    def seed(self) -> int:
+        return self.session.seed or 0
+
+
+def run(options: RunOptions) -> int:
+    """Run a session to its end and give the exit status.
+
+    Raises rise_engine.engine.drivers.DriverError and RobotOptionsError and BridgeError, before anything has started.
+    """
+    if options.virtual:
+        return _run_virtual(options)
+    return asyncio.run(_run_real(options))
+
+
+class _HeadlessSession:
+    """What real and virtual time share: the script, the reasons to end, the exit status."""
+
+    def __init__(
+        self, options: RunOptions, clock: SessionClock, output: Output, bridge: Bridge[SessionHub] | None = None
+    ) -> None:
+        self.options = options
+        scenario = options.scenario
+        robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
+        self.engine = Engine(
+            scenario,
+            robot,
+            clock,
+            options.seed,
+            participant=options.session.participant,
+            condition=options.session.condition,
+            sinks=(output, self._note_failed_task),
+        )
+        self.output = output
+        self.status = exit_status.OK
+        self.submitted = 0
+        """Tasks of the script that have been submitted."""
+        self._scripted_left = len(options.script)
+        self.streaming = options.stream
+        self._unsuccessful = False
+        self._output_failure_reported = False
+
+    def start(self) -> None:
+        engine, clock = self.engine, self.engine.clock
+        for task in self.options.script:
+            doubtful = warning_for_task(task, self.options.scenario)
+            if doubtful is not None:
+                print_message(doubtful)
+        engine.start()
+        warning = simulated_robot_warning(self.options.scenario.robot, self.options.scenario.mode)
+        if warning is not None:
+            print_message(f"warning: {warning}")
+            engine.post(Note(text=warning))
+        for submit in self.options.session.first_tasks:
+            engine.accept(submit)
+        for task in self.options.script:
+            self._schedule(task)
+        if self.options.until is not None:
+            clock.call_at(self.options.until, lambda: engine.end(f"{self.options.until:g} s are over"))
+
+    def add(self, task: TimedTask) -> None:
+        """A task that came while the session runs; one whose time is over is submitted at once."""
+        doubtful = warning_for_task(task, self.options.scenario)
+        if doubtful is not None:
+            print_message(doubtful)
+        self._scripted_left += 1
+        if task.at <= self.engine.clock.now():
+            self._submit(task)
+        else:
+            self._schedule(task)
+
+    def report_bad_line(self, refused: TaskFileError) -> None:
+        """A streamed line that cannot be used; the session goes on without it."""
+        print_message(str(refused))
+        self.status = exit_status.USAGE
+
+    def end_if_idle(self) -> None:
+        """With `--until idle`: end when nothing happens by itself any more and nobody has anything left to say."""
+        if self.options.until is None and not self._scripted_left and not self.streaming and self.engine.idle:
+            self.engine.end("nothing is left to do")
+
+    def interrupt(self) -> None:
+        self.status = exit_status.INTERRUPTED
+        self.engine.end("interrupted", stop=True)
+
+    def end_if_output_failed(self) -> None:
+        """End the session when it cannot be written any more: no robot goes on unrecorded."""
+        if self.output.failure is not None:
+            if not self._output_failure_reported:
+                self._output_failure_reported = True
+                error = self.output.failure
+                said = f"{type(error).__name__}: {error}".removesuffix(": ")
+                print_message(f"error: a record could not be written ({said}); the session was ended")
+                self.status = exit_status.FAILED
+                self.engine.end("a record could not be written", stop=True)
+        elif self.output.broken and self.status != exit_status.BROKEN_PIPE:
+            self.status = exit_status.BROKEN_PIPE
+            self.engine.end("nobody reads the output")
+
+    def end_as_endless(self, message: str) -> None:
+        print_message(f"error: {message}")
+        self.status = exit_status.ENDLESS
+        self.engine.end(message, stop=True)
+
+    def status_at_end(self) -> int:
+        if self.engine.failure is not None:
+            print_message(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
+            return exit_status.FAILED
+        if self.output.failure is not None:
+            self.end_if_output_failed()
+            return exit_status.FAILED
+        if self.status == exit_status.OK and self.options.strict and self._unsuccessful:
+            return exit_status.TASK_FAILED
+        return self.status
+
+    def _schedule(self, task: TimedTask) -> None:
+        self.engine.clock.call_at(task.at, lambda: self._submit(task))
+
+    def _submit(self, task: TimedTask) -> None:
+        self._scripted_left -= 1
+        self.submitted += 1
+        if not self.engine.ended:
+            self.engine.post(task.task)
+
+    def _note_failed_task(self, record: AnyRecord) -> None:
+        if isinstance(record, TaskRecord) and record.status in ("REJECTED", "ABORTED"):
+            self._unsuccessful = True
+
+
+# --- virtual time ---------------------------------------------------------------------------------------------------
+
+
+def _run_virtual(options: RunOptions) -> int:
+    clock = VirtualClock()
+    session = _HeadlessSession(options, clock, Output(json=options.json))
+    engine = session.engine
+    interrupts: list[int] = []
+
+    def interrupted(number: int, frame: FrameType | None) -> None:
+        if interrupts:
+            sys.exit(exit_status.INTERRUPTED)
+        interrupts.append(number)
+
+    horizon = ENDLESS_AFTER + max((task.at for task in options.script), default=0.0)
+    with _SignalHandlers(interrupted), _tolerate_engine_failure(engine):
+        session.start()
+        moment, inputs = clock.now(), engine.inputs
+        while not engine.ended:
+            session.end_if_output_failed()
+            session.end_if_idle()
+            if engine.ended or not clock.advance():
+                break
+            now, handled = clock.now(), engine.inputs - session.submitted
+            if now >= moment + LIVELOCK_SECONDS:
+                moment, inputs = now, handled
+            elif handled - inputs > LIVELOCK:
+                if session.status == exit_status.ENDLESS:
+                    break
+                inputs = handled
+                session.end_as_endless(
+                    f"{LIVELOCK:,} inputs in one moment, at {now:g} s: something goes round in circles"
+                )
+            if options.until is None and now > horizon and session.status != exit_status.ENDLESS:
+                session.end_as_endless(
+                    f"after {now / 3600:.0f} hours of session time something still goes on by itself; "
+                    "say how long to run: --until SECONDS"
+                )
+            if interrupts and session.status != exit_status.INTERRUPTED:
+                session.interrupt()
+        engine.end_now("nothing is left to do")
+    session.output.close()
+    return session.status_at_end()
+
+
+@contextmanager
+def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
+    """An engine that failed has stopped the robot and says why by itself: see `_Session.status_at_end`."""
+    try:
+        yield
+    except Exception:
+        if engine.failure is None:
+            raise
+
+
+class _SignalHandlers:
+    """SIGINT and SIGTERM go to `handler` inside the block. Does nothing outside the main thread."""
+
+    def __init__(self, handler: Callable[[int, FrameType | None], None]) -> None:
+        self._handler = handler
+        self._before: list[tuple[int, object]] = []
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            self._before = [(each, signal.signal(each, self._handler)) for each in (signal.SIGINT, signal.SIGTERM)]
+
+    def __exit__(self, *exception: object) -> None:
+        for each, handler in self._before:
+            signal.signal(each, handler)  # type: ignore[arg-type]
+
+
+# --- real time ------------------------------------------------------------------------------------------------------
+
+
+async def _run_real(options: RunOptions) -> int:
+    bridge = await open_bridge(options.session.ros, options.scenario.robot, options.scenario.mode)
+    try:
+        return await _run_connected(options, bridge)
+    finally:
+        if bridge is not None:
+            await bridge.close()
+
+
+async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None) -> int:
+    loop = asyncio.get_running_loop()
+    output = ThreadedOutput(json=options.json)
+    session = _HeadlessSession(options, RealClock(loop, options.session.speed), output, bridge)
+    engine = session.engine
+    if bridge is not None:
+        bridge.join(SessionHub(engine))
+    ended = asyncio.Event()
+    engine.on_ended(ended.set)
+    engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)
+
+    def troubled() -> None:
+        with suppress(RuntimeError):  # the session is over and its loop is closed
+            loop.call_soon_threadsafe(session.end_if_output_failed)
+
+    output.on_failure = troubled
+    interrupts: list[int] = []
+
+    def interrupted() -> None:
+        session.interrupt()
+        loop.call_later(STOP_SECONDS, engine.end_now, "interrupted")
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        if interrupts:
+            sys.exit(exit_status.INTERRUPTED)
+        interrupts.append(number)
+        loop.call_soon_threadsafe(interrupted)
+
+    with _SignalHandlers(handler):
+        try:
+            with _tolerate_engine_failure(engine):
+                session.start()
+                if options.stream:
+                    _submit_from_standard_input(loop, session)
+                session.end_if_idle()
+                await ended.wait()
+        finally:
+            output.close(hurried=lambda: bool(interrupts))
+    return session.status_at_end()
+
+
+def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _HeadlessSession) -> None:
+    """Tasks run as their lines arrive on standard input; its end ends the script."""
+    reader = TaskFileReader("-")
+
+    def line(text: bytes) -> None:
+        try:
+            task = reader.read(text)
+        except TaskFileError as refused:
+            session.report_bad_line(refused)
+        else:
+            if task is not None:
+                session.add(task)
+
+    def ended() -> None:
+        session.streaming = False
+        session.end_if_idle()
+
+    def read() -> None:
+        # Straight from the descriptor: at the end of the program nothing may be stuck in a lock of sys.stdin.
+        rest = b""
+        try:
+            descriptor = sys.stdin.fileno()
+            while chunk := os.read(descriptor, 65_536):
+                *lines, rest = (rest + chunk).split(b"\n")
+                for text in lines:
+                    loop.call_soon_threadsafe(line, text)
+            if rest:
+                loop.call_soon_threadsafe(line, rest)
+            loop.call_soon_threadsafe(ended)
+        except RuntimeError:  # the session is over and its loop is closed
+            return
+        except (AttributeError, OSError, ValueError):  # no standard input at all
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(ended)
+
+    threading.Thread(target=read, name="rise-stdin", daemon=True).start()
+
+
+def print_message(message: str) -> None:
+    """A line for the person who runs this, beside the records."""
+    sys.stderr.write(message + "\n")
+    sys.stderr.flush()

@@ -1,0 +1,115 @@
+"""What `rise-engine sessions` and `rise-engine stop` do and print."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+
+from rise_engine.cli.terminal import write_json
+from rise_engine.cli.unfinished import unfinished_lines, unfinished_sessions
+from rise_engine.client.running_sessions import all_running_sessions, sessions_on_other_computers
+from rise_engine.exit_status import FAILED, NO_SUCH_SESSION, OK
+from rise_engine.protocol.messages import SessionSummary
+from rise_engine.protocol.registry import (
+    RegistryError,
+    find_running,
+    is_locked,
+    lock_path,
+    running_names,
+    session_name,
+    socket_path,
+)
+from rise_engine.session.folder import running_sessions
+from rise_engine.text import clean
+
+END_SECONDS = 20.0
+"""Seconds that a session has to end: the robot's answer and the last records take 11 at most."""
+
+
+def print_sessions(*, as_json: bool) -> int:
+    """Print the running sessions; the exit status."""
+    try:
+        found = all_running_sessions()
+    except RegistryError as error:
+        return _print_error(str(error))
+    if as_json:
+        told = [{"name": name, "about": None if each is None else each} for name, each in found.items()]
+        write_json(msgspec.json.encode(told).decode())
+        return OK
+    others = sessions_on_other_computers()
+    if not found and not others:
+        sys.stderr.write("no session is running; begin one with:  rise-tui --config DIR\n")
+    for name, about in found.items():
+        for line in _session_lines(name, about):
+            sys.stdout.write(clean(line) + "\n")
+    for line in others:
+        sys.stderr.write(clean(line) + "\n")
+    for line in unfinished_lines(unfinished_sessions(found)):
+        sys.stderr.write(clean(line) + "\n")
+    return OK
+
+
+def stop_session(which: str | None) -> int:
+    """End a session and wait until it has ended; the exit status."""
+    try:
+        name = _find_session(which)
+        lock = lock_path(socket_path(name))
+    except RegistryError as error:
+        return _print_error(str(error))
+    try:
+        pid = int(lock.read_text())
+        os.kill(pid, signal.SIGTERM)
+    except (OSError, ValueError) as error:
+        return _print_error(f"{name} cannot be asked to end: {error}")
+    deadline = time.monotonic() + END_SECONDS
+    while is_locked(lock):
+        if time.monotonic() > deadline:
+            sys.stderr.write(f"error: {name} (process {pid}) has not ended within {END_SECONDS:g} s\n")
+            return FAILED
+        time.sleep(0.02)
+    sys.stderr.write(f"{name} has ended\n")
+    return OK
+
+
+def _find_session(which: str | None) -> str:
+    """Raises PlaceError."""
+    if which is not None and Path(which).is_dir():
+        if (name := session_name(which)) in running_names():
+            return name
+        holders = running_sessions(str(Path(which).absolute())).values()
+        return next(
+            (each.socket for each in holders if each is not None and each.is_this_computer), ""
+        ) or find_running(name)
+    if which is not None:
+        return find_running(which)
+    there = running_names()
+    if len(there) == 1:
+        return there[0]
+    raise RegistryError(f"say which: {', '.join(there)}" if there else "no session is running")
+
+
+def _session_lines(name: str, about: SessionSummary | None) -> list[str]:
+    if about is None:
+        return [f"{name}  does not answer"]
+    minutes, seconds = divmod(int(about.t), 60)
+    doing = "STOPPED" if about.stopped else "busy" if about.busy else "idle"
+    who = f"{about.control} has control" if about.control is not None else "nobody has control"
+    others = [client for client in about.clients if client != about.control]
+    lines = [
+        f"{name}  {about.title}  {about.mode.upper()}  {about.robot}  {minutes // 60}:{minutes % 60:02}:{seconds:02}  "
+        f"{doing}  {who}" + (f", also {', '.join(others)}" if others else ""),
+        f"    record  {about.folder}",
+    ]
+    if about.trouble:
+        lines.append(f"    NOT RECORDING, paused: {about.trouble}")
+    return lines
+
+
+def _print_error(sentence: str) -> int:
+    sys.stderr.write(f"error: {sentence}\n")
+    return NO_SUCH_SESSION

@@ -1,0 +1,162 @@
+"""Task files: a wizard's whole session as text, one DomainTask per line (JSON).
+
+    {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "Greet", "calling_type": "None", "at": 2.5}
+
+`at` is session time in seconds; without it a task goes together with the one on the line before. `calling_type` may be
+left out, and `source` may say who asks (default `file`). Empty lines and lines that begin with # are skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, get_args
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.json_codec import JsonError, plain, read_json
+from rise_engine.kernel.inputs import Submit, TaskFunction
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.model import Scenario
+
+FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
+KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
+LATEST_SECONDS = 366 * 86_400.0
+"""Seconds; nothing is planned more than a year ahead."""
+_WITHOUT_BEHAVIOR = ("stopAll", "releaseStop", "markCue", "nextFiller")
+
+
+class TimedTask(Struct, frozen=True):
+    """One line: a task and when it is submitted."""
+
+    at: float
+    task: Submit
+    file: str
+    line: int
+
+
+class TaskFileProblem(Struct, frozen=True):
+    """Why a line cannot be used."""
+
+    file: str
+    line: int
+    message: str
+    column: int | None = None
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.column is None else f"{self.file}:{self.line}:{self.column}"
+        return f"{place}: error: {self.message}"
+
+
+class TaskFileError(RiseError):
+    """A task file with mistakes: all of them."""
+
+    def __init__(self, problems: Sequence[TaskFileProblem]) -> None:
+        super().__init__("\n".join(str(problem) for problem in problems))
+        self.problems = tuple(problems)
+
+
+class TaskFileReader:
+    """Reads a task file line by line, as it comes."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self._line = 0
+        self._at = 0.0
+
+    def read(self, text: bytes | str) -> TimedTask | None:
+        """The task of the next line, or None for a line without one. Raises ScriptError with all its mistakes."""
+        self._line += 1
+        if isinstance(text, bytes):
+            try:
+                text = text.decode("utf-8-sig" if self._line == 1 else "utf-8")
+            except UnicodeDecodeError as error:
+                raise self._error(["this is not UTF-8 text"], error.start + 1) from None
+        before = len(text) - len(text.lstrip())
+        text = text.strip()
+        if not text or text.startswith("#"):
+            return None
+        problems: list[str] = []
+        try:
+            value = plain(read_json(text, lambda key, at, first: problems.append(f"`{key}` is there twice")))
+        except JsonError as error:
+            raise self._error([f"this is not JSON: {error}"], before + error.offset + 1) from None
+        if not isinstance(value, dict):
+            raise self._error([f'a line is a JSON object such as {{"function_type": "{FUNCTIONS[0]}", ...}}'])
+        problems += _problems_of(value)
+        if problems:
+            raise self._error(problems)
+        self._at = float(value.get("at", self._at))
+        task = Submit(
+            function=value["function_type"],
+            behavior=value.get("domain_task_behavior", ""),
+            calling_type=value.get("calling_type", ""),
+            source=value.get("source", "file"),
+        )
+        return TimedTask(self._at, task, self.file, self._line)
+
+    def _error(self, messages: list[str], column: int | None = None) -> TaskFileError:
+        return TaskFileError([TaskFileProblem(self.file, self._line, message, column) for message in messages])
+
+
+def read_task_file(text: bytes, file: str) -> list[TimedTask]:
+    """The tasks of a whole file, by `at`; those of one moment in file order. Raises ScriptError with all mistakes."""
+    reader = TaskFileReader(file)
+    tasks: list[TimedTask] = []
+    problems: list[TaskFileProblem] = []
+    for line in text.split(b"\n"):
+        try:
+            task = reader.read(line)
+        except TaskFileError as refused:
+            problems.extend(refused.problems)
+        else:
+            if task is not None:
+                tasks.append(task)
+    if problems:
+        raise TaskFileError(problems)
+    return sorted(tasks, key=lambda task: task.at)
+
+
+def warning_for_task(task: TimedTask, scenario: Scenario) -> str | None:
+    """What will probably go wrong: a name that the scenario does not have. The session will reject such a task."""
+    function, name = task.task.function, task.task.behavior
+    if function.endswith("CommunicationRobotAct"):
+        known, what = list(scenario.acts), "act"
+    elif function.endswith("InteractionRule"):
+        known, what = list(scenario.rules), "rule"
+    else:
+        return None
+    if name in known:
+        return None
+    return f"{task.file}:{task.line}: warning: {unknown_name_sentence(what, name, known)}; the task will be rejected"
+
+
+def unknown_name_sentence(what: str, name: str, known: Sequence[str]) -> str:
+    """``there is no act `Gret`; did you mean `Greet`?``"""
+    return f"there is no {what} `{name}`{did_you_mean(name, known)}"
+
+
+def _problems_of(value: dict[str, Any]) -> list[str]:
+    problems = [f"unknown entry `{key}`{did_you_mean(key, KEYS)}" for key in value if key not in KEYS]
+    function = value.get("function_type")
+    if "function_type" not in value:
+        problems.append("`function_type` is missing")
+    elif not isinstance(function, str):
+        problems.append("`function_type` must be a text")
+    elif function not in FUNCTIONS:
+        problems.append(f"unknown function_type `{function}`{did_you_mean(function, FUNCTIONS)}")
+    behavior = value.get("domain_task_behavior", "")
+    if not isinstance(behavior, str):
+        problems.append("`domain_task_behavior` must be a text")
+    elif not behavior.strip() and function in FUNCTIONS and function not in _WITHOUT_BEHAVIOR:
+        problems.append(f"`domain_task_behavior` is missing: {function} needs to know what")
+    calling_type = value.get("calling_type", "")
+    if calling_type not in ("", "None", "Blocking", "Interrupt"):
+        problems.append('`calling_type` must be "Blocking", "None" or "Interrupt" (a text), or left out')
+    source = value.get("source", "file")
+    if not isinstance(source, str) or not source.strip():
+        problems.append('`source` must be a text such as "wizard:anna"')
+    at = value.get("at", 0.0)
+    if isinstance(at, bool) or not isinstance(at, int | float) or not 0 <= at <= LATEST_SECONDS:
+        problems.append("`at` must be a number of seconds, 0 or more")
+    return problems

@@ -1,0 +1,141 @@
+"""Where every command writes: standard output and standard error, so that nothing of a file reaches the terminal raw.
+
+`guarded` is put around a whole program. Within it, text passes `clean`: a title or a file name can neither move the
+cursor nor rename the window. Documents (`--json`, a schema) go another way and keep every character, those that a
+terminal would obey written as the format's own escapes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO
+
+from rise_engine.errors import RiseError
+from rise_engine.exit_status import NOT_WRITTEN
+from rise_engine.session.disk import error_message
+from rise_engine.text import UNSEEN, clean, escape_unseen_json
+
+
+class OutputError(RiseError):
+    """Standard output cannot be written; the text says why."""
+
+
+class CleanStream:
+    """A text stream through which only printable characters, line ends and tabs go; otherwise the stream itself.
+
+    A failing standard output is an OutputError. A failing standard error is nobody's business: there is no one to tell.
+    """
+
+    def __init__(self, stream: TextIO, *, may_fail: bool) -> None:
+        self._stream = stream
+        self._may_fail = may_fail
+
+    def write(self, text: str) -> int:
+        cleaned = clean(text, keep="\n\t")
+        try:
+            self._stream.write(cleaned)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            self._failed(error)
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.write(line)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            self._failed(error)
+
+    def _failed(self, error: OSError) -> None:
+        if self._may_fail:
+            _discard(self._stream)
+        else:
+            raise _output_error(error) from error
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def clean_standard_streams() -> Iterator[None]:
+    """Within it, standard output and error are clean, and fail with a sentence.
+
+    What a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`): no command fails because of it.
+    """
+    _guard_streams()
+    try:
+        try:
+            yield
+        finally:
+            with suppress(BrokenPipeError):
+                sys.stdout.flush()
+    except OutputError as error:
+        _discard(sys.stdout)
+        sys.stderr.write(f"error: standard output cannot be written: {error}\n")
+        sys.exit(NOT_WRITTEN)
+
+
+def write_json(text: str) -> None:
+    """Write a JSON document and a line end: UTF-8 on every terminal, because an escaped character would spoil it."""
+    _write(escape_json(text.encode("utf-8", "backslashreplace")))
+
+
+def write_xml(text: str) -> None:
+    """As `write_json`, for XML."""
+    _write(UNSEEN.sub(_xml_escape, text).encode("utf-8", "backslashreplace"))
+
+
+def escape_json(data: bytes) -> bytes:
+    """JSON in UTF-8, the same values, with escapes for all that a terminal would obey or nobody would see."""
+    if data.isascii() and b"\x7f" not in data:
+        return data
+    return escape_unseen_json(data.decode("utf-8", "backslashreplace")).encode()
+
+
+def _xml_escape(found: re.Match[str]) -> str:
+    return found[0] if found[0] in "\t\r\n" else f"&#x{ord(found[0]):X};"
+
+
+def _write(data: bytes) -> None:
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(data + b"\n")
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise _output_error(error) from error
+
+
+def _output_error(error: OSError) -> OutputError:
+    return OutputError(error_message(error))
+
+
+def _guard_streams() -> None:
+    for name, may_fail in (("stdout", False), ("stderr", True)):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by whoever started this
+            stream = open(os.devnull, "w")  # noqa: PTH123, SIM115
+        if isinstance(stream, CleanStream):
+            continue
+        with suppress(AttributeError):  # a test's own stream
+            stream.reconfigure(errors="backslashreplace")
+        setattr(sys, name, CleanStream(stream, may_fail=may_fail))
+
+
+def _discard(stream: Any) -> None:
+    """What is still buffered, and the flush at exit, go nowhere."""
+    with suppress(AttributeError, OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

@@ -1,0 +1,239 @@
+"""A session told in lines that a person can read: time, who, what happened.
+
+    00:03.2  Speech    "Dear Reader, welcome!"           started
+
+One line for each record that tells something; an action's `accepted` and a task's repeated states are left out.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from rise_engine.kernel.records import (
+    ENDINGS,
+    FINAL,
+    ActionRecord,
+    AnyRecord,
+    ConditionRecord,
+    ControlRecord,
+    CueRecord,
+    EventRecord,
+    MemoryRecord,
+    MistakeRecord,
+    NoteRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+    TimingRecord,
+)
+
+_WHO_WIDTH = 16
+_WHAT_WIDTH = 44
+_FUNCTION_LABELS = {
+    "startCommunicationRobotAct": "act",
+    "stopCommunicationRobotAct": "stop act",
+    "startInteractionRule": "start rule",
+    "stopInteractionRule": "stop rule",
+    "raiseEventTopic": "raise",
+    "assignValue": "assign",
+    "deleteValue": "delete",
+    "cancelTask": "cancel task",
+    "moveTask": "move task",
+    "stopAll": "stop all",
+    "releaseStop": "release stop",
+    "markCue": "mark cue",
+    "nextFiller": "next filler",
+    "markMistake": "mark mistake",
+    "goOn": "go on without",
+}
+_ACTS = ("startCommunicationRobotAct", "say")
+_MARK_LABELS = {"none": "no mistake after all"} | {mark: mark for mark in ("wrong", "late", "early", "double")}
+_MAX_CLOCK_SECONDS = 1e12
+"""Seconds, more than any session has: the clock shows no more."""
+_WITH_OWN_RECORD = {"stopAll", "releaseStop", "raiseEventTopic", "assignValue", "deleteValue", "markCue", "markMistake"}
+"""Functions whose success has a record of its own that says more."""
+
+
+class Transcript:
+    """Turns records, in order, into lines."""
+
+    def __init__(self) -> None:
+        self._started: dict[tuple[int, str], float] = {}
+        self._tasks: dict[int, float] = {}
+        self._blocking: set[int] = set()
+        """Tasks of Blocking acts that are running."""
+
+    def line_for(self, record: AnyRecord) -> str | None:
+        """The line for a record, without line end; None when it tells a reader nothing new."""
+        told = self._describe(record)
+        if told is None:
+            return None
+        who, what, how = told
+        return f"{clock_text(record.t)}  {_cell(who, _WHO_WIDTH)}  {_cell(what, _WHAT_WIDTH)}  {how}".rstrip()
+
+    def _describe(self, record: AnyRecord) -> tuple[str, str, str] | None:
+        match record:
+            case SessionRecord():
+                return self._session(record)
+            case TaskRecord():
+                return self._task(record)
+            case ActionRecord():
+                return self._action(record)
+            case RuleRecord():
+                return "rule", record.name, _rule_text(record)
+            case EventRecord():
+                return "event", record.topic, f"taken by {record.taken_by}" if record.taken_by else "nobody takes it"
+            case ConditionRecord():
+                return "condition", record.expression, _condition_text(record)
+            case MemoryRecord():
+                return "memory", record.key, _memory_text(record)
+            case RobotRecord():
+                return "robot", record.status, record.detail
+            case StopRecord():
+                return "stop", record.status, _stop_text(record)
+            case ControlRecord():
+                return "control", record.status, f"by {record.by}; it is with {record.holder or 'nobody'}"
+            case CueRecord():
+                return "cue", *_cue_text(record)
+            case MistakeRecord():
+                what = f"{record.act} (task {record.task})" if record.act else f"task {record.task}"
+                return "mistake", what, f"{_MARK_LABELS[record.mark]}, says {record.source}"
+            case TimingRecord():
+                return None  # its times are those of records that were told
+            case NoteRecord():
+                return "note", record.text, "" if record.source == "engine" else f"by {record.source}"
+
+    def _session(self, record: SessionRecord) -> tuple[str, str, str]:
+        if record.status == "ended":
+            return "session", "ended", record.reason
+        who = "".join(f", {word}" for word in (record.participant, record.condition) if word)
+        how = f"{record.status}, {record.mode}, robot {record.robot}, seed {record.seed}{who}"
+        return "session", record.scenario, how
+
+    def _task(self, record: TaskRecord) -> tuple[str, str, str] | None:
+        who = _FUNCTION_LABELS.get(record.function, record.function)
+        by = f" by {record.source}" if record.source else ""
+        if record.status == "REJECTED":
+            return who, record.behavior, f"REJECTED{by}: {record.reason}"
+        if record.status == "PENDING":
+            # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
+            if not self._blocking or record.function not in _ACTS:
+                return None
+            place = f", {record.position} before it" if record.position else ""
+            return who, record.behavior, f"waits{place}, asked{by}"
+        if record.status == "ACTIVE":
+            self._tasks[record.id] = record.t
+            if record.calling_type != "None" and record.function in _ACTS:
+                self._blocking.add(record.id)
+            return None if record.function == "startInteractionRule" else (who, record.behavior, f"started{by}")
+        if record.status not in FINAL:
+            return who, record.behavior, f"{record.status}{by}"
+        began = self._tasks.pop(record.id, None)
+        self._blocking.discard(record.id)
+        if record.function == "startInteractionRule" and began is not None:
+            return None
+        if began is None and record.function in _WITH_OWN_RECORD:
+            return None
+        took = "" if began is None else f", {record.t - began:.1f} s"
+        reason = f": {record.reason}" if record.reason else ""
+        done = {"SUCCEEDED": "succeeded" if began is not None else f"done{by}"}.get(record.status, record.status)
+        return who, record.behavior, f"{done}{took}{reason}"
+
+    def _action(self, record: ActionRecord) -> tuple[str, str, str] | None:
+        key = (record.task, record.action)
+        name = record.type if record.sent_as is None else f"{record.type} as {record.sent_as}"
+        what = parameters_text(record.parameters)
+        if record.status == "started":
+            self._started[key] = record.t
+            return f"  {name}", what, "started"
+        if record.status == "accepted":
+            return None
+        if record.status not in ENDINGS:
+            return f"  {name}", what, record.status
+        began = self._started.pop(key, None)
+        took = "" if began is None else f", {record.t - began:.1f} s"
+        reason = f": {record.reason}" if record.reason else ""
+        return f"  {name}", what or record.action, f"{record.status}{took}{reason}"
+
+
+def clock_text(t: float) -> str:
+    """Session time as `mm:ss.t`, from an hour on `h:mm:ss.t`."""
+    tenths = int(min(t, _MAX_CLOCK_SECONDS) * 10 + 1e-6)
+    seconds, tenth = divmod(tenths, 10)
+    minutes, second = divmod(seconds, 60)
+    hours, minute = divmod(minutes, 60)
+    return f"{hours}:{minute:02}:{second:02}.{tenth}" if hours else f"{minute:02}:{second:02}.{tenth}"
+
+
+def parameters_text(parameters: dict[str, Any]) -> str:
+    """An action's parameters in short: a text or name by itself, a point as coordinates, the rest by name."""
+    rest = dict(parameters)
+    parts = []
+    if "message" in rest:
+        parts.append(_json(rest.pop("message")))
+    if "value" in rest:
+        parts.append(str(rest.pop("value")))
+    if all(axis in rest for axis in ("pointx", "pointy", "pointz")):
+        parts.append("(" + ", ".join(f"{rest.pop(axis)}" for axis in ("pointx", "pointy", "pointz")) + ")")
+    if "duration" in rest:
+        parts.append(f"{rest.pop('duration')} ms")
+    parts.extend(f"{name}={_json(value)}" for name, value in rest.items())
+    return " ".join(parts)
+
+
+def _rule_text(record: RuleRecord) -> str:
+    trigger = f" on {record.trigger}" if record.trigger and record.trigger != "start" else ""
+    reason = f": {record.reason}" if record.reason else ""
+    if record.status == "entered":
+        if record.previous is None:
+            return f"in {record.state}{trigger}{reason}"
+        if record.previous == record.state:
+            return f"again in {record.state}{trigger}{reason}"
+        return f"{record.previous} -> {record.state}{trigger}{reason}"
+    if record.status == "stayed":
+        return f"stays in {record.state}{trigger}{reason}"
+    status = record.status.upper() if record.status == "faulted" else record.status
+    return f"{status}{trigger}{reason}"
+
+
+def _condition_text(record: ConditionRecord) -> str:
+    result = f"error: {record.error}" if record.error else "true" if record.result else "false"
+    values = ", ".join(f"{key} = {_json(value)}" for key, value in record.values.items() if key not in record.missing)
+    missing = f"no value for {', '.join(record.missing)}" if record.missing else ""
+    detail = "; ".join(part for part in (values, missing) if part)
+    return f"{result} in {record.rule}" + (f" ({detail})" if detail else "")
+
+
+def _memory_text(record: MemoryRecord) -> str:
+    by = f" by {record.source}" if record.source else ""
+    if record.deleted:
+        return f"deleted, was {_json(record.old)}{by}"
+    was = "" if record.created else f", was {_json(record.old)}"
+    return f"= {_json(record.value)}{was}{by}"
+
+
+def _cue_text(record: CueRecord) -> tuple[str, str]:
+    if record.status == "marked":
+        return record.text or "the participant's turn has ended", f"marked by {record.source}"
+    return f"{record.status} by task {record.task}", f"after {record.since:.1f} s"
+
+
+def _stop_text(record: StopRecord) -> str:
+    if record.status == "requested":
+        return f"by {record.source}" if record.source else ""
+    if record.status != "latched":
+        return ""
+    told = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"
+    return f"{told}; NOT CONFIRMED: {', '.join(record.unconfirmed)}" if record.unconfirmed else told
+
+
+def _cell(text: str, width: int) -> str:
+    text = " ".join(text.split()) if not text.startswith("  ") else "  " + " ".join(text.split())
+    return text.ljust(width) if len(text) <= width else text[: width - 1] + "…"
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,397 @@
+"""A client of a session that runs in another process, over the session's socket."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Sequence
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.view import TaskView
+from rise_engine.protocol import registry
+from rise_engine.protocol.client import (
+    AttachReply,
+    ClientInput,
+    ControlVerb,
+    EndRefused,
+    EngineGone,
+    LinkLost,
+    Reply,
+    Resync,
+    Role,
+    UpdateOrResync,
+)
+from rise_engine.protocol.messages import (
+    VERSION,
+    AttachMessage,
+    ClientMessage,
+    ControlMessage,
+    EndedMessage,
+    EndMessage,
+    HeartbeatMessage,
+    HelloMessage,
+    JournalStatusMessage,
+    ReadyMessage,
+    RecordsMessage,
+    RefusedMessage,
+    ReplyMessage,
+    ScenarioMessage,
+    SendMessage,
+    ServerMessage,
+    TasksMessage,
+    decode_server_message,
+    encode_line,
+    with_tasks,
+)
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.serialization import decode_scenario
+
+READ_BYTES = 262_144
+"""Bytes that are read at once."""
+SLICE_SECONDS = 0.001
+"""Seconds of reading after which the loop does what else there is to do."""
+MAX_WAITING_RECORDS = 200_000
+"""Records that may wait to be taken from `records`; with more, the connection is given up."""
+MAX_WAITING_WITH_RESYNC = 5_000
+"""The same for one who takes the state anew: with more, no more is read before some are taken."""
+LOCK_RELEASE_SECONDS = 0.3
+"""Seconds in which a process that is just ending lets go of its lock."""
+
+
+class SocketClient:
+    """Implements `rise_engine.protocol.client.Client`. All methods belong to one loop."""
+
+    def __init__(
+        self,
+        session: str | os.PathLike[str],
+        who: str,
+        role: Role = "wizard",
+        *,
+        scenario: Scenario | None = None,
+        resync: bool = False,
+    ) -> None:
+        """`session`: the name of a running session, or the path of its socket. `who`: the name in the record, without
+        the role. `scenario`: what the session is known to run; with the right hash it is not loaded again.
+        `resync`: a client that shows the state and needs not every record; see `Resync`."""
+        self._session = session
+        self._name = who
+        self._role: Role = role
+        self._scenario = scenario
+        self._resync = resync
+        self._connection: _ServerConnection | None = None
+        self._clock_at_attach: tuple[float, float, float] | None = None
+        """Session time, speed, and when that was on our own clock."""
+
+    async def attach(self) -> AttachReply:
+        """As the protocol says. Also raises EngineGone, with the engine's sentence, when it refuses this client."""
+        await self._disconnect()
+        connection = await _ServerConnection.open(self._socket_path(), resync=self._resync)
+        try:
+            attach = AttachMessage(
+                VERSION, self._name, self._role, scenario=self._scenario is None, resync=self._resync
+            )
+            connection.write(attach)
+            hello = await self._receive_state(connection)
+        except BaseException:
+            await connection.close()
+            raise
+        self._connection = connection
+        return hello
+
+    def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+        """As the protocol says."""
+        if self._connection is None:
+            raise RuntimeError("attach first")
+        return self._connection.batches()
+
+    async def send(self, message: ClientInput) -> Reply:
+        if not isinstance(message, Submit | Note):
+            raise TypeError(f"a client may send Submit and Note, not {type(message).__name__}")
+        connection = self._attached()
+        return await connection.request(SendMessage(connection.next_id(), message))
+
+    async def control(self, verb: ControlVerb) -> Reply:
+        connection = self._attached()
+        return await connection.request(ControlMessage(connection.next_id(), verb))
+
+    def now(self) -> float:
+        if self._clock_at_attach is None:
+            return 0.0
+        t, speed, at = self._clock_at_attach
+        connection = self._connection
+        until = time.monotonic() if connection is None or connection.ended_at is None else connection.ended_at
+        return t + (until - at) * speed
+
+    async def close(self, *, end_session: bool = False, reason: str = "") -> None:
+        """As the protocol says; with `end_session`, returns when the session has ended."""
+        connection = self._connection
+        if end_session and connection is not None:
+            with suppress(EngineGone):
+                reply = await connection.request(EndMessage(connection.next_id(), reason))
+                if not reply.accepted:
+                    raise EndRefused(reply.reason)
+                await connection.ended.wait()
+        await self._disconnect()
+
+    # --- within -------------------------------------------------------------------------------------------------
+
+    def _socket_path(self) -> Path:
+        if isinstance(self._session, os.PathLike) or "/" in self._session:
+            return Path(self._session)
+        try:
+            return registry.socket_path(registry.find_running(self._session))
+        except registry.RegistryError as error:
+            raise EngineGone(str(error)) from None
+
+    def _attached(self) -> _ServerConnection:
+        if self._connection is None:
+            raise LinkLost("this client is not attached to a session")
+        return self._connection
+
+    async def _disconnect(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            await connection.close()
+
+    async def _receive_state(self, connection: _ServerConnection) -> AttachReply:
+        """The connection goes on being read meanwhile: what comes after the state waits in it."""
+        welcome = await connection.welcome
+        self._clock_at_attach = welcome.t, welcome.speed, time.monotonic()
+        tasks = await connection.tasks
+        return AttachReply(
+            await self._scenario_of(welcome, connection.scenario),
+            welcome.mode,
+            welcome.robot,
+            welcome.seed,
+            with_tasks(welcome.state, tasks),
+            you=welcome.you,
+            role=welcome.role,
+            folder=welcome.folder,
+            replay=welcome.replay,
+            journaling=welcome.journaling,
+        )
+
+    async def _scenario_of(self, welcome: HelloMessage, told: bytes) -> Scenario:
+        """What the session runs: as the engine told it, or else read from the copy in the session's folder."""
+        if told:
+            with suppress(ValueError):  # an engine of another release may describe it otherwise
+                self._scenario = decode_scenario(told)
+        if self._scenario is None or self._scenario.hash != welcome.scenario_hash:
+            folder = Path(welcome.folder)
+            self._scenario = await asyncio.to_thread(_load_copy, folder)
+            if self._scenario.hash != welcome.scenario_hash:
+                raise EngineGone(f"{folder} does not hold the scenario that the session runs: it has another hash")
+        return self._scenario
+
+
+def _load_copy(folder: Path) -> Scenario:
+    """Raises EngineGone."""
+    from rise_engine.session.folder import SessionError, load_scenario_copy, read_info  # which reads XML: rarely needed
+
+    try:
+        return load_scenario_copy(folder, read_info(folder))
+    except SessionError as error:
+        raise EngineGone(f"the session runs, but what it runs cannot be read: {error}") from None
+
+
+class _ServerConnection:
+    """One connection, from its opening to its end."""
+
+    def __init__(self, path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, resync: bool) -> None:
+        self._path = path
+        self._resync = resync
+        self._resync_hello: HelloMessage | None = None
+        """A state that is on its way, after records that were left out."""
+        self._taken = asyncio.Event()
+        self._reader = reader
+        self._writer = writer
+        self._partial = b""
+        self._lines: deque[bytes] = deque()
+        self._numbers = count(1)
+        self._unanswered: dict[int, asyncio.Future[Reply]] = {}
+        loop = asyncio.get_running_loop()
+        self.welcome: asyncio.Future[HelloMessage] = loop.create_future()
+        self.tasks: asyncio.Future[list[TaskView]] = loop.create_future()
+        """Those of the state, once it is complete."""
+        self.scenario = b""
+        """What the session runs, if the engine told it."""
+        self._partial_tasks: list[TaskView] = []
+        self._updates: deque[UpdateOrResync] = deque()
+        self._arrived = asyncio.Event()
+        self._error: EngineGone | None = None
+        self._reason: EngineGone = LinkLost("this client has left the session")
+        self.ended = asyncio.Event()
+        """Set when nothing more comes."""
+        self.ended_at: float | None = None
+        self._reading = asyncio.create_task(self._read())
+
+    @classmethod
+    async def open(cls, path: Path, *, resync: bool) -> _ServerConnection:
+        """Raises EngineGone."""
+        try:
+            reader, writer = await asyncio.open_unix_connection(path, limit=READ_BYTES * 4)
+        except (FileNotFoundError, ConnectionRefusedError):
+            if registry.is_locked(registry.lock_path(path)):
+                raise EngineGone(f"the session at {path} is just starting or being recovered: try again soon") from None
+            raise EngineGone(f"no session runs at {path}: its engine has gone") from None
+        except OSError as error:
+            raise EngineGone(f"the session at {path} cannot be reached: {error.strerror or error}") from None
+        return cls(path, reader, writer, resync=resync)
+
+    def next_id(self) -> int:
+        return next(self._numbers)
+
+    def write(self, message: ClientMessage) -> None:
+        self._writer.write(encode_line(message))
+
+    async def request(self, message: SendMessage | ControlMessage | EndMessage) -> Reply:
+        """Raises EngineGone."""
+        if self.ended.is_set():
+            raise self._reason
+        future: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()
+        self._unanswered[message.id] = future
+        try:
+            self.write(message)
+            with suppress(ConnectionError):  # the reading side finds out what it means
+                await self._writer.drain()
+            return await future
+        finally:
+            self._unanswered.pop(message.id, None)
+
+    async def read_message(self) -> ServerMessage:
+        """The next message. Raises EngineGone when there is none."""
+        while not self._lines:
+            try:
+                data = await self._reader.read(READ_BYTES)
+            except OSError:
+                data = b""
+            if not data:
+                raise await self._reason_for_cut()
+            *lines, self._partial = (self._partial + data).split(b"\n") if b"\n" in data else [self._partial + data]
+            self._lines.extend(lines)
+        try:
+            return decode_server_message(self._lines.popleft())
+        except ValueError as error:
+            raise EngineGone(str(error)) from None
+
+    async def _read(self) -> None:
+        began = time.monotonic()
+        try:
+            while True:
+                if time.monotonic() - began > SLICE_SECONDS:  # much came at once: others on the loop have their turn
+                    await asyncio.sleep(0)
+                    began = time.monotonic()
+                match await self.read_message():
+                    case RecordsMessage(records=records):
+                        self._updates.extend(records)
+                        if len(self._updates) > MAX_WAITING_RECORDS:
+                            raise LinkLost("this client fell too far behind the engine; attach again")
+                        self._arrived.set()
+                        while self._resync and len(self._updates) > MAX_WAITING_WITH_RESYNC:
+                            self._taken.clear()
+                            await self._taken.wait()
+                    case ReplyMessage(id=id) as answer:
+                        future = self._unanswered.get(id)
+                        if future is not None and not future.done():
+                            future.set_result(answer.reply)
+                    case JournalStatusMessage(journaling=journaling):
+                        self._updates.append(journaling)
+                        self._arrived.set()
+                    case HeartbeatMessage(pulse=pulse):
+                        self._updates.append(pulse)
+                        self._arrived.set()
+                    case HelloMessage() as welcome if self.welcome.done():
+                        self._resync_hello = welcome
+                    case HelloMessage() as welcome:
+                        self.welcome.set_result(welcome)
+                    case ScenarioMessage(scenario=scenario):
+                        self.scenario = bytes(scenario)
+                    case TasksMessage(tasks=tasks):
+                        self._partial_tasks += tasks
+                    case ReadyMessage() if self._resync_hello is not None:
+                        self._updates.append(
+                            Resync(with_tasks(self._resync_hello.state, self._partial_tasks), self._resync_hello.tasks)
+                        )
+                        self._updates.append(self._resync_hello.journaling)
+                        self._resync_hello, self._partial_tasks = None, []
+                        self._arrived.set()
+                    case ReadyMessage():
+                        self.tasks.set_result(self._partial_tasks)
+                        self._partial_tasks = []
+                    case EndedMessage(reason=reason, failed=failed):
+                        if failed:
+                            raise EngineGone(reason)
+                        self._reason = EngineGone("the session has ended")
+                        return
+                    case RefusedMessage(reason=reason):
+                        raise LinkLost(reason) if self.tasks.done() else EngineGone(reason)
+                    case _:
+                        pass
+        except EngineGone as error:
+            self._error = self._reason = error
+        finally:
+            self._finish()
+
+    def _finish(self) -> None:
+        if self.ended.is_set():
+            return
+        self.ended_at = time.monotonic()
+        self.ended.set()
+        self._arrived.set()
+        self._writer.close()
+        waiting: list[asyncio.Future[Any]] = [*self._unanswered.values(), self.welcome, self.tasks]
+        for future in waiting:
+            if not future.done():
+                future.set_exception(self._reason)
+                future.exception()  # nobody may be waiting
+
+    async def _reason_for_cut(self) -> EngineGone:
+        """The connection has ended without a word. An engine's lock goes with its process."""
+        lock = registry.lock_path(self._path)
+        until = time.monotonic() + LOCK_RELEASE_SECONDS
+        while registry.is_locked(lock):
+            if time.monotonic() > until:
+                return LinkLost("the engine has cut this connection, but it goes on; attach again")
+            await asyncio.sleep(0.02)
+        if not lock.exists() and await _accepts_connections(self._path):  # one that runs without a lock
+            return LinkLost("the engine has cut this connection, but it goes on; attach again")
+        return EngineGone("its process is not there any more")
+
+    async def batches(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+        while True:
+            await self._arrived.wait()
+            self._arrived.clear()
+            if self._updates:
+                batch = list(self._updates)
+                self._updates.clear()
+                self._taken.set()
+                yield batch
+            if self.ended.is_set() and not self._updates:
+                self._arrived.set()  # for whoever asks again
+                if self._error is not None:
+                    raise self._error
+                return
+
+    async def close(self) -> None:
+        if not self._reading.done():
+            self._reading.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._reading
+        self._finish()
+        with suppress(OSError):
+            await self._writer.wait_closed()
+
+
+async def _accepts_connections(path: Path) -> bool:
+    try:
+        _, writer = await asyncio.open_unix_connection(path)
+    except OSError:
+        return False
+    writer.close()
+    return True

@@ -1,0 +1,1 @@
+"""A kernel with what it does not have itself: a clock, a journal, a robot."""

@@ -1,0 +1,132 @@
+"""The two clocks of a session: real time (optionally faster) and virtual time (as fast as the machine can).
+
+Both measure seconds since the session began and never go back. `wall` is the label that records carry beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from heapq import heapify, heappop, heappush
+from time import time_ns
+from typing import TYPE_CHECKING, Protocol
+
+from rise_engine.ports.robot import Clock, Timer
+
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_LAST_SECOND = 253_402_300_799.0
+"""The last second that a calendar has (the end of the year 9999), counted from 1970."""
+_MAX_CANCELLED = 64
+"""Cancelled timers that may lie in a virtual clock's heap before it is cleaned."""
+
+
+class SessionClock(Clock, Protocol):
+    """What the engine needs: the robot's clock, and the label for records."""
+
+    def wall_label(self, t: float) -> str:
+        """The wall-clock label of session time `t`: ISO 8601 with offset, to the millisecond. Never raises."""
+        ...
+
+
+class _VirtualTimer:
+    __slots__ = ("_clock", "callback")
+
+    def __init__(self, clock: VirtualClock, callback: Callable[[], None]) -> None:
+        self._clock = clock
+        self.callback: Callable[[], None] | None = callback
+
+    def cancel(self) -> None:
+        if self.callback is not None:
+            self.callback = None
+            self._clock._on_cancel()
+
+
+class VirtualClock:
+    """Time that passes only when somebody calls `advance`. No thread, no loop, no waiting.
+
+    Its wall labels begin at 1970-01-01T00:00:00.000+00:00, so that the same scenario, seed and inputs give the same
+    output, byte for byte.
+    """
+
+    def __init__(self) -> None:
+        self._now = 0.0
+        self._heap: list[tuple[float, int, _VirtualTimer]] = []
+        self._made = 0
+        self._cancelled_count = 0
+
+    def now(self) -> float:
+        return self._now
+
+    def wall_label(self, t: float) -> str:
+        return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST_SECOND))).isoformat(timespec="milliseconds")
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        # To the microsecond, as the engine stamps: timers that are due together run in the order of their setting.
+        timer = _VirtualTimer(self, callback)
+        self._made += 1
+        heappush(self._heap, (max(round(when, 6), self._now), self._made, timer))
+        return timer
+
+    @property
+    def next_at(self) -> float | None:
+        """The session time of the next timer, or None when there is none."""
+        while self._heap and self._heap[0][2].callback is None:
+            heappop(self._heap)
+            self._cancelled_count -= 1
+        return self._heap[0][0] if self._heap else None
+
+    def advance(self) -> bool:
+        """Let time pass until the next timer and run it. False when there is none."""
+        if self.next_at is None:
+            return False
+        when, _, timer = heappop(self._heap)
+        callback, timer.callback = timer.callback, None
+        self._now = when
+        assert callback is not None  # next_at dropped the cancelled ones
+        callback()
+        return True
+
+    def advance_to(self, when: float) -> None:
+        """Let time pass until `when` without running anything; the caller has seen that nothing is due before."""
+        self._now = max(self._now, when)
+
+    def _on_cancel(self) -> None:
+        self._cancelled_count += 1
+        if self._cancelled_count > _MAX_CANCELLED and self._cancelled_count * 2 > len(self._heap):
+            self._heap = [entry for entry in self._heap if entry[2].callback is not None]
+            heapify(self._heap)
+            self._cancelled_count = 0
+
+
+class RealClock:
+    """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""
+
+    def __init__(self, loop: AbstractEventLoop, speed: float = 1.0, start: float = 0.0) -> None:
+        """`start`: the session's time now, for one that goes on. Raises ValueError unless `speed` is above 0."""
+        if not 0 < speed < float("inf"):
+            raise ValueError("the speed must be a number above 0")
+        self._loop = loop
+        self.speed = speed
+        self._origin = loop.time() - start / speed
+        self._second = -1
+        self._label = ""
+        """That second, with the offset of the local time zone."""
+
+    def now(self) -> float:
+        return (self._loop.time() - self._origin) * self.speed
+
+    def wall_label(self, t: float) -> str:
+        # Once for each step of the engine, and `astimezone` costs as much as the rest of a small one: the zone and all
+        # but the milliseconds are the same for a second.
+        second, fraction = divmod(time_ns(), 1_000_000_000)
+        if second != self._second:
+            self._second = second
+            self._label = datetime.fromtimestamp(second).astimezone().isoformat()
+        label = self._label
+        return f"{label[:19]}.{fraction // 1_000_000:03d}{label[19:]}"
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        return self._loop.call_at(self._origin + when / self.speed, callback)

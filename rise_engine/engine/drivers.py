@@ -1,0 +1,161 @@
+"""Finding the code behind a robot: drivers by the entry-point group `rise.drivers`, and drivers that share a session's
+connection by the group `rise.bridges`. None is imported by name.
+
+A profile (data, see docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`,
+whatever the profile says: no robot moves.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, cast
+
+from rise_engine.errors import RiseError
+from rise_engine.ports.bridge import Bridge, BridgeError, BridgeOpener, Examiner, ParameterReader, RosConnection
+from rise_engine.ports.robot import Clock, Driver, Robot
+from rise_engine.scenario.model import Mode, RobotProfile
+
+DRIVERS = "rise.drivers"
+BRIDGES = "rise.bridges"
+CHECKS = "rise.checks"
+DOCTORS = "rise.doctors"
+PARAMETERS = "rise.parameters"
+SIMULATED = "simulated"
+ROS_BRIDGE = "ros2"
+"""The bridge that `--ros` is about."""
+
+
+class DriverError(RiseError):
+    """No usable driver of that name is installed. The message is a sentence for a person."""
+
+
+class RobotOptionsError(RiseError):
+    """The driver cannot understand the profile's options or a fault. The message is a sentence for a person."""
+
+
+def driver_names() -> set[str]:
+    """What a profile's `driver` can name here: the installed drivers, and those that a bridge is."""
+    return {*_plugins(DRIVERS), *_plugins(BRIDGES)}
+
+
+def _plugins(group: str) -> dict[str, EntryPoint]:
+    """What installed packages offer, by name; of two with one name, the one that Python finds first."""
+    found: dict[str, EntryPoint] = {}
+    for entry in entry_points(group=group):
+        found.setdefault(entry.name, entry)
+    return found
+
+
+def find_driver(name: str) -> Driver:
+    """The driver of that name. Raises DriverError when it is not installed or cannot be loaded."""
+    found = _plugins(DRIVERS)
+    entry = found.get(name)
+    if entry is None:
+        installed = ", ".join(sorted(found)) or "none"
+        raise DriverError(
+            f"the robot driver {name!r} is not installed (installed: {installed}); "
+            f"a driver is a Python package with an entry point of that name in the group {DRIVERS!r}"
+        )
+    try:
+        return cast(Driver, entry.load())
+    except Exception as error:
+        raise DriverError(f"the robot driver {name!r} ({entry.value}) cannot be loaded: {error}") from error
+
+
+def driver_name_for(profile: RobotProfile, mode: Mode) -> str:
+    """The driver that a session of that mode uses."""
+    return SIMULATED if mode == "debug" else profile.driver
+
+
+def make_robot(
+    profile: RobotProfile,
+    mode: Mode,
+    clock: Clock,
+    seed: int,
+    faults: tuple[str, ...] = (),
+    bridge: Bridge[Any] | None = None,
+) -> Robot:
+    """The robot for one session, over `bridge` if its driver is one.
+
+    Raises DriverError, and RobotOptionsError when the profile's options or a fault cannot be understood.
+    """
+    name = driver_name_for(profile, mode)
+    if name == ROS_BRIDGE and bridge is not None:
+        if faults:
+            raise RobotOptionsError(f"only a simulated robot does wrong on request, and {profile.name} is real")
+        return bridge.robot(clock)
+    try:
+        driver = find_driver(name)
+    except DriverError:
+        if name not in _plugins(BRIDGES):
+            raise
+        raise DriverError(
+            f"{profile.title} is reached over ROS 2, which this session does without; "
+            "it runs in real time and without `--ros off`, or is rehearsed with `--mode debug`"
+        ) from None
+    try:
+        return driver(profile, clock, seed, faults)
+    except ValueError as error:
+        raise RobotOptionsError(str(error)) from error
+
+
+async def open_bridge(wire: RosConnection, profile: RobotProfile, mode: Mode) -> Bridge[Any] | None:
+    """The connection that a session needs, or is asked to have; None: it does without. Raises BridgeError."""
+    drives = driver_name_for(profile, mode) == ROS_BRIDGE
+    if wire.transport == "off" or (wire.transport == "auto" and not drives):
+        return None
+    entry = _plugins(BRIDGES).get(ROS_BRIDGE)
+    if entry is None:
+        raise BridgeError([f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {BRIDGES!r}"])
+    try:
+        opener = cast(BridgeOpener, entry.load())
+    except Exception as error:
+        raise BridgeError([f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}"]) from error
+    return await opener(wire, profile if drives else None)
+
+
+def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
+    """What the driver of a session of that mode finds wrong with the profile, as sentences."""
+    entry = _plugins(CHECKS).get(driver_name_for(profile, mode))
+    if entry is None:
+        return []
+    problems: list[str] = entry.load()(profile)
+    return problems
+
+
+def ros_parameters_as_options(
+    arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """ROS parameters as options of the command line, whose flags are given by kind, and ROS's other arguments.
+
+    Raises BridgeError for a parameter that is none, DriverError.
+    """
+    entry = _plugins(PARAMETERS).get(ROS_BRIDGE)
+    if entry is None:
+        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {PARAMETERS!r}")
+    try:
+        reader = cast(ParameterReader, entry.load())
+    except Exception as error:
+        raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
+    return reader(arguments, switches=switches, single=single, many=many, written=written)
+
+
+def find_examiner() -> Examiner:
+    """What examines ROS 2 on this machine. Raises DriverError."""
+    entry = _plugins(DOCTORS).get(ROS_BRIDGE)
+    if entry is None:
+        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {DOCTORS!r}")
+    try:
+        return cast(Examiner, entry.load())
+    except Exception as error:
+        raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
+
+
+def simulated_robot_warning(profile: RobotProfile, mode: Mode) -> str | None:
+    """What a person must know before trusting the mode: `real` with a robot that is only simulated is not real."""
+    if mode == "real" and profile.driver == SIMULATED:
+        return (
+            f"the mode is real, but the robot profile {profile.name!r} has only the simulated driver: "
+            "nothing leaves this machine and no robot moves"
+        )
+    return None

@@ -1,0 +1,520 @@
+"""The engine: the kernel with a clock, a robot, a journal and an audience (architecture, "The engine").
+
+One step: input -> stamp -> kernel -> journal -> records to the sinks -> commands carried out. It is synchronous and
+belongs to one thread; real time comes from a `RealClock` on an asyncio loop, virtual time from somebody who advances a
+`VirtualClock`.
+
+With a journal, whatever a step sends out waits until the step is on the disk: no console shows, no robot begins and
+nobody is answered what could still be lost. The loop does not wait meanwhile. Only what makes the robot safe (cancels,
+stop-all) never waits for a disk. While the disk takes nothing, the session is paused: from outside only stop-all is
+taken, and what the robot and the timers say is kept, with its time, until it can be recorded.
+"""
+
+from __future__ import annotations
+
+import logging
+import platform
+from collections import deque
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine import __version__
+from rise_engine.engine.clock import SessionClock
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
+from rise_engine.kernel.inputs import (
+    ActionReport,
+    AnyInput,
+    Note,
+    RobotChanged,
+    SessionEnded,
+    SessionRecovered,
+    SessionStarted,
+    StopReport,
+    Submit,
+    TimerElapsed,
+)
+from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.ports.robot import Robot, RobotReport, Timer
+from rise_engine.protocol.client import JournalStatus, Reply
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.journal import Journal
+from rise_engine.session.journal_format import encode_input, encode_record, join_step
+
+_LOG = logging.getLogger(__name__)
+
+LAG_SHOWN_FROM = 0.5
+"""Seconds that the disk may lag before the audience is told."""
+
+Sink = Callable[[AnyRecord], None]
+"""Gets every record, in order, on the engine's thread. It must not block; one that raises is dropped."""
+
+ReplyCallback: TypeAlias = Callable[[Reply], None]
+"""Gets what became of an input, once."""
+
+
+class ResumeState(Struct, frozen=True):
+    """What an unfinished session is gone on with (`rise_engine.session.recovery`)."""
+
+    kernel: Kernel
+    inputs: int
+    """How many inputs the journal holds."""
+    timers: dict[int, float]
+    """The kernel's timers and when they are due, in session time."""
+    reason: str = ""
+
+
+class _UnrecordedStep(Struct):
+    """What a step sends out once it is on the disk."""
+
+    position: int
+    records: list[AnyRecord]
+    starts: list[StartAction]
+    on_reply: ReplyCallback
+    reply: Reply
+
+
+class Engine:
+    """One session. All methods belong to the engine's thread.
+
+    `start` or `resume`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`:
+
+        clock, records = VirtualClock(), []
+        engine = Engine(scenario, make_robot(scenario.robot, "debug", clock, 1), clock, seed=1, sinks=[records.append])
+        engine.start()
+        engine.accept(Submit(function="startCommunicationRobotAct", behavior="Greet"))
+        while not engine.idle and clock.advance():
+            pass
+        engine.end("done")
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        robot: Robot,
+        clock: SessionClock,
+        seed: int,
+        *,
+        participant: str = "",
+        condition: str = "",
+        sinks: Iterable[Sink] = (),
+        journal: Journal | None = None,
+        resumption: ResumeState | None = None,
+    ) -> None:
+        """Nothing happens before `start` or `resume`.
+
+        :param scenario: what is run, as `rise_engine.scenario.load` gives it.
+        :param robot: the adapter; the engine connects and closes it.
+        :param clock: a `RealClock` on the loop that this engine belongs to, or a `VirtualClock`.
+        :param seed: for everything that is picked at random: the same seed and inputs give the same records.
+        :param participant: who takes part, for the record.
+        :param condition: the session's condition, for the record.
+        :param sinks: get every record from the first one on.
+        :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
+        :param resumption: what an unfinished session is gone on with, by `resume` instead of `start`.
+        """
+        self.scenario = scenario
+        self.clock = clock
+        self.seed = seed
+        self._participant_and_condition = participant, condition
+        self.ended = False
+        """True when the session is over; nothing is accepted any more."""
+        self.failure: Exception | None = None
+        """Why it is over, when that was an error of the engine itself."""
+        self.inputs = resumption.inputs if resumption is not None else 0
+        """How many inputs were handled."""
+        self.after_inputs: Callable[[], object] | None = None
+        """Called after inputs were handled, outside any step: the moment to look whether the session is idle."""
+        self.journal_status = JournalStatus()
+        """How the record of the session stands."""
+        self.on_journal_status: Callable[[JournalStatus], object] | None = None
+        """Called when that has changed."""
+        self._resume_state = resumption
+        self._kernel = resumption.kernel if resumption is not None else Kernel(scenario, seed)
+        self._robot = robot
+        self._journal = journal
+        self._unrecorded_steps: deque[_UnrecordedStep] = deque()
+        self._sinks: list[Sink] = list(sinks)
+        self._end_callbacks: list[Callable[[], None]] = []
+        self._queue: deque[tuple[AnyInput, ReplyCallback]] = deque()
+        self._stepping = False
+        self._timers: dict[int, Timer] = {}
+        self._t = self._kernel.core.t
+        self._seq = self._kernel.core.seq
+        self._end_reason: str | None = None
+        self._last_record_made = False
+        self._unrecorded_stops: list[str] = []
+        """What has come of stops that were asked for while nothing could be recorded."""
+
+    # --- a session's life ---------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin: the session's first record, then the robot."""
+        participant, condition = self._participant_and_condition
+        self.accept(SessionStarted(versions=versions(), participant=participant, condition=condition))
+        self._connect()
+
+    def resume(self) -> None:
+        """Go on with a session whose engine has gone: timers with the time that they had left, then the robot."""
+        assert self._resume_state is not None
+        for timer, at in sorted(self._resume_state.timers.items(), key=lambda item: (item[1], item[0])):
+            self._timers[timer] = self.clock.call_at(at, partial(self._on_timer_elapsed, timer))
+        self._stepping = True  # the robot is there before anything goes out to it, and its word comes after the record
+        try:
+            self._connect()
+        finally:
+            self._stepping = False
+        self.accept(SessionRecovered(versions=versions(), reason=self._resume_state.reason))
+
+    def _connect(self) -> None:
+        try:
+            self._robot.connect(self._report)
+        except Exception as error:
+            _LOG.exception("the robot adapter failed to connect")
+            self.post(RobotChanged(status="lost", detail=_adapter_failure(error)))
+
+    def end(self, reason: str = "", *, stop: bool | None = None) -> None:
+        """Begin to end the session: stop the robot when anything runs (or `stop` says so), then the last record.
+
+        `ended` is true when that has happened: at once, or after the robot's answer or the kernel's own deadline.
+        """
+        if self._last_record_made or self._end_reason is not None:
+            return
+        self._end_reason = reason
+        if self._kernel.is_busy if stop is None else stop:
+            self.post(Submit(function="stopAll", source="engine"))
+        self._end_if_idle()
+
+    def end_now(self, reason: str = "") -> None:
+        """End the session without waiting for the robot any longer. What still runs is recorded as lost."""
+        if self._last_record_made:
+            return
+        if self._end_reason is None:
+            self.end(reason)
+        if not self._last_record_made and self._kernel.is_busy:
+            self.post(RobotChanged(status="lost", detail="no answer before the session ended"))
+        if not self._last_record_made and not self.paused:  # the kernel may have become quiet by that
+            self._record_end()
+
+    def abandon(self) -> None:
+        """Close what `end_now` could not bring to an end, because the disk does not take the last records."""
+        if not self.ended:
+            self._abort()
+
+    @property
+    def busy(self) -> bool:
+        """True while something runs or waits to run."""
+        return self._kernel.is_busy
+
+    @property
+    def robot_seen(self) -> float | None:
+        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        try:
+            return self._robot.seen()
+        except Exception:  # an adapter of others, perhaps older than this question
+            return None
+
+    @property
+    def idle(self) -> bool:
+        """True when nothing will happen by itself: nothing runs and no timer is set. Waiting rules do not count."""
+        return not (self._kernel.is_busy or self._timers or self._queue or self._unrecorded_steps)
+
+    @property
+    def paused(self) -> bool:
+        """True while nothing can be recorded."""
+        return self._journal is not None and bool(self._journal.error)
+
+    def subscribe(self, sink: Sink) -> None:
+        """Let `sink` have every record from now on."""
+        self._sinks.append(sink)
+
+    def unsubscribe(self, sink: Sink) -> None:
+        if sink in self._sinks:
+            self._sinks.remove(sink)
+
+    def on_ended(self, callback: Callable[[], None]) -> None:
+        """Call `callback` once the session is over (at once when it is)."""
+        if self.ended:
+            callback()
+        else:
+            self._end_callbacks.append(callback)
+
+    # --- inputs -------------------------------------------------------------------------------------------------
+
+    def accept(self, fact: AnyInput, answer: ReplyCallback | None = None) -> None:
+        """Take one input from outside; `answer` gets what became of it, once it is recorded and the sinks have had it.
+
+        :param fact: what happened; its time is put on here.
+        :param answer: called once, perhaps before this returns.
+        :raises RuntimeError: inside a step. Robots and sinks `post`.
+        """
+        answer = answer or _ignore_reply
+        if self._stepping:
+            raise RuntimeError("accept() was called inside a step; use post()")
+        if self._last_record_made:
+            answer(Reply(False, "the session has ended"))
+        elif self.paused:
+            self._accept_while_paused(fact, answer)
+        else:
+            self._step(self._with_time(fact), answer)
+            self._process_queue()
+
+    def post(self, fact: AnyInput) -> None:
+        """Take one input after the step that is being made, if any. Never nests."""
+        if self._last_record_made:
+            return
+        self._queue.append((self._with_time(fact), _ignore_reply))
+        if self._unrecorded_stops and isinstance(fact, StopReport):
+            self._unrecorded_stops.append(_stop_sentence(fact))
+            self._update_journal_status()
+        if not self._stepping:
+            self._process_queue()
+
+    def _accept_while_paused(self, fact: AnyInput, answer: ReplyCallback) -> None:
+        assert self._journal is not None
+        if not (isinstance(fact, Submit) and fact.function == "stopAll"):
+            answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
+            return
+        self._queue.append((self._with_time(fact), answer))
+        self._unrecorded_stops.append(f"stop was sent to the robot by {fact.source}")
+        self._carry_out_before_recording(StopRobot())
+        self._update_journal_status()
+
+    def _report(self, report: RobotReport) -> None:
+        self.post(report)
+
+    def _process_queue(self) -> None:
+        while self._queue and not self._last_record_made and not self.paused:
+            self._step(*self._queue.popleft())
+        self._end_if_idle()
+        if self.after_inputs is not None:
+            self.after_inputs()
+
+    def _with_time(self, fact: AnyInput) -> AnyInput:
+        return replace(fact, t=max(self._t, round(self.clock.now(), 6)))
+
+    def _step(self, fact: AnyInput, answer: ReplyCallback) -> None:
+        """The one place where anything happens."""
+        self._stepping = True
+        try:
+            if fact.t < self._t:
+                fact = replace(fact, t=self._t)
+            line = b""
+            if self._journal is not None:
+                try:
+                    line = encode_input(self.inputs + 1, fact)
+                except UnicodeEncodeError:
+                    answer(Reply(False, "it holds characters that are no text (half of a pair)"))
+                    return
+            self._t = fact.t
+            self.inputs += 1
+            try:
+                records, commands = self._kernel.handle(fact)
+            except Exception as error:
+                self._fail(error)
+                raise
+            wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
+            for record in records:
+                record.wall = wall
+            reply = _reply_for(fact, records)
+            if self._journal is None:
+                self._publish(records)
+                for command in commands:
+                    self._carry_out(command)
+                answer(reply)
+            else:
+                position = self._journal.append(join_step(line, map(encode_record, records)))
+                starts = [command for command in commands if isinstance(command, StartAction)]
+                # Before the safe commands: a cancel may concern an action that has not gone out yet.
+                self._unrecorded_steps.append(_UnrecordedStep(position, records, starts, answer, reply))
+                for command in commands:
+                    if not isinstance(command, StartAction):
+                        self._carry_out_before_recording(command)
+        finally:
+            self._stepping = False
+
+    # --- outputs ------------------------------------------------------------------------------------------------
+
+    def flush_durable(self) -> None:
+        """Send out what has become durable. The journal's `changed` calls for this, and somebody now and then, so that
+        a lag shows."""
+        journal = self._journal
+        if journal is None:
+            return
+        outgoing, durable = self._unrecorded_steps, journal.durable
+        if outgoing and outgoing[0].position <= durable:
+            self._stepping = True  # what sinks and robots post meanwhile comes after
+            try:
+                while outgoing and outgoing[0].position <= durable:
+                    step = outgoing.popleft()
+                    self._publish(step.records)
+                    for start in step.starts:
+                        self._carry_out(start)
+                    step.on_reply(step.reply)
+            finally:
+                self._stepping = False
+            journal.restart_lag()
+        self._update_journal_status()
+        if self._last_record_made:
+            if not outgoing and not self.ended:
+                self._close()
+        elif not self.paused:
+            self._process_queue()
+
+    def _update_journal_status(self) -> None:
+        journal = self._journal
+        assert journal is not None
+        trouble = journal.error
+        if trouble and self._unrecorded_stops:
+            trouble += "; " + ", ".join(self._unrecorded_stops)
+        elif not trouble and self.journal_status.trouble:
+            self._unrecorded_stops.clear()
+            self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.trouble}"))
+        behind = journal.lag
+        now = JournalStatus(self._seq, round(behind, 1) if behind > LAG_SHOWN_FROM else 0.0, trouble)
+        before, self.journal_status = self.journal_status, now
+        if (before.behind, before.trouble) != (now.behind, now.trouble) and self.on_journal_status is not None:
+            self.on_journal_status(now)
+
+    def _publish(self, records: list[AnyRecord]) -> None:
+        for record in records:
+            self._seq = record.seq
+            for sink in tuple(self._sinks):
+                try:
+                    sink(record)
+                except Exception as error:
+                    _LOG.exception("an output failed and gets no more records")
+                    self.unsubscribe(sink)
+                    self.post(Note(text=f"an output failed and gets no more records: {_error_text(error)}"))
+
+    def _carry_out_before_recording(self, command: Command) -> None:
+        """Carry out at once what needs no record first. An action that is cancelled before it went out never does."""
+        if isinstance(command, CancelAction):
+            for step in self._unrecorded_steps:
+                for start in step.starts:
+                    if start.action == command.action:
+                        step.starts.remove(start)
+                        self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
+                        return
+        self._carry_out(command)
+
+    def _carry_out(self, command: Command) -> None:
+        match command:
+            case SetTimer(timer=timer, at=at):
+                self._timers[timer] = self.clock.call_at(at, partial(self._on_timer_elapsed, timer))
+            case CancelTimer(timer=timer):
+                handle = self._timers.pop(timer, None)
+                if handle is not None:
+                    handle.cancel()
+            case StartAction():
+                try:
+                    self._robot.start(command)
+                except Exception as error:
+                    _LOG.exception("the robot adapter failed to start %s", command.action)
+                    self.post(ActionReport(action=command.action, status="failed", reason=_adapter_failure(error)))
+            case CancelAction(action=action):
+                try:
+                    self._robot.cancel(action)
+                except Exception as error:  # it goes on running until it ends or its time is over
+                    _LOG.exception("the robot adapter failed to cancel %s", action)
+                    self.post(Note(text=f"{action} could not be cancelled: {_adapter_failure(error)}"))
+            case StopRobot():
+                try:
+                    self._robot.stop_all()
+                except Exception as error:
+                    _LOG.exception("the robot adapter failed to stop the robot")
+                    self.post(StopReport(unconfirmed=(self.scenario.robot.name,)))
+                    self.post(Note(text=f"the robot could not be asked to stop: {_adapter_failure(error)}"))
+
+    def _on_timer_elapsed(self, timer: int) -> None:
+        self._timers.pop(timer, None)
+        self.post(TimerElapsed(timer=timer))
+
+    # --- the end ------------------------------------------------------------------------------------------------
+
+    def _end_if_idle(self) -> None:
+        waits = self._stepping or self._queue or self._kernel.is_busy or self.paused
+        if self._end_reason is not None and not self._last_record_made and not waits:
+            self._record_end()
+
+    def _record_end(self) -> None:
+        self._reject_waiting()
+        self._step(self._with_time(SessionEnded(reason=self._end_reason or "")), _ignore_reply)
+        self._last_record_made = True
+        self._release()
+        if not self._unrecorded_steps:
+            self._close()
+
+    def _fail(self, error: Exception) -> None:
+        """The kernel itself failed: leave the robot still, and say why."""
+        _LOG.error("the engine failed", exc_info=error)
+        self.failure = error
+        self._abort()
+
+    def _abort(self) -> None:
+        """End here and now, whatever is not recorded; the robot is asked to stop."""
+        try:
+            self._robot.stop_all()
+        except Exception:
+            _LOG.exception("the robot adapter failed to stop the robot")
+        self._last_record_made = True
+        self._release()
+        self._close()
+
+    def _release(self) -> None:
+        for timer in self._timers.values():
+            timer.cancel()
+        self._timers.clear()
+        try:
+            self._robot.close()
+        except Exception:
+            _LOG.exception("the robot adapter failed to close")
+
+    def _close(self) -> None:
+        self.ended = True
+        for step in self._unrecorded_steps:
+            step.on_reply(Reply(False, "the session has ended"))
+        self._unrecorded_steps.clear()
+        self._reject_waiting()
+        callbacks, self._end_callbacks = self._end_callbacks, []
+        for callback in callbacks:
+            callback()
+
+    def _reject_waiting(self) -> None:
+        while self._queue:
+            self._queue.popleft()[1](Reply(False, "the session has ended"))
+
+
+def _ignore_reply(reply: Reply) -> None:
+    """Nobody waits for this answer."""
+
+
+def _reply_for(fact: AnyInput, records: list[AnyRecord]) -> Reply:
+    if not isinstance(fact, Submit):
+        return Reply(True)
+    first = records[0] if records else None
+    if not isinstance(first, TaskRecord):
+        return Reply(True)
+    return Reply(first.status != "REJECTED", first.reason, first.id)
+
+
+def _stop_sentence(report: StopReport) -> str:
+    confirmed = f"confirmed by {', '.join(report.confirmed)}" if report.confirmed else "confirmed by nobody"
+    return confirmed + (f", NOT by {', '.join(report.unconfirmed)}" if report.unconfirmed else "")
+
+
+def versions() -> dict[str, str]:
+    """What made a session's records: this program and its Python."""
+    return {"rise-tui": __version__, "python": platform.python_version()}
+
+
+def _error_text(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
+def _adapter_failure(error: Exception) -> str:
+    return f"the robot adapter failed ({_error_text(error)})"

@@ -1,0 +1,161 @@
+"""The messages of the parser: what an author probably meant. Nothing here runs for an expression without mistakes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from rise_engine.expression.errors import ExpressionError, shortened
+from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
+from rise_engine.expression.nodes import Compare, with_all_brackets
+from rise_engine.expression.signatures import signature
+from rise_engine.expression.tokens import RESERVED, Token
+from rise_engine.nearest_name import nearest_name
+
+_TEXT_OPERATORS = {
+    "startswith": "starts with",
+    "starts_with": "starts with",
+    "beginswith": "starts with",
+    "endswith": "ends with",
+    "ends_with": "ends with",
+    "contain": "contains",
+    "includes": "contains",
+    "starts": "starts with",
+    "ends": "ends with",
+    "contains": "contains",
+}
+_OTHER_WORDS = {"is": "=", "equals": "=", "eq": "=", "ne": "!=", "mod": "floor", "none": "null"}
+
+
+def is_reserved_in_wrong_case(word: str) -> bool:
+    """Whether a word is a reserved one in the wrong case."""
+    return word not in RESERVED and word.lower() in RESERVED
+
+
+def wrong_case_error(text: str, token: Token) -> ExpressionError:
+    """`AND`, `True`, ..."""
+    return ExpressionError(
+        f"`{token.value}` is not known", text, token.start + 1, f"write `{token.value.lower()}` in lower case"
+    )
+
+
+def too_deep_error(text: str, start: int) -> ExpressionError:
+    """Too many brackets or operators within each other."""
+    return ExpressionError(
+        "the expression is nested too deeply", text, start + 1, "split it: assign parts of it to keys of their own"
+    )
+
+
+def chained_comparison_error(text: str, first: Compare, following: Token) -> ExpressionError:
+    """`1 < n < 10`."""
+    left, right = with_all_brackets(first.left), with_all_brackets(first.right)
+    again = f"{following.value} with" if following.value in ("starts", "ends") else following.value
+    hint = f"join two comparisons by `and`: `{left} {first.operator} {right} and {right} {again} ...`"
+    if first.operator in ("==", "!="):
+        hint += f", or put the first in brackets: `({left} {first.operator} {right}) {again} ...`"
+    return ExpressionError(
+        "comparisons cannot be chained", text, following.start + 1, hint if len(hint) < 300 else "join them by `and`"
+    )
+
+
+def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
+    """A value is missing at this token."""
+    token = tokens[at]
+    column = token.start + 1
+    before = tokens[at - 1] if at else None
+    if token.kind == "end":
+        if before is None:
+            return ExpressionError("the expression is empty", text, 1, "write a key, or `true`")
+        return ExpressionError(f"something is missing after `{before.value}`", text, column)
+    if before is not None and before.kind == "==" and token.kind in ("<", ">"):
+        written = before.value + token.value
+        return ExpressionError(f"`{written}` is no operator", text, before.start + 1, f"write `{token.kind}=`")
+    if token.kind == "+":
+        hint = "alone it stands only before a number that is written out; leave it out"
+        return ExpressionError("`+` needs a value on its left", text, column, hint)
+    if token.kind == ")" and before is not None and before.kind == "(":
+        return ExpressionError("there is nothing between the brackets", text, column)
+    if token.kind == "," and before is not None and before.kind in (",", "("):
+        return ExpressionError("an argument is missing", text, column)
+    if token.kind == "/" and re.compile(r"/\w").match(text, token.start):
+        hint = "an event topic cannot stand in a condition; a key is written without `/`"
+        return ExpressionError("`/` needs a value on its left", text, column, hint)
+    if before is None or before.kind in ("(", ","):
+        return ExpressionError(f"`{token.value}` needs a value on its left", text, column)
+    return ExpressionError(f"a value is missing between `{before.value}` and `{token.value}`", text, column)
+
+
+def unclosed_bracket_error(text: str, tokens: Sequence[Token], at: int, opening: Token) -> ExpressionError:
+    """A bracket is not closed at this token: it is missing, or something stands in its place."""
+    if tokens[at].kind == "end":
+        return ExpressionError("this bracket is not closed", text, opening.start + 1, "add `)`")
+    return stray_token_error(text, tokens, at)
+
+
+def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
+    """A complete expression goes on with something that is no operator."""
+    token = tokens[at]
+    column = token.start + 1
+    before = tokens[at - 1]
+    shown = shortened(text[token.start : token.end], 40)
+    if token.kind == ")":
+        return ExpressionError("this bracket was never opened", text, column, "remove it, or add `(`")
+    if token.kind == "," and before.kind == "number" and tokens[at + 1].kind == "number":
+        number = f"{text[before.start : before.end]}.{text[tokens[at + 1].start : tokens[at + 1].end]}"
+        return ExpressionError("numbers have a point, not a comma", text, column, f"write `{number}`")
+    if token.kind == ",":
+        return ExpressionError("a comma separates the arguments of a function only", text, column)
+    if token.kind == "word":
+        word = token.value.lower()
+        if is_reserved_in_wrong_case(token.value):
+            return wrong_case_error(text, token)
+        if word in _TEXT_OPERATORS:
+            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{_TEXT_OPERATORS[word]}`")
+        if word in _OTHER_WORDS:
+            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{_OTHER_WORDS[word]}`")
+        if word == "with" and before.value in ("starts", "ends"):
+            return ExpressionError(
+                f"`{before.value} with` needs a value on its left", text, before.start + 1, "write the key before it"
+            )
+        near = nearest_name(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
+        if near and token.value not in ("with",):
+            return ExpressionError(f"`{shown}` is no operator", text, column, f"did you mean `{near}`?")
+    if token.kind == "(" and before.kind in ("number", ")"):
+        return ExpressionError("an operator is missing before the bracket", text, column, "a product needs its `*`")
+    if before.kind == "word" and token.kind == "word":
+        hint = "put texts in quotes, and join conditions by `and` or `or`"
+        return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
+    return ExpressionError(f"an operator is missing before `{shown}`", text, column)
+
+
+def unknown_function_error(text: str, token: Token) -> ExpressionError:
+    """A name before a bracket that is no function (RISE's parser would drop the name)."""
+    name: str = token.value
+    if is_reserved_in_wrong_case(name):
+        return wrong_case_error(text, token)
+    if name.lower() in _TEXT_OPERATORS:
+        operator = _TEXT_OPERATORS[name.lower()]
+        hint = f'`{operator}` stands between two values: `key {operator} "text"`'
+    else:
+        near = nearest_name(name, ARITY)
+        hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(ARITY))
+    return ExpressionError(f"there is no function `{shortened(name, 40)}`", text, token.start + 1, hint)
+
+
+def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
+    """A function with too few or too many arguments."""
+
+    least, most = ARITY[token.value]
+    wanted = (
+        f"{least} or more" if most == ANY_NUMBER_OF_ARGUMENTS else str(least) if least == most else f"{least} or {most}"
+    )
+    plural = "" if wanted == "1" else "s"
+    hint = ""
+    for left, comma, right in zip(arguments, arguments[1:], arguments[2:], strict=False):
+        adjacent = left.end == comma.start and comma.end == right.start
+        if given > most and adjacent and (left.kind, comma.kind, right.kind) == ("number", ",", "number"):
+            number = f"{text[left.start : left.end]}.{text[right.start : right.end]}"
+            hint = f"numbers have a point, not a comma: write `{number}`"
+    if not hint and (known := signature(token.value)) is not None:
+        hint = f"write {known.call}: {known.meaning.partition(';')[0].partition('. ')[0]}"
+    return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)

@@ -1,0 +1,293 @@
+"""Running CRAs: the action graph of one act, from its first action to its one ending (semantics.md 2)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct, field
+
+from rise_engine.kernel.commands import CancelAction, StartAction
+from rise_engine.kernel.core import Core, Task, TimerTarget
+from rise_engine.kernel.records import ActionRecord, ActionStatus
+from rise_engine.kernel.speech import SAY, act_name, act_of
+from rise_engine.scenario.durations import expected_seconds, limit_seconds
+from rise_engine.scenario.model import Act, Action, ActionCall
+from rise_engine.scenario.parameters import fill_parameters
+from rise_engine.scenario.template import MissingValueError
+
+CANCEL_LIMIT = 5.0
+"""Seconds that the robot has to confirm a cancel; after that the action counts as lost."""
+
+
+class ActionRun(Struct):
+    """One action of a running act."""
+
+    index: int
+    """In the act's file order."""
+    open_predecessors: int
+    """Predecessors that have not ended."""
+    state: str = "waiting"
+    """waiting, running, canceling or ended."""
+    type: str = ""
+    parameters: dict[str, Any] = {}
+    sent_as: str | None = None
+    timers: list[int] = []
+
+
+class ActRun(Struct):
+    """A CRA that is running."""
+
+    task: Task
+    actions: dict[str, ActionRun]
+    cancel_reason: str | None = None
+    """Why it is being stopped, when it is."""
+    failure: str | None = None
+    """Why it failed, when it did; what still runs is being cancelled."""
+    unfinished: int = 0
+    """Actions that have not ended."""
+    starting: bool = False
+    ready: list[str] = field(default_factory=list)
+    """Actions that can start now."""
+
+
+class ActRunner:
+    """All running acts."""
+
+    def __init__(self, core: Core, ended: Callable[[ActRun, str, str], None]) -> None:
+        self._core = core
+        self._on_ended = ended
+        """Called with the act, its task's final status and the reason, once, when its last action has ended."""
+        self.last_pick: dict[str, int] = {}
+        """The variant taken last, by `<act>/<actionID>`."""
+        self._successors: dict[str, dict[str, list[str]]] = {}
+        self.robot_lost: str | None = None
+        """Why goals cannot be sent, while the robot is away."""
+        self.runs: dict[int, ActRun] = {}
+        """By task id, oldest first."""
+
+    # --- start ---
+
+    def start(self, task: Task) -> None:
+        """Run an act for its task, which has just become ACTIVE."""
+        act = act_of(self._core.scenario, task)
+        run = ActRun(
+            task,
+            {action.id: ActionRun(index, len(action.wait_for)) for index, action in enumerate(act.actions)},
+            unfinished=len(act.actions),
+            ready=[action.id for action in act.actions if not action.wait_for],
+        )
+        self.runs[task.id] = run
+        self._advance(run)
+
+    def _advance(self, run: ActRun) -> None:
+        """Start what can start, in file order; one that ends at once makes others ready. Then see if all is over."""
+        if run.starting:
+            return
+        run.starting = True
+        ready = deque(run.ready)
+        run.ready = []
+        while ready and run.cancel_reason is None and run.failure is None:
+            self._start_action(run, ready.popleft())
+            ready.extend(run.ready)
+            run.ready = []
+        run.starting = False
+        if run.unfinished == 0:
+            self._finish(run)
+
+    def _start_action(self, run: ActRun, id: str) -> None:
+        core = self._core
+        state = run.actions[id]
+        action = self._act_of(run).actions[state.index]
+        call = self._pick_variant(run, action)
+        state.type = call.type
+        spec = core.scenario.robot.actions[call.type]
+        try:
+            state.parameters = fill_parameters(call, spec, core.memory)
+        except (MissingValueError, ValueError) as problem:
+            state.parameters = {name: template.text for name, template in call.parameters.items()}
+            self._end_action(run, id, "failed", str(problem))
+            return
+        if spec.engine:
+            seconds = float(state.parameters.get("duration", 0)) / 1000
+            state.state = "running"
+            self._record(run, id, "started")
+            if seconds > 0:
+                state.timers = [core.set_timer(seconds, TimerTarget("wait", str(run.task.id), id))]
+            else:
+                self._end_action(run, id, "succeeded")
+            return
+        if self.robot_lost is not None:
+            self._end_action(run, id, "failed", f"the robot is not connected: {self.robot_lost}")
+            return
+        if not spec.supported and spec.substitute is None:
+            self._end_action(run, id, "failed", f"{core.scenario.robot.name} cannot do {call.type}")
+            return
+        parameters = state.parameters
+        if spec.substitute is not None:
+            state.sent_as = spec.substitute
+            spec = core.scenario.robot.actions[spec.substitute]
+            # The robot does something else instead, which need not know every parameter (a gaze has no hand).
+            parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
+        state.state = "running"
+        self._record(run, id, "started")
+        core.commands.append(
+            StartAction(f"{run.task.id}/{id}", spec.name, parameters, expected_seconds(spec, parameters))
+        )
+        limit = limit_seconds(spec, parameters)
+        state.timers = [core.set_timer(limit, TimerTarget("limit", str(run.task.id), id))]
+
+    def _pick_variant(self, run: ActRun, action: Action) -> ActionCall:
+        """The action's call; of several variants one at random, never the same one twice running."""
+        calls = action.calls
+        if len(calls) == 1:
+            return calls[0]
+        name = f"{run.task.behavior}/{action.id}"
+        last = self.last_pick.get(name)
+        if last is None or last >= len(calls):
+            pick = self._core.rng.integer_below(len(calls))
+        else:
+            pick = self._core.rng.integer_below(len(calls) - 1)
+            pick += pick >= last
+        self.last_pick[name] = pick
+        return calls[pick]
+
+    # --- what the robot and the clock say ---
+
+    def report(self, goal: str, status: ActionStatus, reason: str) -> None:
+        """The robot's word about a goal; late and unknown ones change nothing."""
+        task, _, id = goal.partition("/")
+        run = self.runs.get(int(task)) if task.isascii() and task.isdigit() and len(task) < 19 else None
+        state = run.actions.get(id) if run is not None else None
+        if run is None or state is None or state.state not in ("running", "canceling"):
+            return
+        if status in ("accepted", "succeeded") and run.task.robot_at is None:
+            run.task.robot_at = self._core.t
+        if status == "accepted":
+            self._record(run, id, "accepted")
+        else:
+            self._end_action(run, id, status, reason)
+            self._advance(run)
+
+    def timer_elapsed(self, target: TimerTarget, timer: int) -> None:
+        """A wait is over, or an action or its cancel took too long."""
+        run = self.runs[int(target.owner)]
+        state = run.actions[target.item]
+        state.timers = [other for other in state.timers if other != timer]
+        if target.purpose == "wait":
+            self._end_action(run, target.item, "succeeded")
+        elif target.purpose == "limit":
+            self._core.commands.append(CancelAction(f"{target.owner}/{target.item}"))
+            self._end_action(run, target.item, "timed-out", "the robot reported no ending in time")
+        else:
+            self._end_action(
+                run, target.item, "lost", f"the robot did not confirm the cancel within {CANCEL_LIMIT:g} s"
+            )
+        self._advance(run)
+
+    def lose_robot(self, reason: str) -> None:
+        """The link is gone: what the robot was doing is unknown from here on, and nothing can be sent."""
+        self.robot_lost = reason
+        self.lose_running(reason)
+
+    def lose_running(self, reason: str) -> None:
+        """What the robot was doing is unknown; those acts end, and whatever waits for that goes on."""
+        for run in list(self.runs.values()):
+            for id, state in run.actions.items():
+                if state.state in ("running", "canceling") and not self._core.scenario.robot.actions[state.type].engine:
+                    self._end_action(run, id, "lost", reason)
+            self._advance(run)
+
+    # --- cancel and end ---
+
+    def cancel(self, run: ActRun, reason: str) -> None:
+        """Stop an act: cancel what runs, skip what has not started. It ends when the robot has confirmed."""
+        if run.cancel_reason is not None:
+            return
+        run.cancel_reason = reason
+        self._wind_down(run, reason)
+        self._advance(run)
+
+    def _wind_down(self, run: ActRun, reason: str) -> None:
+        core = self._core
+        for id, state in run.actions.items():
+            if state.state == "waiting":
+                action = self._act_of(run).actions[state.index]
+                state.type = action.calls[0].type
+                state.parameters = {name: template.text for name, template in action.calls[0].parameters.items()}
+                self._end_action(run, id, "skipped", reason)
+            elif state.state == "running":
+                if core.scenario.robot.actions[state.type].engine:
+                    self._end_action(run, id, "canceled", reason)
+                else:
+                    self._clear_timers(state)
+                    state.state = "canceling"
+                    core.commands.append(CancelAction(f"{run.task.id}/{id}"))
+                    state.timers = [core.set_timer(CANCEL_LIMIT, TimerTarget("cancel", str(run.task.id), id))]
+
+    def _end_action(self, run: ActRun, id: str, status: ActionStatus, reason: str = "") -> None:
+        state = run.actions[id]
+        self._clear_timers(state)
+        state.state = "ended"
+        run.unfinished -= 1
+        self._record(run, id, status, reason)
+        if run.cancel_reason is not None or run.failure is not None:
+            return
+        action = self._act_of(run).actions[state.index]
+        if status == "succeeded" or action.continue_on_failure:
+            for successor in self._successors_of(run)[id]:
+                waiting = run.actions[successor]
+                waiting.open_predecessors -= 1
+                if waiting.open_predecessors == 0:
+                    run.ready.append(successor)
+        else:
+            run.failure = f"action {id} ({state.type}) {status}" + (f": {reason}" if reason else "")
+            self._wind_down(run, f"action {id} {status}")
+
+    def _finish(self, run: ActRun) -> None:
+        if self.runs.pop(run.task.id, None) is None:
+            return
+        if run.cancel_reason is not None:
+            self._on_ended(run, "CANCELED", run.cancel_reason)
+        elif run.failure is not None:
+            self._on_ended(run, "ABORTED", run.failure)
+        else:
+            self._on_ended(run, "SUCCEEDED", "")
+
+    # --- small things ---
+
+    def _act_of(self, run: ActRun) -> Act:
+        return act_of(self._core.scenario, run.task)
+
+    def _successors_of(self, run: ActRun) -> dict[str, list[str]]:
+        if run.task.function == SAY:
+            return {SAY: []}
+        name = run.task.behavior
+        if name not in self._successors:
+            actions = self._act_of(run).actions
+            followers: dict[str, list[str]] = {action.id: [] for action in actions}
+            for action in actions:
+                for id in action.wait_for:
+                    followers[id].append(action.id)
+            self._successors[name] = followers
+        return self._successors[name]
+
+    def _clear_timers(self, state: ActionRun) -> None:
+        for timer in state.timers:
+            self._core.cancel_timer(timer)
+        state.timers = []
+
+    def _record(self, run: ActRun, id: str, status: ActionStatus, reason: str = "") -> None:
+        state = run.actions[id]
+        self._core.emit(
+            ActionRecord,
+            run.task.id,
+            act_name(run.task),
+            id,
+            state.type,
+            state.parameters,
+            status,
+            reason,
+            state.sent_as,
+        )

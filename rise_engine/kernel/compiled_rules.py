@@ -1,0 +1,241 @@
+"""Rules made ready to run: indexed by topic, conditions compiled, blocks as chains of steps. Done once, at load.
+
+The classes have slots, and rules that ask the same share a condition, because there may be thousands of them: without,
+events for a thousand rules in turn take one and a half times as long (benchmarks/many_rules).
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import lru_cache
+from typing import Any
+
+from rise_engine.expression import Assignment, Expression
+from rise_engine.kernel.core import EventTopic, EventTopics
+from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Statement, Transition, normal_topic
+
+RAISE, ASSIGN, CALL, TEST, PICK = range(5)
+"""What an Op does."""
+
+
+class CompiledCondition:
+    """A condition and the keys whose values belong into its record."""
+
+    __slots__ = ("evaluate", "keys", "only_key", "text", "watched_keys")
+
+    def __init__(self, expression: Expression) -> None:
+        self.text = expression.text
+        self.evaluate = expression.compiled_condition
+        self.keys = tuple(sorted(expression.keys))
+        self.only_key = self.keys[0] if len(self.keys) == 1 else ""
+        self.watched_keys = expression.keys | expression.constants
+        """A key called `e` would hide the constant, so a change of it matters too."""
+
+
+_compile_condition = lru_cache(maxsize=1024)(CompiledCondition)
+"""Rules that ask the same share the answer's code: with a thousand rules, memory that is not touched is time."""
+
+
+class Op:
+    """One step of a block, and the step after it: null at the end of the block.
+
+    A block is a chain. The arms of an `if` and of a `oneOf` go on with what follows it, so that running a block needs
+    neither recursion nor jumps, and an error that skips the rest of a block just ends the chain.
+    Which fields are set depends on `kind`.
+    """
+
+    __slots__ = (
+        "argument",
+        "assignments",
+        "choices",
+        "condition",
+        "function",
+        "kind",
+        "next",
+        "otherwise",
+        "source",
+        "topic",
+    )
+
+    kind: int
+    next: Op | None
+    """TEST: where to go on when the condition is true."""
+    source: str
+    """Whose step it is, for records."""
+    function: str
+    argument: str
+    topic: EventTopic
+    """RAISE: the event that it puts in the queue."""
+    assignments: tuple[Assignment, ...]
+    condition: CompiledCondition
+    otherwise: Op | None
+    """TEST: where to go on when the condition is false."""
+    choices: tuple[Op | None, ...]
+    """PICK: where each choice begins."""
+
+    def __init__(self, kind: int, source: str, next: Op | None) -> None:
+        self.kind = kind
+        self.source = source
+        self.next = next
+
+
+class CompiledTransition:
+    __slots__ = ("after", "block", "condition", "entered_at_once", "entry_after_actions", "index", "topic", "trigger")
+
+    def __init__(self, transition: Transition, index: int, blocks: BlockCompiler, topics: EventTopics) -> None:
+        self.index = index
+        self.topic = topics.get_or_add(transition.event) if transition.event is not None else None
+        self.condition = _compile_condition(transition.condition) if transition.condition is not None else None
+        self.after = transition.after
+        self.block = blocks.compile(transition.block)
+        self.entered_at_once: CompiledState | None = None
+        """The state that is entered at once; null when functions come first, or when the state is not left."""
+        self.entry_after_actions: CompiledTransition | None = None
+        """When functions come first: the same transition without them, which enters its target after they have run."""
+        if self.topic is not None:
+            self.trigger = self.topic.with_slash
+        elif transition.after is not None:
+            self.trigger = f"after {transition.after:g}s"
+        else:
+            self.trigger = transition.condition.text if transition.condition is not None else ""
+
+
+class CompiledState:
+    """A state: what it does and what it waits for."""
+
+    __slots__ = (
+        "by_topic",
+        "delayed",
+        "entry",
+        "eventless",
+        "exit",
+        "final",
+        "id",
+        "transitions",
+        "trivial",
+        "unconditional",
+        "wait_lists",
+        "watched_keys",
+    )
+
+    def __init__(self, id: str, entry: Op | None, exit: Op | None, transitions: list[CompiledTransition]) -> None:
+        self.id = id
+        self.entry = entry
+        self.exit = exit
+        self.transitions = transitions
+        by_topic: dict[EventTopic, list[CompiledTransition]] = {}
+        for transition in transitions:
+            if transition.topic is not None:
+                by_topic.setdefault(transition.topic, []).append(transition)
+        self.by_topic = {topic: tuple(taken) for topic, taken in by_topic.items()}
+        self.unconditional = {topic: taken[0] for topic, taken in by_topic.items() if taken[0].condition is None}
+        """What is taken without looking at any condition."""
+        self.delayed = tuple(t for t in transitions if t.after is not None)
+        self.eventless = tuple(t for t in transitions if t.topic is None and t.after is None)
+        self.watched_keys = tuple(
+            sorted(
+                {
+                    top
+                    for t in self.eventless
+                    if t.condition
+                    for key in t.condition.watched_keys
+                    for top in _prefixes(key)
+                }
+            )
+        )
+        self.final = not transitions
+        self.trivial = not (self.delayed or self.final or self.eventless)
+        """Entering it needs no more than waiting for events."""
+        self.wait_lists: tuple[tuple[WaitList, CompiledTransition | None], ...] = ()
+        """Where a rule in this state stands in line, and with what: one line per topic, one per key that it watches."""
+
+
+WaitList = dict[Any, CompiledTransition | None]
+"""A line of running rules in stack order, the highest last, each with what it takes for sure: null when that depends on
+conditions. Everything that finding the taker of an event needs lies here, near together in memory."""
+
+
+class CompiledRule:
+    __slots__ = ("initial", "name", "priority", "source", "states")
+
+    def __init__(self, rule: Rule, topics: EventTopics, watching: dict[str, WaitList]) -> None:
+        self.name = rule.name
+        self.source = f"rule:{rule.name}"
+        self.priority = float(rule.priority)
+        blocks = BlockCompiler(self.source, topics)
+        self.states = {
+            state.id: CompiledState(
+                state.id,
+                blocks.compile(state.on_entry),
+                blocks.compile(state.on_exit),
+                [CompiledTransition(way, index, blocks, topics) for index, way in enumerate(state.transitions)],
+            )
+            for state in rule.states.values()
+        }
+        for state in rule.states.values():
+            for way, transition in zip(self.states[state.id].transitions, state.transitions, strict=True):
+                if transition.target is not None:
+                    landing = way
+                    if transition.block or state.on_exit:
+                        landing = way.entry_after_actions = copy(way)
+                    landing.entered_at_once = self.states[transition.target]
+        for code in self.states.values():
+            code.wait_lists = (
+                *((topic.wait_list, code.unconditional.get(topic)) for topic in code.by_topic),
+                *((watching.setdefault(key, {}), None) for key in code.watched_keys),
+            )
+        self.initial = self.states[rule.initial]
+
+
+class BlockCompiler:
+    """Compiles the blocks of one rule."""
+
+    def __init__(self, source: str, topics: EventTopics) -> None:
+        self._source = source
+        self._topics = topics
+
+    def compile(self, block: Block, then: Op | None = None) -> Op | None:
+        """The first step of a block that goes on with `then`. From its end, so that each step knows the next."""
+        for statement in reversed(block):
+            then = self._statement(statement, then)
+        return then
+
+    def _statement(self, statement: Statement, then: Op | None) -> Op | None:
+        match statement:
+            case Function():
+                return self._function(statement, then)
+            case If():
+                otherwise = then
+                for branch in reversed(statement.branches):
+                    arm = self.compile(branch.block, then)
+                    if branch.condition is None:
+                        otherwise = arm
+                    else:
+                        test = Op(TEST, self._source, arm)
+                        test.condition = _compile_condition(branch.condition)
+                        test.otherwise = otherwise
+                        otherwise = test
+                return otherwise
+            case OneOf():
+                pick = Op(PICK, self._source, then)
+                pick.choices = tuple(self._statement(choice, then) for choice in statement.choices)
+                return pick
+
+    def _function(self, function: Function, then: Op | None) -> Op:
+        if function.name == "raiseEventTopic":
+            op = Op(RAISE, self._source, then)
+            op.topic = self._topics.get_or_add(normal_topic(function.argument))
+        elif function.name == "assignValue" and function.assignment is not None:
+            op = Op(ASSIGN, self._source, then)
+            op.assignments = (function.assignment,)
+        else:
+            op = Op(CALL, self._source, then)
+            op.function = function.name
+        op.argument = function.argument
+        return op
+
+
+def _prefixes(key: str) -> list[str]:
+    """`a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects."""
+    parts = key.split(".")
+    return [".".join(parts[: n + 1]) for n in range(len(parts))]

@@ -1,0 +1,296 @@
+"""What each function of a DomainTask does (semantics.md 1.1): the six of RISE and the console's own.
+
+Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from rise_engine.expression import Assignment, EvaluationError, ExpressionError
+from rise_engine.kernel.core import Core, EventTopic, Task
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import TaskStatus
+from rise_engine.kernel.rules import RuleMachine
+from rise_engine.kernel.scheduler import Scheduler
+from rise_engine.kernel.speech import why_not_speak
+from rise_engine.kernel.stop import StopLatch
+from rise_engine.kernel.wizard_marks import LONGEST_SPEECH, WizardMarks
+from rise_engine.nearest_name import nearest_name
+from rise_engine.scenario.model import normal_topic
+
+ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
+STOPPED = "everything is stopped; release the stop first"
+
+
+class TaskHandlers:
+    """Carries out submitted tasks."""
+
+    def __init__(self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: WizardMarks) -> None:
+        self._core = core
+        self._scenario = core.scenario
+        self._scheduler = scheduler
+        self._stop = stop
+        self._wizard = wizard
+        self._rules = RuleMachine(core, self._submit_from_rule)
+        self.by_name: dict[str, Callable[[Submit], None]] = {
+            "startCommunicationRobotAct": self._start_act,
+            "stopCommunicationRobotAct": self._stop_act,
+            "startInteractionRule": self._start_rule,
+            "stopInteractionRule": self._stop_rule,
+            "raiseEventTopic": self._raise_event,
+            "assignValue": self._assign,
+            "deleteValue": self._delete,
+            "cancelTask": self._cancel_task,
+            "moveTask": self._move_task,
+            "stopAll": self._stop_all,
+            "releaseStop": self._release_stop,
+            "say": self._say,
+            "markCue": self._mark_cue,
+            "nextFiller": self._next_filler,
+            "markMistake": self._mark_mistake,
+            "goOn": self._go_on,
+        }
+
+    @property
+    def rules(self) -> RuleMachine:
+        return self._rules
+
+    def reject_unknown(self, task: Submit) -> None:
+        self._reject(task, f"there is no function {task.function!r}" + _did_you_mean(task.function, self.by_name))
+
+    def _submit_from_rule(self, function: str, behavior: str, source: str) -> None:
+        self.by_name[function](Submit(function=function, behavior=behavior, source=source))
+
+    # --- acts ---
+
+    def _start_act(self, task: Submit) -> None:
+        name = task.behavior
+        if name not in self._scenario.acts:
+            self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
+        elif task.calling_type not in ACT_CALLING_TYPES:
+            self._reject(task, f"the calling type is `None`, `Blocking` or `Interrupt`, not {task.calling_type!r}")
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            self._scheduler.add(
+                self._core.new_task(task.function, name, self._calling_type(task), task.source, task.ref)
+            )
+
+    def _stop_act(self, task: Submit) -> None:
+        name = task.behavior
+        if name not in self._scenario.acts:
+            self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
+        elif not self._scheduler.has_task_of(name):
+            self._reject(task, f"{name} is neither running nor waiting")
+        else:
+            self._succeed(task)
+            self._scheduler.stop(name, f"stopped by {task.source}")
+
+    def _calling_type(self, task: Submit) -> str:
+        if task.function != "startCommunicationRobotAct":
+            return task.calling_type or "None"
+        return task.calling_type or self._scenario.settings_of(task.behavior).calling_type
+
+    # --- rules ---
+
+    def _start_rule(self, task: Submit) -> None:
+        name = task.behavior
+        core = self._core
+        if name not in self._scenario.rules:
+            self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
+        elif name in self._rules.stack:
+            self._reject(task, f"rule {name!r} is already running")
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            started = core.new_task(task.function, name, self._calling_type(task), task.source, task.ref)
+            core.record_task(started)
+            started.status = "ACTIVE"
+            core.record_task(started)
+            self._rules.start(name, started, on_top=task.source.startswith("rule:"))
+
+    def _stop_rule(self, task: Submit) -> None:
+        name = task.behavior
+        if name not in self._scenario.rules:
+            self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
+        elif name not in self._rules.stack:
+            self._reject(task, f"rule {name!r} is not running")
+        else:
+            self._succeed(task)
+            self._rules.stop(name, f"stopped by {task.source}")
+
+    # --- events and memory ---
+
+    def _raise_event(self, task: Submit) -> None:
+        core = self._core
+        topic = core.topics.get(task.behavior)
+        if topic is None:
+            name = normal_topic(task.behavior)
+            if not name:
+                self._reject(task, "the event has no name")
+                return
+            topic = core.topics.get(name) or EventTopic(name)
+        core.record_finished_task(
+            "raiseEventTopic", task.behavior, task.source, "SUCCEEDED", "", task.calling_type or "None", task.ref
+        )
+        core.events.append((topic, task.source, core.cause))
+
+    def _assign(self, task: Submit) -> None:
+        memory = self._rules.memory
+        try:
+            assignments = Assignment.parse_all(task.behavior)
+            written = memory.compute(assignments)
+        except ExpressionError as problem:
+            self._reject(task, str(problem))
+            return
+        except EvaluationError as problem:
+            self._record_finished(task, "ABORTED", str(problem))
+            return
+        self._succeed(task)
+        for assignment in assignments:
+            word = assignment.bare_word
+            if word is not None and written[0][1] == word and not memory.is_key(word):
+                self._core.record_note(
+                    f"`{word}` is no memory key; it was taken as a text. Quotation marks make that plain"
+                )
+        memory.assign(written, task.source)
+
+    def _delete(self, task: Submit) -> None:
+        memory = self._core.memory
+        if task.behavior not in memory:
+            self._reject(task, f"the memory has no key {task.behavior!r}" + _did_you_mean(task.behavior, memory))
+        else:
+            self._succeed(task)
+            self._rules.memory.delete(task.behavior, task.source)
+
+    # --- tasks ---
+
+    def _cancel_task(self, task: Submit) -> None:
+        reason = f"cancelled by {task.source}"
+        waiting = self._find_waiting(task.behavior)
+        if waiting is not None:
+            self._succeed(task)
+            self._scheduler.remove(waiting, reason)
+            return
+        for run in self._scheduler.runner.runs.values():
+            if str(run.task.id) == task.behavior:
+                self._succeed(task)
+                self._scheduler.runner.cancel(run, reason)
+                return
+        for rule in self._rules.stack.values():
+            if str(rule.task.id) == task.behavior:
+                self._succeed(task)
+                self._rules.stop(rule.name, reason)
+                return
+        self._reject(task, f"no task {task.behavior} is running or waiting")
+
+    def _move_task(self, task: Submit) -> None:
+        number, _, place = task.behavior.partition(" ")
+        waiting = self._find_waiting(number)
+        place = place.strip()
+        if not (place.isascii() and place.isdigit() and len(place) < 10):
+            self._reject(task, "write the task's id and its new place, as in `17 0`")
+        elif waiting is None:
+            self._reject(task, f"no task {number} is waiting")
+        else:
+            self._succeed(task)
+            self._scheduler.move(waiting, int(place))
+
+    def _find_waiting(self, number: str) -> Task | None:
+        return next((task for task in self._scheduler.waiting if str(task.id) == number), None)
+
+    # --- of the wizard ---
+
+    def _say(self, task: Submit) -> None:
+        text = task.behavior.strip()
+        if not text:
+            self._reject(task, "there is nothing to say")
+        elif len(text) > LONGEST_SPEECH:
+            self._reject(task, f"free speech has at most {LONGEST_SPEECH} characters, and this has {len(text)}")
+        elif task.calling_type not in ("", "Blocking", "Interrupt"):
+            self._reject(task, f"free speech is `Blocking` or `Interrupt`, not {task.calling_type!r}")
+        elif reason := why_not_speak(self._scenario):
+            self._reject(task, reason)
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            calling = task.calling_type or "Blocking"
+            self._scheduler.add(self._core.new_task(task.function, text, calling, task.source, task.ref))
+
+    def _mark_cue(self, task: Submit) -> None:
+        self._succeed(task)
+        self._wizard.mark_cue(task.source, task.behavior.strip())
+
+    def _next_filler(self, task: Submit) -> None:
+        name = self._wizard.next_filler()
+        if name is None:
+            self._reject(task, "this scenario has no filler: `filler = true` under [act.NAME] makes one")
+        elif self._stop.latched:
+            self._reject(task, STOPPED)
+        else:
+            self._record_finished(task, "SUCCEEDED", name)
+            self.start_filler(name, task.source)
+
+    def start_filler(self, name: str, source: str) -> None:
+        self._start_act(Submit(function="startCommunicationRobotAct", behavior=name, source=source))
+
+    def _mark_mistake(self, task: Submit) -> None:
+        problem = self._wizard.why_not_mark(task.behavior)
+        if problem:
+            self._reject(task, problem)
+        else:
+            self._succeed(task)
+            self._wizard.mark_mistake(task.behavior, task.source)
+
+    def _go_on(self, task: Submit) -> None:
+        problem = self._wizard.why_not_go_on(task.behavior)
+        if problem:
+            self._reject(task, problem)
+        else:
+            self._succeed(task)
+            self._wizard.go_on(task.behavior)
+
+    # --- stop-all ---
+
+    def _stop_all(self, task: Submit) -> None:
+        """At once, without asking, also when it is pressed again (console.md 1.1)."""
+        reason = f"stop-all by {task.source}"
+        self._succeed(task)
+        self._stop.request(task.source)
+        self._wizard.cancel_filler()
+        self._rules.stop_all(reason)
+        self._scheduler.stop_all(reason)
+        self._stop.ask_robot()
+
+    def _release_stop(self, task: Submit) -> None:
+        refused = self._stop.why_not_release
+        if refused:
+            self._reject(task, refused)
+        else:
+            self._succeed(task)
+            self._stop.release(task.source)
+
+    # --- answers ---
+
+    def _succeed(self, task: Submit) -> None:
+        self._record_finished(task, "SUCCEEDED", "")
+
+    def _reject(self, task: Submit, reason: str) -> None:
+        self._record_finished(task, "REJECTED", reason)
+
+    def _record_finished(self, task: Submit, status: TaskStatus, reason: str) -> None:
+        self._core.record_finished_task(
+            task.function,
+            task.behavior,
+            task.source,
+            status,
+            reason,
+            self._calling_type(task),
+            task.ref,
+        )
+
+
+def _did_you_mean(name: str, known: Iterable[str]) -> str:
+    near = nearest_name(name, known)
+    return f"; did you mean {near!r}?" if near is not None else ""

@@ -1,0 +1,383 @@
+"""The state of a session as anybody outside sees it: a fold over records (architecture, "The kernel").
+
+A console, a readable account, a test and later the socket's snapshot all use this one `SessionView`; nobody asks the engine
+for its inner state. `SessionView.apply(record)` for every record since the beginning gives the same value as the snapshot that
+an engine sends to somebody who attaches late.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from itertools import islice
+from typing import Any
+
+from msgspec import Struct, field
+
+from rise_engine.kernel.records import (
+    ENDINGS,
+    FINAL,
+    ActionRecord,
+    AnyRecord,
+    ControlRecord,
+    CueRecord,
+    EventRecord,
+    MemoryRecord,
+    MistakeRecord,
+    NoteRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+    TimingRecord,
+)
+
+MAX_ENDED_TASKS = 100_000
+"""Finished tasks that a view keeps; older ones are in the journal."""
+MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
+"""Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+FORGET_AT_ONCE = 10_000
+"""So many more may come before the oldest are forgotten, all at once."""
+
+
+class ActionView(Struct, gc=False):
+    """One action of a running act."""
+
+    action: str
+    type: str
+    parameters: dict[str, Any]
+    status: str
+    since: float
+    ended: float | None = None
+    reason: str = ""
+    sent_as: str | None = None
+
+
+class TaskView(Struct, gc=False):
+    """A DomainTask and what became of it."""
+
+    id: int
+    function: str
+    behavior: str
+    calling_type: str
+    source: str
+    status: str
+    reason: str
+    submitted: float
+    started: float | None = None
+    ended: float | None = None
+    ref: str | None = None
+    actions: dict[str, ActionView] = field(default_factory=dict)
+    """For a CRA, by actionID, in the order in which they started."""
+    mark: str = ""
+    """What a wizard says was wrong about it: wrong, late, early or double."""
+    cue_at: float | None = None
+    """Once an act has ended: the cue that it answers, the key for it, and when the robot had taken its first action."""
+    key_at: float | None = None
+    robot_at: float | None = None
+
+
+class ActView(Struct):
+    """What is known of one CRA."""
+
+    running: list[int] = field(default_factory=list)
+    """Its ACTIVE tasks, oldest first."""
+    waiting: list[int] = field(default_factory=list)
+    last: TaskView | None = None
+    """Its last task that ended (also a rejected one)."""
+    runs: int = 0
+    """How often it succeeded; `typical` is the mean of those durations."""
+    latest: int = 0
+    """The id of the task that asked for it last, and was not rejected."""
+    typical: float | None = None
+
+
+class RuleView(Struct):
+    """What is known of one IR."""
+
+    running: bool = False
+    state: str | None = None
+    since: float = 0.0
+    """When it entered its state, or ended."""
+    previous: str | None = None
+    trigger: str | None = None
+    transition: int | None = None
+    status: str = ""
+    """The last record's status; empty before its first start."""
+    reason: str = ""
+    priority: float = 0
+    entered: int = 0
+    """`seq` of its last move, which orders rules of one priority on the stack."""
+    task: int | None = None
+
+
+class MemoryView(Struct):
+    """One key of the working memory."""
+
+    value: Any
+    old: Any
+    source: str
+    changed: float
+
+
+class RemarkView(Struct, gc=False):
+    """Something to be read among the tasks that is none: a note, a change of the robot's link, a rule's fault."""
+
+    kind: str
+    """`note`, `robot` or `fault`."""
+    t: float
+    source: str
+    """Who wrote the note; `robot`; or the rule."""
+    text: str
+    status: str = ""
+    """Of the robot: connected, degraded or lost."""
+    after: int = 0
+    """The id of the latest task before it."""
+
+
+class CueView(Struct):
+    """The participant's last cue."""
+
+    t: float
+    source: str
+    filled: float | None = None
+    """When the latest filler after it started."""
+    answered: float | None = None
+    """When the first act after it started that was no filler."""
+
+
+class StopView(Struct):
+    status: str = "released"
+    since: float = 0.0
+    confirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...] = ()
+    source: str = ""
+
+    @property
+    def latched(self) -> bool:
+        """True from the request until the release: nothing starts."""
+        return self.status != "released"
+
+
+class SessionView(Struct):
+    """Everything that a screen shows."""
+
+    seq: int = 0
+    t: float = 0.0
+    session: SessionRecord | None = None
+    ended: bool = False
+    end_reason: str = ""
+    """Why it ended, once it has."""
+    control: str | None = None
+    """Who holds control: `wizard:<name>`; null: nobody."""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when that console has gone since."""
+    asked: str | None = None
+    """Who asks for control, until that is answered or the asker leaves."""
+    robot: RobotRecord | None = None
+    stop: StopView = field(default_factory=StopView)
+    cue: CueView | None = None
+    acts: dict[str, ActView] = field(default_factory=dict)
+    rules: dict[str, RuleView] = field(default_factory=dict)
+    memory: dict[str, MemoryView] = field(default_factory=dict)
+    running: list[int] = field(default_factory=list)
+    """ACTIVE tasks of acts, oldest first."""
+    waiting: list[int] = field(default_factory=list)
+    """PENDING tasks in the scheduler's order, next first."""
+    failed: list[int] = field(default_factory=list)
+    """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
+    tasks: dict[int, TaskView] = field(default_factory=dict)
+    """Every task of the session (of those that have ended, the latest TASK_LOG), by id, in order of arrival."""
+    forgotten: int = 0
+    """Tasks that are no longer among `tasks`."""
+    unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
+    """The latest events that no rule took."""
+    remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=MAX_REMARKS))
+    """The latest notes, changes of the robot's link and faults of rules, in order."""
+
+    def apply(self, record: AnyRecord) -> None:
+        """Take one record in. Records must come in order and without gaps."""
+        self.seq, self.t = record.seq, record.t
+        match record:
+            case TaskRecord():
+                self._apply_task(record)
+            case ActionRecord():
+                self._apply_action(record)
+            case RuleRecord():
+                self._apply_rule(record)
+            case MemoryRecord(deleted=True):
+                self.memory.pop(record.key, None)
+            case MemoryRecord():
+                self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
+            case EventRecord(taken_by=None):
+                self.unhandled.append(record)
+            case RobotRecord():
+                if self.robot is not None or record.status != "connected":  # that all is well to begin with is no news
+                    self._add_remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
+                self.robot = record
+            case NoteRecord():
+                self._add_remark(RemarkView("note", record.t, record.source, record.text))
+            case StopRecord():
+                self.stop = StopView(
+                    record.status, record.t, record.confirmed, record.unconfirmed, record.source or self.stop.source
+                )
+            case CueRecord():
+                self._apply_cue(record)
+            case MistakeRecord():
+                if (marked := self.tasks.get(record.task)) is not None:
+                    marked.mark = "" if record.mark == "none" else record.mark
+            case TimingRecord():
+                if (timed := self.tasks.get(record.task)) is not None:
+                    timed.cue_at, timed.key_at, timed.robot_at = record.cue_at, record.key_at, record.robot_at
+            case ControlRecord(status="asked"):
+                self.asked = record.by
+            case ControlRecord():
+                self.control, self.asked = record.holder, None
+                if record.holder is not None and record.holder.startswith("wizard:"):
+                    self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
+            case SessionRecord():
+                if record.status == "ended":
+                    self.ended, self.end_reason = True, record.reason
+                else:
+                    self.session = record
+            case _:
+                pass
+
+    def merge_resync(self, state: SessionView, count: int) -> None:
+        """Become `state`, which has left out tasks that ended before and have not changed since: those stay.
+
+        `count`: how many tasks there are to be kept in all; of more, the oldest are forgotten.
+        """
+        kept = {**self.tasks, **state.tasks}
+        tasks = {id: kept[id] for id in sorted(kept)}
+        for id in list(islice((id for id, task in tasks.items() if task.status in FINAL), max(0, len(tasks) - count))):
+            del tasks[id]
+        for name in self.__struct_fields__:
+            setattr(self, name, getattr(state, name))
+        self.tasks = tasks
+
+    def running_rules(self) -> list[str]:
+        """The running rules, top of the stack first."""
+        running = [(rule.priority, rule.entered, name) for name, rule in self.rules.items() if rule.running]
+        return [name for _, _, name in sorted(running, reverse=True)]
+
+    def latest_act_of(self, acts: Iterable[str]) -> str | None:
+        """The one of these acts that was asked for last; None when none was."""
+        latest = max(((self.acts[name].latest, name) for name in acts if name in self.acts), default=(0, None))
+        return latest[1] if latest[0] else None
+
+    def _add_remark(self, remark: RemarkView) -> None:
+        remark.after = next(reversed(self.tasks), 0)
+        if len(remark.text) > MAX_REMARK_CHARACTERS:
+            remark.text = f"{remark.text[: MAX_REMARK_CHARACTERS - 1]}…"
+        self.remarks.append(remark)
+
+    def _apply_cue(self, record: CueRecord) -> None:
+        if record.status == "marked":
+            self.cue = CueView(record.t, record.source)
+        elif self.cue is not None and record.status == "answered":
+            self.cue.answered = record.t
+        elif self.cue is not None:
+            self.cue.filled = record.t
+
+    def _apply_task(self, record: TaskRecord) -> None:
+        task = self.tasks.get(record.id)
+        if task is None:
+            task = TaskView(
+                record.id,
+                record.function,
+                record.behavior,
+                record.calling_type,
+                record.source,
+                record.status,
+                record.reason,
+                record.t,
+                ref=record.ref,
+            )
+            self.tasks[record.id] = task
+            if len(self.tasks) - len(self.waiting) - len(self.running) > MAX_ENDED_TASKS + FORGET_AT_ONCE:
+                self._forget_oldest()
+        task.status, task.reason = record.status, record.reason
+        if record.status == "ACTIVE":
+            task.started = record.t
+        elif record.status in FINAL:
+            task.ended = record.t
+        if record.function in ("startCommunicationRobotAct", "say"):
+            self._apply_act_task(record, task)
+            self._apply_failure(record)
+        elif record.function == "goOn" and record.status == "SUCCEEDED":
+            self.failed = [id for id in self.failed if str(id) != record.behavior]
+        elif record.function == "startInteractionRule" and record.status == "ACTIVE":
+            self.rules.setdefault(record.behavior, RuleView()).task = record.id
+
+    def _apply_act_task(self, record: TaskRecord, task: TaskView) -> None:
+        spoken = record.function == "say"  # free speech is no act of the scenario, and has no typical duration
+        act = ActView() if spoken else self.acts.setdefault(record.behavior, ActView())
+        for ids in (self.waiting, self.running, act.waiting, act.running):
+            if record.id in ids:
+                ids.remove(record.id)
+        if record.status == "PENDING":
+            position = len(self.waiting) if record.position is None else record.position
+            self.waiting.insert(position, record.id)
+            act.waiting.append(record.id)
+            act.latest = max(act.latest, record.id)
+        elif record.status == "ACTIVE":
+            self.running.append(record.id)
+            act.running.append(record.id)
+        else:
+            act.last = task
+            if record.status == "SUCCEEDED" and task.started is not None:
+                took = record.t - task.started
+                act.typical = took if act.typical is None else act.typical + (took - act.typical) / (act.runs + 1)
+                act.runs += 1
+
+    def _apply_failure(self, record: TaskRecord) -> None:
+        """A failed act stays one until it is answered, or done after all."""
+        if record.status not in ("ABORTED", "SUCCEEDED") or not (self.failed or record.status == "ABORTED"):
+            return
+        before = [
+            at
+            for at, id in enumerate(self.failed)
+            if (task := self.tasks.get(id)) is not None
+            and (task.function, task.behavior) == (record.function, record.behavior)
+        ]
+        if record.status == "ABORTED" and before:
+            self.failed[before[0]] = record.id
+        elif record.status == "ABORTED":
+            self.failed.append(record.id)
+        elif before:
+            del self.failed[before[0]]
+
+    def _apply_action(self, record: ActionRecord) -> None:
+        task = self.tasks.get(record.task)
+        if task is None:
+            return
+        action = task.actions.get(record.action)
+        if action is None:
+            action = ActionView(record.action, record.type, record.parameters, record.status, record.t)
+            task.actions[record.action] = action
+        action.status, action.reason, action.sent_as = record.status, record.reason, record.sent_as
+        if record.status in ENDINGS:
+            action.ended = record.t
+
+    def _apply_rule(self, record: RuleRecord) -> None:
+        if record.status == "faulted":
+            self._add_remark(RemarkView("fault", record.t, f"rule:{record.name}", record.reason))
+        rule = self.rules.setdefault(record.name, RuleView())
+        rule.status, rule.reason = record.status, record.reason
+        rule.state, rule.trigger, rule.previous = record.state, record.trigger, record.previous
+        rule.transition = record.transition
+        if record.status != "stayed":
+            rule.since = record.t
+        rule.running = record.status in ("started", "entered", "stayed")
+        if rule.running:
+            rule.priority, rule.entered = record.priority, record.seq
+
+    def _forget_oldest(self) -> None:
+        ended = (id for id, task in self.tasks.items() if task.status in FINAL)
+        oldest = list(islice(ended, len(self.tasks) - MAX_ENDED_TASKS))
+        for id in oldest:
+            del self.tasks[id]
+        self.failed = [id for id in self.failed if id in self.tasks]
+        self.forgotten += len(oldest)

@@ -1,0 +1,1 @@
+"""What others implement: `robot` reaches a robot, `bridge` connects a session with a robot middleware."""

@@ -1,0 +1,130 @@
+"""The port behind which a robot middleware stands (ROS 2): one connection per session, for two purposes.
+
+It reaches the robot (`robot`), and it shows the session to other programs of that middleware, which may take part in it
+(`join`). Both share the connection, so the engine opens it first and closes it last. The adapter is found by the
+entry-point group `rise.bridges` and never imported by name (architecture, "Imports point one way").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal, Protocol, TypeAlias, TypeVar
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.ports.robot import Clock, Robot
+from rise_engine.scenario.model import RobotProfile
+
+RosTransport: TypeAlias = Literal["auto", "rclpy", "dds", "off"]
+"""By what ROS 2 is spoken. auto: by rclpy where it is installed, else by the DDS wheel, and only when the robot needs
+it. off: not at all. The other two: by that, and also in a session whose robot is simulated."""
+
+ROS_TRANSPORTS: tuple[RosTransport, ...] = ("auto", "rclpy", "dds", "off")
+
+
+class RosConnection(Struct, frozen=True):
+    """How a session wants to be connected: `--ros` and `--ros-args` of the command line."""
+
+    transport: RosTransport = "auto"
+    arguments: tuple[str, ...] = ()
+    """As after `--ros-args`: remappings, parameters, an enclave."""
+
+
+class BridgeError(RiseError):
+    """The connection cannot be had. `lines` say everything that is in the way, for a person, with what to do."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = list(lines)
+
+
+SessionT = TypeVar("SessionT", contravariant=True)
+"""The session that a bridge joins: a `rise_engine.server.hub.SessionHub`, which knows ports and not the other way round."""
+
+
+class Bridge(Protocol[SessionT]):
+    """An open connection. All methods belong to the thread of the engine's loop, and none blocks. The engine calls
+    `robot` (when it was opened with a profile), then `join` before the session's first record, then `close`.
+
+    A connection that is lost on the way is the bridge's to make anew: its robot reports `lost` and later `connected`.
+    """
+
+    about: str
+    """For a person: `ROS 2 by rclpy, rmw_cyclonedds_cpp, domain 0`."""
+
+    def robot(self, clock: Clock) -> Robot:
+        """The robot of the profile that the bridge was opened with. Called once at most.
+
+        :param clock: the session's, by which the robot measures and waits.
+        :return: the robot, not connected yet (`Robot.connect`).
+        """
+        ...
+
+    def join(self, hub: SessionT) -> None:
+        """Show the session to other programs, and let them take part. Called once, before the session's first record,
+        so that they miss none.
+
+        :param hub: the session: who takes part, its view and its records (`rise_engine.server.hub.SessionHub`).
+        """
+        ...
+
+    async def close(self) -> None:
+        """Let go of everything, and tell other programs that the session has gone. It takes some seconds at most."""
+        ...
+
+
+class BridgeOpener(Protocol):
+    """The callable that an entry point of the group `rise.bridges` names; that name is a profile's `driver`.
+
+    [project.entry-points."rise.bridges"]
+    ros2 = "rise_adapters.ros2.bridge:open_bridge"
+    """
+
+    async def __call__(self, wire: RosConnection, profile: RobotProfile | None) -> Bridge[Any]:
+        """Connect. It is called in the engine's loop, before the session begins.
+
+        :param wire: how to connect.
+        :param profile: the robot that is reached over this connection; None when there is none, and only other programs
+            take part.
+        :return: the open connection; whoever called closes it.
+        :raises BridgeError: when it cannot be had; also with everything that is wrong in the profile.
+        """
+        ...
+
+
+class ParameterReader(Protocol):
+    """The callable that an entry point of the group `rise.parameters` names."""
+
+    def __call__(
+        self, arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
+    ) -> tuple[list[str], tuple[str, ...]]:
+        """Read the middleware's parameters as options of a command line.
+
+        :param arguments: what stands after `--ros-args`, `-p mode:=real` among it.
+        :param switches: the flags of options without a value (`--recover`), ...
+        :param single: ... with one value (`--mode`), ...
+        :param many: ... and of those that can be given several times (`--fault`).
+        :param written: what the command line says itself, which counts more.
+        :return: the options, to stand before what is `written`; and the middleware's other arguments.
+        :raises BridgeError: with a sentence for what is no parameter.
+        """
+        ...
+
+
+class Examiner(Protocol):
+    """The callable that an entry point of the group `rise.doctors` names."""
+
+    def __call__(
+        self, wire: RosConnection, profile: RobotProfile | None, *, seconds: float, as_json: bool
+    ) -> tuple[str, int]:
+        """Look at what is installed on this machine, and for the robot. Nothing is changed, and no robot moves. It is
+        called outside of any loop, and takes a little longer than `seconds`.
+
+        :param wire: how a session would connect.
+        :param profile: the robot to look for; None: none.
+        :param seconds: for how long the robot is looked for at most.
+        :param as_json: one JSON document (docs/reference/rise-engine.md, "doctor") instead of lines for a person.
+        :return: what to print, and an exit status: 0; 1 when something is in the way.
+        """
+        ...

@@ -1,0 +1,136 @@
+"""The port behind which every robot stands, simulated or real (architecture, "The engine").
+
+An adapter implements `Robot`; the engine finds its class by the entry-point group `rise.drivers` and calls it from its
+own loop only. An adapter with threads of its own hands its reports over through the loop. Nothing here may block: each
+call starts something and returns, and what came of it arrives through `report`.
+
+A whole driver, as an example that is tested, is in docs/how-to/add-a-robot.md, section 5. `rise_adapters.simulated` is
+one that comes with the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
+
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
+from rise_engine.scenario.model import RobotProfile
+
+RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | Note
+"""What a robot says. A note is for the record only: what came too late to count, or twice."""
+ReportCallback: TypeAlias = Callable[[RobotReport], None]
+"""Takes one report. It belongs to the thread of the engine's loop; whoever has another one calls it by
+`loop.call_soon_threadsafe(report, ...)`. It may be called within `connect`, `start`, `cancel` and `stop_all`."""
+
+
+class Timer(Protocol):
+    """One call that a clock has still to make."""
+
+    def cancel(self) -> None:
+        """Do not make it. Nothing happens when it was made, or cancelled, before."""
+        ...
+
+
+class Clock(Protocol):
+    """The session's clock: real (optionally faster) or virtual. An adapter measures and waits by nothing else, so that
+    a study can be rehearsed at ten times its speed, and tested in no time at all."""
+
+    def now(self) -> float:
+        """Session time: seconds since the session began. Never goes back."""
+        ...
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        """Run `callback` on the engine's loop.
+
+        :param when: session time in seconds; in the past means at once, but never inside this call.
+        :param callback: called once, without arguments.
+        :return: what takes it back.
+        """
+        ...
+
+
+class Robot(Protocol):
+    """What a robot adapter must be able to do.
+
+    The engine calls it from the thread of its loop, in this order: `connect` once, then the others in any order, then
+    `close` once. No method may block, and none should raise: what goes wrong is reported. (An exception is a mistake of
+    the adapter. The engine logs it and takes the call for failed: the action has failed, nothing has confirmed a stop.)
+
+    Every action that is started gets exactly one ending. What is reported about an action that has ended is ignored.
+    """
+
+    def connect(self, report: ReportCallback) -> None:
+        """Begin to reach the robot.
+
+        Reports `RobotChanged(status="connected")` when goals can be sent, at once or later, and again whenever that
+        changes: `degraded` when some of its parts cannot be used, `lost` when none can. With `lost`, the engine ends
+        every action as lost by itself.
+
+        :param report: takes everything that the robot says, until `close`.
+        """
+        ...
+
+    def start(self, goal: StartAction) -> None:
+        """Begin an action.
+
+        Reports `ActionReport(status="accepted")` when the robot takes it, then exactly one ending: `succeeded`,
+        `failed` (also when it is refused), `canceled`, `timed-out` or `lost`, with a reason in words wherever it did
+        not succeed. An ending without `accepted` before it is allowed.
+
+        :param goal: `goal.action` is the name to report it under, `<task>/<actionID>`, unique in the session;
+            `goal.type` one of the profile's actions; `goal.parameters` what the author gave, by name, typed, without
+            what was left out; `goal.expected` how many seconds it will probably take.
+        """
+        ...
+
+    def cancel(self, action: str) -> None:
+        """Stop one action, also one that has only just been started. It then reports its ending: `canceled`, or what
+        else became of it meanwhile. The engine waits 5 s (`kernel.acts.CANCEL_LIMIT`), and then gives it up.
+
+        :param action: as in `goal.action`. One that has ended, or was never started, is no mistake: nothing happens.
+        """
+        ...
+
+    def stop_all(self) -> None:
+        """Stop everything that moves, also what others have asked for, and report one `StopReport`: which parts of the
+        robot have stopped, and which may not have, each by a name for a person (`pepper/speech`), with the reason in
+        brackets where it has not. The engine waits 3 s (`STOP_LIMIT`). Asked again meanwhile, it asks the robot again.
+
+        A part is called confirmed only when the robot has said so. What was running reports its ending as ever.
+        """
+        ...
+
+    def seen(self) -> float | None:
+        """When the robot gave its last sign of life, for people who watch the link.
+
+        :return: session time in seconds; None when that is not known.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of everything: what runs is cancelled without waiting for it. No reports after this. It may be called
+        twice, and without `connect` before it."""
+        ...
+
+
+class Driver(Protocol):
+    """The callable that an entry point of the group `rise.drivers` names; usually the adapter's class. Its name in that
+    group is what a profile's `driver` says.
+
+        [project.entry-points."rise.drivers"]
+        lamp = "my_package:Lamp"
+    """
+
+    def __call__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
+        """Make a robot for one session; nothing is sent to it before `connect`.
+
+        :param profile: the robot's: `profile.options` is the table `[options]` of its file, `profile.actions` what it
+            can do.
+        :param clock: the session's, which may run faster than real time.
+        :param seed: for whatever is picked at random, so that a session can be repeated.
+        :param faults: what is to go wrong, in a form that the driver documents. Only simulated robots take any.
+        :return: the robot, not connected yet.
+        :raises ValueError: with a sentence for a person, when the profile's options or a fault cannot be understood.
+        """
+        ...

@@ -1,0 +1,146 @@
+"""The one interface between a console and an engine: messages, never calls into the engine (console.md 4.1, 5.1).
+
+`Client` is what a console, a feature node or a test holds. `rise_engine.client.socket` implements it over the
+session's socket, `rise_engine.client.replay` over the record of a session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from typing import Literal, Protocol, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.view import SessionView
+from rise_engine.scenario.model import Scenario
+
+Role: TypeAlias = Literal["wizard", "observer", "node"]
+"""wizard: a console that may hold control. observer: only watches, but may stop everything and add notes. node: a
+program, which submits tasks at any time, as ROS nodes do."""
+
+ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
+"""What a wizard can do about control: take it (whoever has it), ask the holder for it, give it to the one who asked,
+release it. Who attaches as a wizard while nobody holds control gets it."""
+
+ClientInput: TypeAlias = Submit | Note
+"""What a client may send. The engine puts on the time and the source."""
+
+
+class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
+    """How the record of the session stands. Comes among the records whenever it changes; no record itself."""
+
+    durable: int = 0
+    """All records up to this `seq` are on the disk. Records reach clients only then."""
+    behind: float = 0.0
+    """Seconds for which the oldest input has been waiting for the disk; 0 when nothing waits."""
+    trouble: str = ""
+    """Why nothing can be recorded, for a person. While this is set, the session is paused."""
+
+
+class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):
+    """Signs of life, about once a second. Comes among the records; no record itself."""
+
+    robot_seen: float | None = None
+    """Session time of the robot's last sign of life; None: its driver does not know."""
+    lag: float = 0.0
+    """Seconds by which the engine's loop was late at most, lately."""
+
+
+class Resync(Struct, frozen=True, tag_field="kind", tag="resync"):
+    """The state anew, for a client that lay so far behind that records were left out: `SessionView.merge_resync`.
+
+    Comes among the records, to those who have said that they take it; no record itself.
+    """
+
+    view: SessionView
+    """Without the tasks that had ended before and have not changed since."""
+    tasks: int
+    """How many the whole state has."""
+
+
+Update: TypeAlias = AnyRecord | JournalStatus | Heartbeat
+UpdateOrResync: TypeAlias = Update | Resync
+
+
+class AttachReply(Struct, frozen=True):
+    """What a client is told when it attaches: snapshot plus later records is the live state."""
+
+    scenario: Scenario
+    mode: str
+    """`debug` or `real`, as the session runs (the command line may override the scenario)."""
+    robot: str
+    seed: int
+    view: SessionView
+    """The state at `view.seq`; the next record has the next number."""
+    you: str = ""
+    """How the session calls this client: `wizard:anna`; a second Anna is `wizard:anna#2`. `view.control` names the one
+    who holds control."""
+    role: Role = "wizard"
+    folder: str = ""
+    """The session's folder; empty when nothing is kept."""
+    replay: bool = False
+    """This is no session but the replay of one: nothing can be submitted."""
+    journaling: JournalStatus = JournalStatus()
+
+
+class Reply(Struct, frozen=True):
+    """The engine's answer to one message. An accepted one is on the disk."""
+
+    accepted: bool
+    reason: str = ""
+    task: int | None = None
+    """The task's id, for `Submit`."""
+
+
+class EngineGone(RiseError, ConnectionError):
+    """The engine has ended or cannot be reached; the message says why, for a person."""
+
+
+class LinkLost(EngineGone):
+    """This connection was cut (the client was too slow, say), but the engine goes on: attach again."""
+
+
+class EndRefused(RiseError):
+    """This client may not end the session; the message says why, for a person."""
+
+
+class Client(Protocol):
+    """One connection to one engine. All methods belong to the client's loop."""
+
+    async def attach(self) -> AttachReply:
+        """Begin, or begin again. Raises EngineGone."""
+        ...
+
+    def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+        """Batches of records since `attach`, in order and without gaps (but for `Resync`); ends when the session does.
+
+        Raises LinkLost when only this connection was cut, EngineGone when the engine has gone without an end.
+        """
+        ...
+
+    async def send(self, message: ClientInput) -> Reply:
+        """Submit an input and wait until the engine has accepted (and recorded) or rejected it.
+
+        :param message: a task or a note; the engine puts on the time and the source.
+        :return: what became of it; an accepted task's id is in it, and its records have come before.
+        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        """
+        ...
+
+    async def control(self, verb: ControlVerb) -> Reply:
+        """Do something about who holds control; what comes of it arrives as a record too. Raises EngineGone."""
+        ...
+
+    def now(self) -> float:
+        """The session's time in seconds, as well as this client knows it; for running clocks on the screen."""
+        ...
+
+    async def close(self, *, end_session: bool = False) -> None:
+        """Leave; the session goes on. With `end_session`, the engine stops the robot and ends the session.
+
+        Raises EndRefused, and stays attached, when this client may not end it.
+        """
+        ...

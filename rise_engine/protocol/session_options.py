@@ -1,0 +1,43 @@
+"""How a session is started: what the command line, the console and the engine's process tell each other."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from rise_engine.kernel.inputs import Submit
+from rise_engine.ports.bridge import RosConnection
+
+
+class SessionOptions(Struct, frozen=True):
+    """What to run; None and empty: as the scenario says. A session that goes on keeps its own, but for its folder."""
+
+    folder: str
+    """The scenario's."""
+    robot: str | None = None
+    mode: str | None = None
+    """`debug` or `real`."""
+    seed: int | None = None
+    """For everything picked at random; None: a new one."""
+    speed: float = 1.0
+    """Session seconds in a second."""
+    faults: tuple[str, ...] = ()
+    """What the simulated robot does wrong, as its driver documents it."""
+    paths: dict[str, str] = {}
+    """`acts`, `rules`, `memory`: paths relative to the folder, where they differ from the scenario's."""
+    ros: RosConnection = RosConnection()
+    """How ROS 2 is spoken."""
+    participant: str = ""
+    """Who takes part, as the record is to name them."""
+    condition: str = ""
+    """One of the scenario's `[study] conditions`, where it lists any."""
+    wizard: str = ""
+    """Who begins it, for the session's folder."""
+    first_tasks: tuple[Submit, ...] = ()
+    """Submitted at the beginning of a new session."""
+    socket_name: str | None = None
+    """Of the socket; None: made from the folder's path, so that a folder has one session at a time."""
+    unfinished: str = "ask"
+    """What to do when an earlier session of the folder did not end: ask (refuse and say so), new, recover (the latest),
+    or the path of the session to recover. With a participant or a condition, only a session of theirs is recovered."""
+    from_other_computer: bool = False
+    """To go on with a session that another computer had last, on a file system that does not tell of its locks."""

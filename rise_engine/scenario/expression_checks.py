@@ -1,0 +1,64 @@
+"""What conditions and assignments say: the keys that they read and set, and what RISE would read otherwise."""
+
+from __future__ import annotations
+
+import re
+
+from rise_engine.expression import Assignment, Expression, ExpressionError
+from rise_engine.expression.rise1_compat import rise1_difference
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import HasLocation, Mention, ScenarioDraft
+from rise_engine.scenario.xml import LazyLocation
+from rise_engine.typography import typography_problem
+
+_PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
+UNREADABLE_CONDITION = Expression.parse("false")
+"""Stands for a condition that could not be read; a scenario with one is refused anyway."""
+
+
+def expression_message(error: ExpressionError) -> str:
+    """What is wrong and how to write it, without the column (the finding has the place)."""
+    return f"{error.message}; {error.hint}" if error.hint else error.message
+
+
+def note_expression(expression: Expression, where: HasLocation, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
+    _note_reads(expression, where, draft)
+    blank = _find_odd_blank(expression.text)
+    if blank >= 0:
+        place = (
+            LazyLocation(where.file, where.element, where.attribute, blank).location
+            if isinstance(where, LazyLocation)
+            else where.location
+        )
+        sentence = typography_problem(expression.text, blank)
+        diagnostics.warning("reads-differently", place, f"{sentence} (RISE does not take it for one)")
+        return
+    difference = rise1_difference(expression)
+    if difference is not None:
+        diagnostics.warning("reads-differently", where.location, difference)
+
+
+def _find_odd_blank(text: str) -> int:
+    """Where the first blank stands, outside of texts, that only looks like one; -1: nowhere."""
+    if text.isascii():
+        return -1
+    return next((found.start() for found in _PIECE.finditer(text) if found.group(1)), -1)
+
+
+def note_assignment(assignment: Assignment, where: HasLocation, draft: ScenarioDraft) -> None:
+    """Note the key that an assignment sets and those that it reads."""
+    draft.settable_keys.add(assignment.key)
+    draft.key_writes.append(Mention(assignment.key, where))
+    word = assignment.bare_word
+    if word is not None:
+        draft.bare_words.append(Mention(word, where))
+        return
+    if assignment.expression is not None:
+        _note_reads(assignment.expression, where, draft)
+
+
+def _note_reads(expression: Expression, where: HasLocation, draft: ScenarioDraft) -> None:
+    values = expression.keys_read
+    for key in expression.keys:
+        (draft.key_reads if key in values else draft.optional_key_reads).append(Mention(key, where))

@@ -1,0 +1,8 @@
+"""What the files of a scenario are called. Apart, so that looking for one costs nothing."""
+
+from __future__ import annotations
+
+SCENARIO_FILE = "scenario.toml"
+
+DEFAULT_PATHS = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
+"""Where acts, rules and memory lie, unless `scenario.toml` says otherwise."""

@@ -1,8 +1,0 @@
-"""What the files of a scenario are called. Apart, so that looking for one costs nothing."""
-
-from __future__ import annotations
-
-NAME = "scenario.toml"
-
-DEFAULT_PLACES = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
-"""Where acts, rules and memory lie, unless `scenario.toml` says otherwise."""

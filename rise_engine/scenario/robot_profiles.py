@@ -1,0 +1,134 @@
+"""Finding and reading robot profiles (docs/reference/robots.md)."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.action_declarations import apply_declarations, core_actions, report_unknown_keys
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import RobotProfile, SourceLocation
+from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
+from rise_engine.scenario.toml_locations import TomlTable, read_toml
+
+ENTRY_POINT_GROUP = "rise.robots"
+"""Entry-point group: each entry names a package whose *.toml files are robot profiles."""
+DEFAULT_ROBOT = "generic"
+_KEYS = ("title", "driver", "options", "actions")
+
+
+def read_robot(name: str, files: FileReader, place: SourceLocation, *, asked: bool = False) -> RobotProfile:
+    """The profile called `name`. `place` is where the name stands; with `asked`, it stands in no file.
+
+    On errors, what could be understood.
+    """
+    path = find_profile(name, files.folder)
+    if path is None:
+        if name != DEFAULT_ROBOT:
+            what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
+            files.diagnostics.error("unknown-robot", place, what + did_you_mean(name, robot_names(files.folder)))
+        return builtin_robot()
+    return read_profile(path, name, files)
+
+
+def read_profile(path: Path, name: str, files: FileReader) -> RobotProfile:
+    """The profile in that file, wherever it lies. On errors, what could be understood."""
+    source = files.read(path, MAX_TOML_BYTES)
+    file = read_toml(source, files.diagnostics) if source is not None else None
+    if file is None:
+        return builtin_robot()
+    diagnostics = files.diagnostics
+    table = TomlTable(file, (), file.values)
+    report_unknown_keys(table, _KEYS, diagnostics)
+    actions = apply_declarations(file, core_actions(), "profile", diagnostics)
+    return RobotProfile(
+        name=name,
+        title=_text(table, "title", name, diagnostics),
+        driver=_text(table, "driver", "simulated", diagnostics),
+        actions=actions,
+        options=_options(table, diagnostics),
+    )
+
+
+def builtin_robot() -> RobotProfile:
+    """What runs a scenario that names no robot where no profile is installed: every core action, simulated."""
+    return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", dict(core_actions()))
+
+
+def find_profile(name: str, folder: Path) -> Path | None:
+    """Where the profile called `name` lies, in the documented order."""
+    if not name or "/" in name or "\\" in name or name.startswith("."):
+        return None
+    for directory in profile_folders(folder):
+        path = directory / f"{name}.toml"
+        if path.is_file():
+            return path
+    return None
+
+
+def robot_names(folder: Path) -> list[str]:
+    """The names of all profiles that a scenario in `folder` can pick, sorted.
+
+    >>> "pepper" in robot_names(Path("scenarios/greeting"))
+    True
+    """
+    names = {DEFAULT_ROBOT}
+    for directory in profile_folders(folder):
+        if directory.is_dir():
+            names.update(path.stem for path in directory.glob("*.toml"))
+    return sorted(names)
+
+
+def profile_folders(folder: Path) -> Iterator[Path]:
+    """Where profiles are looked for, in order. Installed packages are looked up only when it comes to them."""
+    yield folder / "robots"
+    config = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
+    yield Path(config) / "rise-tui" / "robots"
+    yield from package_folders()
+
+
+def package_folders() -> Iterator[Path]:
+    """The folders of the packages that installed distributions name in the entry-point group."""
+    seen: set[str] = set()
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        if entry.module not in seen:
+            seen.add(entry.module)
+            yield from _package_folder(entry.module)
+
+
+def _package_folder(package: str) -> Iterator[Path]:
+    """Looked for on the path first: `find_spec` imports the package around it, and a check needs no adapter."""
+    parts = package.split(".")
+    for entry in sys.path:
+        directory = Path(entry, *parts)
+        if (directory / "__init__.py").is_file():
+            yield directory
+            return
+    try:
+        spec = find_spec(package)
+    except (ImportError, ValueError):
+        return
+    for location in (spec.submodule_search_locations or ()) if spec is not None else ():
+        yield Path(location)
+
+
+def _text(table: TomlTable, key: str, otherwise: str, diagnostics: Diagnostics) -> str:
+    value = table.values.get(key, otherwise)
+    if isinstance(value, str):
+        return value
+    diagnostics.error("wrong-type", table.value_location(key), f"`{key}` is a text")
+    return otherwise
+
+
+def _options(table: TomlTable, diagnostics: Diagnostics) -> dict[str, Any]:
+    value = table.values.get("options", {})
+    if isinstance(value, dict):
+        return value
+    diagnostics.error("wrong-type", table.value_location("options"), "`options` is a table: [options]")
+    return {}

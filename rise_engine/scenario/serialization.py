@@ -1,0 +1,63 @@
+"""A checked scenario as one JSON object, and back: for clients, which need not read and check the files again."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from rise_engine.errors import RiseError
+from rise_engine.expression import Assignment, Expression
+from rise_engine.scenario.model import Scenario
+from rise_engine.text import escape_surrogates, restore_surrogates
+
+
+class ScenarioDecodeError(RiseError, ValueError):
+    """What was received is no scenario of this version."""
+
+
+def encode_scenario(scenario: Scenario) -> bytes:
+    """The fields of `Scenario`; conditions and assignments as their texts.
+
+    Raises UnicodeEncodeError when a text in it is no text (half a character), which JSON cannot carry.
+    """
+    if escape_surrogates(scenario.folder) != scenario.folder:  # a folder whose name is no text
+        scenario = replace(scenario, folder=escape_surrogates(scenario.folder))
+    return _encoder().encode(scenario)
+
+
+def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
+    """What `to_json` was given. Raises ScenarioDecodeError."""
+    try:
+        scenario = _decoder().decode(data)
+    except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
+        raise ScenarioDecodeError(f"this is no scenario of this version: {error}") from None
+    folder = restore_surrogates(scenario.folder)
+    return scenario if folder == scenario.folder else replace(scenario, folder=folder)
+
+
+@cache
+def _encoder() -> msgspec.json.Encoder:
+    return msgspec.json.Encoder(enc_hook=_encode_text)
+
+
+@cache
+def _decoder() -> msgspec.json.Decoder[Scenario]:
+    """Made when it is first used: it takes a few milliseconds."""
+    return msgspec.json.Decoder(Scenario, dec_hook=_decode_text)
+
+
+def _encode_text(value: Any) -> Any:
+    if isinstance(value, Expression | Assignment):
+        return value.text
+    raise TypeError(f"a scenario holds no {type(value).__name__}")
+
+
+def _decode_text(kind: type, value: Any) -> Any:
+    if kind is Expression:
+        return Expression.parse(value)
+    if kind is Assignment:
+        return Assignment.parse(value)
+    raise TypeError(f"a scenario holds no {kind.__name__}")

@@ -1,0 +1,148 @@
+"""A scenario's files as text: read with limits, decoded strictly, and able to say where an offset stands."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from bisect import bisect_right
+from itertools import accumulate
+from pathlib import Path
+
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import SourceLocation
+
+MAX_BYTES = 10_000_000
+"""Larger files are refused before anything looks into them."""
+MAX_TOML_BYTES = 1_000_000
+"""The same for settings and robot profiles, which people write by hand."""
+_CONFLICT = re.compile(r"^(?:<{7}|={7}|>{7})(?=[ \r\n]|\Z)", re.MULTILINE)
+"""What git writes into a file whose two versions it could not join."""
+
+
+class SourceFile:
+    """One file of a scenario."""
+
+    def __init__(self, name: str, data: bytes, text: str) -> None:
+        self.name = name
+        """Relative to the scenario folder where it lies inside it."""
+        self.data = data
+        self.text = text
+        """Decoded, without byte order mark."""
+        self._line_starts: list[int] | None = None
+
+    def location(self, offset: int) -> SourceLocation:
+        """Line and column of an offset in `text`."""
+        starts = self._line_starts
+        if starts is None:
+            starts = self._line_starts = line_starts(self.text)
+        line = bisect_right(starts, offset)
+        return SourceLocation(self.name, line, offset - starts[line - 1] + 1)
+
+    def offset(self, line: int, column: int) -> int:
+        """The reverse of `place`, kept within the text."""
+        starts = self._line_starts
+        if starts is None:
+            starts = self._line_starts = line_starts(self.text)
+        line = min(max(line, 1), len(starts))
+        return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
+
+    def line(self, number: int) -> str:
+        """The text of a line, without its end."""
+        start = self.offset(number, 1)
+        end = self.text.find("\n", start)
+        return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
+
+
+def line_starts(text: str) -> list[int]:
+    """Offsets at which lines begin. Lines end with LF or CRLF."""
+    return [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
+
+
+class FileReader:
+    """Reads files and remembers what was read, so that a scenario can be identified by its content."""
+
+    def __init__(self, folder: Path, diagnostics: Diagnostics) -> None:
+        self.folder = folder
+        self.diagnostics = diagnostics
+        self.sources: list[SourceFile] = []
+
+    def display_name(self, path: Path) -> str:
+        """How findings name a file: relative to the folder if it lies inside."""
+        try:
+            return path.relative_to(self.folder).as_posix()
+        except ValueError:
+            return str(path)
+
+    def read(self, path: Path, most: int = MAX_BYTES) -> SourceFile | None:
+        """The file at `path`, of at most `most` bytes, or None after a finding."""
+        name = self.display_name(path)
+        place = SourceLocation(name)
+        try:
+            status = path.stat()
+            if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
+                kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
+                self.diagnostics.error("unreadable", place, f"this is {kind}; a file must stand here")
+                return None
+            if status.st_size > most:
+                self.diagnostics.error("too-large", place, f"this file is larger than {most // 1_000_000} MB")
+                return None
+            data = path.read_bytes()
+        except OSError as error:
+            reason = f"this file cannot be read: {error.strerror or error}"
+            if isinstance(error, FileNotFoundError) and path.is_symlink():
+                reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
+            self.diagnostics.error("unreadable", place, reason)
+            return None
+        text = decode_utf8(name, data, self.diagnostics)
+        if text is None:
+            return None
+        source = SourceFile(name, data, text)
+        if _conflicts(source, self.diagnostics):
+            return None
+        self.sources.append(source)
+        return source
+
+
+def _conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
+    """Whether a merge of git was never resolved in a file: a finding for each place, and nothing else is said of it."""
+    if "<<<<<<<" not in source.text:
+        return False
+    opening: re.Match[str] | None = None
+    middle = found = False
+    for mark in _CONFLICT.finditer(source.text):
+        kind = mark.group()[0]
+        if kind == "<":
+            opening, middle = mark, False
+        elif kind == "=":
+            middle = opening is not None
+        elif opening is not None and middle:
+            found = True
+            line, end = source.location(opening.start()).line, source.location(mark.start()).line
+            diagnostics.error(
+                "merge-conflict",
+                source.location(opening.start()),
+                "a merge of git was not resolved here: this file holds two versions; keep one of them, and delete the "
+                f"lines with the marks (`<<<<<<<` in line {line}, `=======`, and `>>>>>>>` in line {end})",
+            )
+            opening = None
+    return found
+
+
+def decode_utf8(name: str, data: bytes, diagnostics: Diagnostics) -> str | None:
+    """The text of a UTF-8 file, with or without byte order mark; otherwise None and a finding."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")) or data[:4].count(0) >= 2:
+        diagnostics.error("encoding", SourceLocation(name), "this file is UTF-16 or UTF-32; save it as UTF-8")
+        return None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start].decode("utf-8", "replace")  # error.object has no byte order mark
+        place = SourceFile(name, b"", before).location(len(before))
+        diagnostics.error(
+            "encoding",
+            place,
+            f"this file is not UTF-8 (byte 0x{error.object[error.start]:02X}); "
+            "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8",
+        )
+        return None

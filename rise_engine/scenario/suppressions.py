@@ -1,0 +1,210 @@
+"""Warnings that are meant: silenced at their place, with a reason (docs/reference/scenario.md).
+
+    <!-- check: allow ambiguous-else: the outer one is meant -->      directly before the element
+    # check: allow unheard-event: the camera node listens             directly before the line, in TOML
+    [check] allow = [{ code = "unwritable-key", key = "Prénom", reason = "..." }]      for memory.json
+
+Errors cannot be silenced. A silencing that cannot be read, or that silences nothing, is a finding itself.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import Struct
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import SourceFile
+
+_MARK = "check:"
+_ALLOW = re.compile(r"\s*check:\s*allow\b(.*)", re.DOTALL)
+_PARTS = re.compile(r"\s+([\w-]+)\s*(?::(.*))?\Z", re.DOTALL)
+_BLANK = re.compile(r"\s*+")
+_START_TAG = re.compile(r"<[^!?/>\"'\s](?:[^>\"']++|\"[^\"]*+\"|'[^']*+')*+>")
+_TOML_LINE = re.compile(r"[ \t]*#(.*)")
+EXAMPLE = "check: allow ambiguous-else: the outer one is meant"
+
+
+class Suppression(Struct, frozen=True):
+    """One silencing: of warnings with a code, from one place to another in a file."""
+
+    location: SourceLocation
+    """Where it stands."""
+    code: str
+    reason: str
+    file: str
+    start: tuple[int, int] = (1, 1)
+    """Line and column."""
+    end: tuple[int, int] = (1 << 60, 1)
+    """Behind the last place."""
+
+    def covers(self, diagnostic: Diagnostic) -> bool:
+        place = diagnostic.location
+        return (
+            diagnostic.severity == "warning"
+            and (diagnostic.code, place.file) == (self.code, self.file)
+            and self.start <= (place.line, place.column) < self.end
+        )
+
+
+class SuppressedWarning(Struct, frozen=True):
+    """A warning that somebody has silenced, and why."""
+
+    diagnostic: Diagnostic
+    reason: str
+
+
+def apply_suppressions(
+    found: Sequence[Diagnostic], allows: Sequence[Suppression], diagnostics: Diagnostics, *, complete: bool
+) -> tuple[list[Diagnostic], list[SuppressedWarning]]:
+    """What is left of the findings, and what was silenced.
+
+    `complete`: nothing was left unchecked because of errors, so that what silences nothing now is not needed.
+    """
+    silenced: list[SuppressedWarning] = []
+    covered: set[Diagnostic] = set()
+    used: set[int] = set()
+    by_place: dict[tuple[str, str], dict[tuple[int, int], int]] = {}
+    for at, allow in enumerate(allows):
+        by_place.setdefault((allow.file, allow.code), {}).setdefault(allow.start, at)
+    starts = {which: sorted(places) for which, places in by_place.items()}
+    for diagnostic in found:
+        which = (diagnostic.location.file, diagnostic.code)
+        before = bisect_right(starts.get(which, ()), (diagnostic.location.line, diagnostic.location.column))
+        if not before:
+            continue
+        at = by_place[which][starts[which][before - 1]]
+        if allows[at].covers(diagnostic):
+            used.add(at)
+            covered.add(diagnostic)
+            silenced.append(SuppressedWarning(diagnostic, allows[at].reason))
+    for at, allow in enumerate(allows if complete else ()):
+        if at not in used:
+            message = f"this silences nothing: there is no warning `{allow.code}` at what follows; delete it"
+            diagnostics.warning("unused-allow", allow.location, message)
+    return [diagnostic for diagnostic in diagnostics.sorted() if diagnostic not in covered], silenced
+
+
+def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -> list[Suppression]:
+    """The silencings that stand in the comments of XML and TOML files."""
+    found: list[Suppression] = []
+    for source in sources:
+        if _MARK not in source.text:
+            continue
+        if source.name.lower().endswith(".toml"):
+            found += _in_toml_comments(source, diagnostics)
+        elif source.text.lstrip().startswith("<"):
+            found += _in_xml_comments(source, diagnostics)
+    return found
+
+
+def check_warning_code(code: str, place: SourceLocation, diagnostics: Diagnostics) -> bool:
+    """Whether a code is one of a warning; a finding if not."""
+    if code in WARNING_CODES:
+        return True
+    diagnostics.warning(
+        "bad-allow", place, f"there is no warning `{code}` to silence{did_you_mean(code, WARNING_CODES, limit=0)}"
+    )
+    return False
+
+
+def _parse_comment(comment: str, place: SourceLocation, diagnostics: Diagnostics) -> tuple[str, str] | None:
+    """Code and reason of a comment that silences something; None, if need be after a finding."""
+    allow = _ALLOW.match(comment)
+    if allow is None:
+        return None
+    parts = _PARTS.match(allow.group(1))
+    if parts is None:
+        diagnostics.warning("bad-allow", place, f"this silences nothing; write a code and a reason, as in: {EXAMPLE}")
+        return None
+    code, reason = parts.group(1), (parts.group(2) or "").strip()
+    if not check_warning_code(code, place, diagnostics):
+        return None
+    if not reason:
+        diagnostics.warning("bad-allow", place, f"say why: check: allow {code}: REASON")
+        return None
+    return code, " ".join(reason.split())
+
+
+def _in_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
+    text = source.text
+    pending: list[tuple[SourceLocation, str, str]] = []
+    """Read, and their element is still to come: other comments may stand between."""
+    at = 0
+    while (opened := text.find("<!", at)) >= 0:
+        if not text.startswith("<!--", opened):
+            at = text.find("]]>", opened) if text.startswith("<![CDATA[", opened) else opened + 2
+            if at < 0:
+                return
+            continue
+        at = text.find("-->", opened)
+        if at < 0:
+            return
+        parsed = _parse_comment(text[opened + 4 : at], source.location(opened), diagnostics)
+        if parsed is not None:
+            pending.append((source.location(opened), *parsed))
+        blank = _BLANK.match(text, at + 3)
+        at = blank.end() if blank else at + 3
+        if pending and not text.startswith("<!--", at):
+            element = _element_at(text, at)
+            start, end = (source.location(offset) for offset in element or (at, at))
+            for place, code, reason in pending:
+                if element is None:
+                    message = "no element follows here; this stands directly before the element that is meant"
+                    diagnostics.warning("bad-allow", place, message)
+                else:
+                    yield Suppression(
+                        place, code, reason, source.name, (start.line, start.column), (end.line, end.column)
+                    )
+            pending.clear()
+
+
+def _element_at(text: str, start: int) -> tuple[int, int] | None:
+    """From where to where the start tag and the text of an element stand; None when there is none."""
+    tag = _START_TAG.match(text, start)
+    if tag is None:
+        return None
+    end = tag.end()
+    while not tag.group().endswith("/>"):
+        end = text.find("<", end)
+        closing = "-->" if text.startswith("<!--", end) else "]]>" if text.startswith("<![CDATA[", end) else ""
+        if not closing:
+            break
+        end = text.find(closing, end)
+        if end < 0:
+            break
+    return start, end if end >= 0 else len(text)
+
+
+def _in_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
+    pending: list[tuple[SourceLocation, str, str]] = []
+    for number, line in enumerate(source.text.split("\n"), 1):
+        comment = _TOML_LINE.match(line)
+        if comment is not None:
+            place = SourceLocation(source.name, number, line.find("#") + 1)
+            parsed = _parse_comment(comment.group(1), place, diagnostics)
+            if parsed is not None:
+                pending.append((place, *parsed))
+        elif line.strip():
+            for place, code, reason in pending:
+                yield Suppression(place, code, reason, source.name, (number, 1), (number + 1, 1))
+            pending.clear()
+    for place, _, _ in pending:
+        message = "no line follows here; this stands directly before the line that is meant"
+        diagnostics.warning("bad-allow", place, message)
+
+
+def memory_suppressions(
+    allows: Sequence[tuple[SourceLocation, str, str, str]], keys: Mapping[str, SourceLocation]
+) -> Iterator[Suppression]:
+    """The silencings of scenario.toml, for the memory file: place, code, key and reason of each."""
+    for place, code, key, reason in allows:
+        at = keys.get(key)
+        if at is None:
+            yield Suppression(place, code, reason, "")
+        else:
+            yield Suppression(place, code, reason, at.file, (at.line, at.column), (at.line, at.column + 1))

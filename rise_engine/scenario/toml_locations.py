@@ -1,0 +1,296 @@
+"""TOML files with places: tomllib reads the values, one pass over the text tells where each key and value stands."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from datetime import date, time
+from math import isfinite
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.json_codec import is_64_bit
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.typography import find_typographic_closing, typography_problem
+
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_KEY = re.compile(r"""[A-Za-z0-9_-]+|"((?:[^"\\]|\\.)*)"|'([^']*)'""")
+_BARE_VALUE = re.compile(r"[^,\]}\n#]*")
+_AT = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
+
+_TWICE = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORECASE)
+_DOTTED = re.compile(rf"(?:{_KEY.pattern})(?:\s*\.\s*(?:{_KEY.pattern}))*")
+_MOST_MISTAKES = 20
+"""How many lines of a file are left out before it is given up."""
+_MOST_READ = 2_000_000
+"""Characters after which a file with mistakes is not read once more."""
+_LONG_KEY = re.compile(r"""(?<![\w.-])(?:(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""")
+"""A key of more than 64 parts. No author writes one, and the standard library takes quadratic time for it."""
+
+KeyPath = tuple[str, ...]
+
+
+class TomlFile:
+    """The values of a TOML file, and where they stand."""
+
+    def __init__(self, source: SourceFile, values: dict[str, Any]) -> None:
+        self.source = source
+        self.values = values
+        self._places: dict[KeyPath, tuple[int, int]] | None = None
+
+    def key_location(self, *path: str) -> SourceLocation:
+        """Where a key stands; for a key that is not there, its nearest parent."""
+        return self.source.location(self._offsets(path)[0])
+
+    def value_location(self, *path: str) -> SourceLocation:
+        """Where the value of a key stands."""
+        return self.source.location(self._offsets(path)[1])
+
+    def _offsets(self, path: KeyPath) -> tuple[int, int]:
+        if self._places is None:
+            self._places = _Locator(self.source.text).run()
+        while path:
+            if path in self._places:
+                return self._places[path]
+            path = path[:-1]
+        return 0, 0
+
+
+class TomlTable(Struct, frozen=True):
+    """A table of a TOML file with its path, for code that checks it key by key."""
+
+    file: TomlFile
+    path: KeyPath
+    values: dict[str, Any]
+
+    def key_location(self, *keys: str) -> SourceLocation:
+        return self.file.key_location(*self.path, *keys)
+
+    def value_location(self, *keys: str) -> SourceLocation:
+        return self.file.value_location(*self.path, *keys)
+
+
+def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
+    """Read a file. What is not TOML becomes a finding, and the rest is read on without it; None when that fails."""
+    text = source.text
+    if (long := _LONG_KEY.search(text)) is not None:
+        diagnostics.error("toml-syntax", source.location(long.start()), "this key has more than 64 parts")
+        return None
+    for attempt in range(min(_MOST_MISTAKES, 1 + _MOST_READ // (len(text) + 1))):
+        try:
+            values = tomllib.loads(text)
+        except RecursionError:
+            diagnostics.error("toml-syntax", source.location(0), "this is not TOML: values are nested too deeply")
+            return None
+        except ValueError as error:
+            line = _report_syntax_error(str(error), source, text, diagnostics, first=attempt == 0)
+            mended = _blanked_out(text, line)
+            if mended == text:
+                return None
+            text = mended
+        else:
+            file = TomlFile(source if text is source.text else SourceFile(source.name, source.data, text), values)
+            _check_values(file, diagnostics)
+            return file
+    return None
+
+
+def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
+    """Every value as JSON has it, as the record and the consoles are told it: dates and times become texts.
+
+    A finding for each number that JSON does not have.
+    """
+    pending: list[tuple[KeyPath, Any]] = [((), file.values)]
+    while pending:
+        path, holder = pending.pop()
+        for key, value in list(holder.items() if isinstance(holder, dict) else enumerate(holder)):
+            here = (*path, str(key))
+            if isinstance(value, dict | list):
+                pending.append((here, value))
+            elif isinstance(value, date | time):
+                holder[key] = value.isoformat()
+            elif isinstance(value, float) and not isfinite(value):
+                diagnostics.error("wrong-value", file.value_location(*here), f"`{value}` is no number that can be used")
+            elif isinstance(value, int) and not is_64_bit(value):
+                sentence = "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)"
+                diagnostics.error("wrong-value", file.value_location(*here), sentence)
+
+
+def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostics: Diagnostics, *, first: bool) -> int:
+    """A finding for what tomllib says; gives the number of the line. What follows from the first is left out."""
+    at = _AT.search(message)
+    end = len(text.rstrip())
+    if at is None or at.group(1) is None:
+        offset = 0 if at is None else end
+    else:
+        offset = source.offset(int(at.group(1)), int(at.group(2)))
+    sentence = _AT.sub("", message).strip().rstrip(".")
+    if _TWICE.search(sentence) is not None:
+        line = source.location(offset).line
+        at_line = source.line(line)
+        name, before = _duplicate_key(source, line)
+        place = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
+        known = f"; it stands in line {before} already" if before else f" ({sentence})"
+        diagnostics.error("duplicate-key", place, f"`{name}` is given twice{known}")
+        return line
+    if first:
+        at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # a text is not closed
+        opening = _unclosed_quote(source.text, offset) if at_end else -1
+        closing = find_typographic_closing(source.text, opening) if opening >= 0 else -1
+        offset = closing if closing >= 0 else offset
+        known = typography_problem(source.text, offset)
+        diagnostics.error("toml-syntax", source.location(offset), known or f"this is not TOML: {sentence}")
+    return source.location(offset).line
+
+
+def _unclosed_quote(text: str, offset: int) -> int:
+    """Where the text begins that is not closed before `offset`, the end of its line; -1 when there is none."""
+    line = text.rfind("\n", 0, offset) + 1
+    quotes = [at for at in range(line, min(offset, len(text))) if text[at] in "\"'"]
+    return quotes[-1] if quotes else -1
+
+
+def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
+    """What a line gives a second time, as it is written, and the line that gives it first (0: not found)."""
+    lines = [each.strip() for each in source.text.split("\n")]
+    here = lines[line - 1]
+    if here.startswith("["):
+        name = here.partition("]")[0].strip("[ \t")
+        return name, next((n for n, each in enumerate(lines[: line - 1], 1) if each.startswith(f"[{name}]")), 0)
+    found = _DOTTED.match(here)
+    name = found.group().strip() if found else here
+    for number in range(line - 1, 0, -1):
+        each = lines[number - 1]
+        if each.startswith("["):
+            break
+        same = _DOTTED.match(each)
+        if same is not None and same.group().strip() == name:
+            return name, number
+    return name, 0
+
+
+def _blanked_out(text: str, line: int) -> str:
+    """The text with a line blanked out; with a table's header, all that belongs to the table."""
+    lines = text.split("\n")
+    last = line
+    if lines[line - 1].lstrip().startswith("["):
+        while last < len(lines) and not lines[last].lstrip().startswith("["):
+            last += 1
+    lines[line - 1 : last] = [" " * len(each) for each in lines[line - 1 : last]]
+    return "\n".join(lines)
+
+
+class _Locator:
+    """Walks over a text that is known to be valid TOML."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.found: dict[KeyPath, tuple[int, int]] = {}
+
+    def run(self) -> dict[KeyPath, tuple[int, int]]:
+        table: KeyPath = ()
+        at = self.blank(0)
+        while at < len(self.text):
+            if self.text.startswith("[", at):
+                opening = at
+                while self.text.startswith("[", at):
+                    at += 1
+                at, table = self.key(self.space(at), (), opening)
+                at = self.space(at)
+                while self.text.startswith("]", at):
+                    at += 1
+            else:
+                at = self.pair(at, table)
+            following = self.blank(at)
+            if following == at and at < len(self.text):  # cannot happen in valid TOML; never loop
+                following = at + 1
+            at = following
+        return self.found
+
+    def blank(self, at: int) -> int:
+        found = _BLANK.match(self.text, at)
+        return found.end() if found else at
+
+    def space(self, at: int) -> int:
+        found = _SPACE.match(self.text, at)
+        return found.end() if found else at
+
+    def key(self, at: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
+        """A dotted key: each part is noted. Returns the offset behind it and the whole path."""
+        while (part := _KEY.match(self.text, at)) is not None:
+            path = (*path, _key_text(part))
+            self.found.setdefault(path, (at, value_at if value_at >= 0 else at))
+            at = self.space(part.end())
+            if not self.text.startswith(".", at):
+                break
+            at = self.space(at + 1)
+        return at, path
+
+    def pair(self, at: int, table: KeyPath) -> int:
+        behind, path = self.key(at, table, -1)
+        if not self.text.startswith("=", behind):
+            return behind
+        value_at = self.space(behind + 1)
+        if path in self.found:
+            self.found[path] = (self.found[path][0], value_at)
+        return self.value(value_at, path)
+
+    def value(self, at: int, path: KeyPath) -> int:
+        text = self.text
+        for quote in ('"""', "'''"):
+            if text.startswith(quote, at):
+                return self.long_string(at, quote)
+        character = text[at : at + 1]
+        if character in ('"', "'"):
+            string = _KEY.match(text, at)
+            return string.end() if string else at + 1
+        if character == "[":
+            at = self.blank(at + 1)
+            index = 0
+            while at < len(text) and not text.startswith("]", at):
+                self.found[(*path, str(index))] = (at, at)
+                at = self.blank(self.value(at, (*path, str(index))))
+                at = self.blank(at + 1) if text.startswith(",", at) else at
+                index += 1
+            return at + 1
+        if character == "{":
+            at = self.blank(at + 1)
+            while at < len(text) and not text.startswith("}", at):
+                before = at
+                at = self.blank(self.pair(at, path))
+                at = self.blank(at + 1) if text.startswith(",", at) else at
+                at = max(at, before + 1)
+            return at + 1
+        bare = _BARE_VALUE.match(text, at)
+        return max(bare.end() if bare else at, at + 1)
+
+    def long_string(self, at: int, quote: str) -> int:
+        end = at + 3
+        while end < len(self.text):
+            if quote == '"""' and self.text[end] == "\\":
+                end += 2
+            elif self.text.startswith(quote, end):
+                end += 3
+                while end < len(self.text) and self.text[end] == quote[0]:  # up to two more belong to the text
+                    end += 1
+                return end
+            else:
+                end += 1
+        return end
+
+
+def _key_text(part: re.Match[str]) -> str:
+    if part.group(2) is not None:
+        return part.group(2)
+    if part.group(1) is not None:
+        if "\\" not in part.group(1):
+            return part.group(1)
+        try:
+            return next(iter(tomllib.loads(f'"{part.group(1)}" = 0')))
+        except tomllib.TOMLDecodeError:
+            return part.group(1)
+    return part.group()

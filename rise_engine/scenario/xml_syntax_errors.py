@@ -1,0 +1,70 @@
+"""What libxml2 says about a file that is not well-formed, as a sentence with the place where the author must look."""
+
+from __future__ import annotations
+
+import re
+
+from lxml import etree
+
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.xml_repair import RepairedText
+
+_POSITION = re.compile(r", line \d+, column \d+.*\Z", re.DOTALL)
+_MISMATCH = re.compile(r"tag mismatch: (\S+) line (\d+) and (\S+)")
+_UNFINISHED = re.compile(r"in tag (\S+) line (\d+)")
+_REDEFINED = re.compile(r"Attribute (\S+) redefined")
+
+
+def report_syntax_error(error: etree.XMLSyntaxError, mended: RepairedText, diagnostics: Diagnostics) -> None:
+    """Turn the first error of the parser into a finding."""
+    message = _POSITION.sub("", error.msg or "")  # error.error_log holds those of all files so far
+    text = mended.text
+    line, column = error.position
+    offset = _offset(text, line or 1, column or 1)
+    code = "not-well-formed"
+    if not text.strip():
+        offset, sentence = 0, "this file is empty"
+    elif (found := _MISMATCH.search(message)) is not None:
+        opened, opened_at, closed = found.groups()
+        offset = max(text.rfind("</", 0, offset + 1), 0)
+        sentence = f"`</{closed}>` does not close `<{opened}>` of line {opened_at}; tags close in reverse order"
+    elif (found := _UNFINISHED.search(message)) is not None:
+        sentence = f"`<{found.group(1)}>` of line {found.group(2)} is never closed; add `</{found.group(1)}>`"
+    elif (found := _REDEFINED.search(message)) is not None:
+        name = found.group(1)
+        before = [match.start() for match in re.finditer(rf"{re.escape(name)}\s*=", text[:offset])]
+        offset = before[-1] if before else offset
+        sentence = f"the attribute `{name}` is given twice"
+    elif "Extra content" in message:
+        sentence = "the file goes on after its outermost element; several acts or rules need one wrapper around them"
+    elif "depth" in message:
+        code, sentence = "too-deep", "elements are nested too deeply"
+    elif "Start tag expected" in message:
+        sentence = "an XML file begins with `<`"
+    elif "AttValue" in message:
+        sentence = "the value of an attribute stands in quotation marks, closed before the tag ends"
+    elif "attributes construct error" in message:
+        sentence = 'attributes are written name="value" and separated by a blank'
+    elif "Specification mandates value" in message:
+        sentence = 'this attribute has no value; write name="value"'
+    elif "Comment not terminated" in message:
+        offset = max(text.rfind("<!--", 0, offset + 4), 0)
+        sentence = "this comment is never closed; write `-->` at its end"
+    elif "Double hyphen" in message:
+        sentence = "a comment cannot have `--` inside it; only `-->` ends it"
+    else:
+        sentence = f"this is not well-formed XML: {' '.join(message.split())}"
+    diagnostics.error(code, mended.source.location(mended.original_offset(offset)), sentence)
+
+
+def _offset(text: str, line: int, column: int) -> int:
+    """libxml2 counts bytes in a line, from 1, and stands behind what it complains about."""
+    start = 0
+    for _ in range(line - 1):
+        end = text.find("\n", start)
+        if end < 0:
+            break
+        start = end + 1
+    end = text.find("\n", start)
+    content = text[start : end if end >= 0 else len(text)]
+    return start + len(content.encode()[: max(column - 1, 0)].decode("utf-8", "replace"))

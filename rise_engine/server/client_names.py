@@ -1,0 +1,66 @@
+"""Names of those who attach: what can be one, and which two a reader of the record could not tell apart. Pure.
+
+The record says who did what by name alone, so a name that looks like another one's would put words into their mouth.
+After Unicode's UTS 39: a name mixes no scripts whose letters look alike, and two names differ in their skeleton, in
+which every letter is replaced by the Latin one that it looks like.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+
+MAX_CHARACTERS = 64
+LOOKALIKE_SCRIPTS = ("LATIN", "CYRILLIC", "GREEK", "ARMENIAN", "CHEROKEE", "COPTIC")
+"""Scripts with letters that look like those of another one of them."""
+
+_INVISIBLE = frozenset("\u115f\u1160\u2800\u3164\uffa0\u034f\u17b4\u17b5")
+"""Characters that count as letters or signs and show nothing."""
+
+_LATIN_LOOKALIKES = {
+    # Cyrillic
+    **dict(zip("авгеӏһіјкмнопрстухѕԁԛԝѵѡԍ", "abrelhijkmhonpctyxsdqwvwg", strict=True)),
+    **dict(zip("АВЕНІЈКМОРСТУХЅԌԚԜѴ", "ABEHlJKMOPCTYXSGQWV", strict=True)),
+    # Greek
+    **dict(zip("αγεικνορτυχωϲϳ", "ayeikvoptuxwcj", strict=True)),
+    **dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧϹ", "ABEZHlKMNOPTYXC", strict=True)),
+    # Armenian, Latin beyond ASCII, and what looks alike within ASCII
+    **dict(zip("օսոհցզյ", "ounhgqj", strict=True)),
+    **dict(zip("ıɑɡɩʟ", "iagil", strict=True)),
+    **dict(zip("I1|0", "lllO", strict=True)),
+}
+"""The Latin letter that a letter looks like."""
+
+
+def name_problem(name: str) -> str:
+    """Why this cannot be anybody's name, or empty."""
+    if not name.strip():
+        return "say who you are: the name is empty"
+    if len(name) > MAX_CHARACTERS:
+        return f"the name is longer than {MAX_CHARACTERS} characters"
+    blank = any(character in _INVISIBLE for character in unicodedata.normalize("NFKC", name))
+    if name != name.strip() or not name.isprintable() or "#" in name or blank:
+        return f"{name!r} cannot be a name: it has blanks at an end, a `#`, or characters that cannot be shown"
+    for word in name.split():
+        scripts = _scripts(word)
+        if len(scripts) > 1:
+            mixed = " and ".join(script.capitalize() for script in sorted(scripts))
+            return f"{name!r} cannot be a name: it mixes {mixed} letters that look alike; write it in one script"
+    return ""
+
+
+def find_lookalike(name: str, others: list[str]) -> str:
+    """The one of the other names with which this one could be confused, and is not; or empty."""
+    own = skeleton(name)
+    return next((other for other in others if other != name and skeleton(other) == own), "")
+
+
+def skeleton(name: str) -> str:
+    """What a reader sees: names with one skeleton look the same."""
+    seen = unicodedata.normalize("NFKD", name)
+    return "".join(_LATIN_LOOKALIKES.get(character, character) for character in seen if character not in _INVISIBLE)
+
+
+def _scripts(word: str) -> set[str]:
+    """The scripts of a word's letters, among those that look alike."""
+    found = {unicodedata.name(letter, "").partition(" ")[0] for letter in word if letter.isalpha()}
+    return found & set(LOOKALIKE_SCRIPTS)

@@ -1,0 +1,155 @@
+"""Starting an engine in the background: a process that belongs to no terminal, and its word whether it serves."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from select import select
+from typing import TypeAlias
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine import exit_status
+from rise_engine.protocol.registry import RegistryError, runtime_folder
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.text import escape_all_surrogates, restore_all_surrogates
+
+SILENCE_SECONDS = 30.0
+"""Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
+
+
+class EngineStarted(Struct, frozen=True):
+    """An engine serves."""
+
+    name: str
+    """Of the session, for `SocketClient`."""
+    folder: str
+    """The session's folder."""
+    lines: list[str] = []
+    """What there is to say about a recovery."""
+    recovered: bool = False
+    """Whether a session that did not end goes on."""
+
+
+class EngineRefused(Struct, frozen=True):
+    """Nothing was started."""
+
+    code: int
+    lines: list[str]
+    unfinished: list[tuple[str, str]] = []
+    """Sessions that could be recovered: folder, and a sentence about it."""
+    others: list[tuple[str, str]] = []
+    """Those that did not end either and are of other participants or conditions than the one that was named."""
+    socket: str = ""
+    """Where the session is reached that runs already, if it is not reached by its name."""
+
+
+class StartupProgress(Struct, tag="progress"):
+    """What an engine's process says to whoever started it while that takes long."""
+
+    sentence: str
+
+
+class StartupReport(Struct, tag="report"):
+    """What it says at last: that it serves, or why not."""
+
+    code: int
+    """The exit status; 0: it serves."""
+    name: str = ""
+    folder: str = ""
+    lines: list[str] = []
+    unfinished: list[tuple[str, str]] = []
+    others: list[tuple[str, str]] = []
+    recovered: bool = False
+    socket: str = ""
+    """Of a refusal because the session runs: where it is reached."""
+
+
+StartOutcome: TypeAlias = EngineStarted | EngineRefused
+
+
+class EngineProcess:
+    """An engine that is coming up; something else can be done meanwhile."""
+
+    def __init__(self, options: SessionOptions) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._problem = ""
+        self._report_pipe, ready = os.pipe()
+        try:
+            self._log = runtime_folder() / "engine.log"
+            log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+            self._logged = os.fstat(log).st_size
+        except (OSError, RegistryError) as error:
+            self._problem = str(error)
+            os.close(ready)
+            return
+        order = msgspec.json.encode(escape_all_surrogates(msgspec.to_builtins(options))).decode()
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "rise_engine.server.process_main", order, str(ready)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=(ready,),
+                start_new_session=True,
+                close_fds=True,
+            )
+        except OSError as error:
+            self._problem = f"the engine's process cannot be started: {error.strerror or error}"
+        finally:
+            os.close(ready)
+            os.close(log)
+
+    def wait(self, tell: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
+        """Wait (blocking) for the engine's word, as long as it works; `tell` gets what it says meanwhile."""
+        word = None if self._problem else self._read_report(tell)
+        os.close(self._report_pipe)
+        if word is None:
+            return self._report_from_log()
+        if word.code == exit_status.OK:
+            if self._process is not None:
+                self._process.returncode = 0  # it is nobody's child: no warning that it still runs
+            return EngineStarted(word.name, word.folder, word.lines, word.recovered)
+        if self._process is not None:
+            self._process.wait()
+        return EngineRefused(word.code, word.lines, word.unfinished, word.others, word.socket)
+
+    def _read_report(self, tell: Callable[[str], object]) -> StartupReport | None:
+        """None when it has gone, or says nothing any more."""
+        text = b""
+        while True:
+            if not select([self._report_pipe], [], [], SILENCE_SECONDS)[0]:
+                self._problem = f"the engine said nothing within {SILENCE_SECONDS:g} s"
+                return None
+            chunk = os.read(self._report_pipe, 65_536)
+            if not chunk:
+                return None
+            *lines, text = (text + chunk).split(b"\n")
+            for line in lines:
+                said = msgspec.convert(
+                    restore_all_surrogates(msgspec.json.decode(line)), StartupProgress | StartupReport
+                )
+                if isinstance(said, StartupReport):
+                    return said
+                tell(said.sentence)
+
+    def _report_from_log(self) -> EngineRefused:
+        """What it left in its log instead."""
+        if self._process is None:
+            return EngineRefused(exit_status.FAILED, [self._problem])
+        if self._problem:
+            self._process.kill()
+        code = self._process.wait()
+        with self._log.open("rb") as log:
+            log.seek(self._logged)
+            said = log.read().decode("utf-8", "replace").splitlines()
+        ended = f"the engine ended before it served (its log is {self._log})"
+        return EngineRefused(code if code > 0 else exit_status.FAILED, [self._problem or ended, *said[-20:]])
+
+
+def start_engine(options: SessionOptions, tell: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
+    """Start an engine and wait (blocking) until it serves or refuses; `tell` gets what it says meanwhile."""
+    return EngineProcess(options).wait(tell)

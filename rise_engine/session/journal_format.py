@@ -1,0 +1,116 @@
+"""The lines of a journal: a header, then for each step the input and its records, each line with a check sum.
+
+    {"journal":1,"program":"rise-tui 0.2.0","crc":"0f3a..."}
+    {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
+    {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
+
+Records are those of every other output (semantics.md 11). Inputs are what replay feeds to a fresh kernel. `crc` is
+the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexadecimal digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypeAlias
+from zlib import crc32
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.errors import RiseError
+from rise_engine.json_codec import encode
+from rise_engine.kernel.inputs import AnyInput
+from rise_engine.kernel.records import AnyRecord
+
+FORMAT = 1
+"""Goes up when older programs could not read what is written."""
+
+
+class JournalHeader(Struct, frozen=True):
+    """The first line."""
+
+    journal: int
+    """The format."""
+    program: str = ""
+
+
+class InputLine(Struct, frozen=True):
+    """An input, numbered 1, 2, 3, ... without gaps."""
+
+    n: int
+    input: AnyInput
+
+
+class _Number(Struct):
+    n: int
+
+
+_read_input = msgspec.json.Decoder(AnyInput).decode
+_read_record = msgspec.json.Decoder(AnyRecord).decode
+
+JournalLine: TypeAlias = JournalHeader | InputLine | AnyRecord
+
+
+class LineError(RiseError):
+    """A line is not what was written; the text says what is wrong with it."""
+
+
+class NewerFormatError(LineError):
+    """A newer program wrote this."""
+
+
+def encode_header(program: str) -> bytes:
+    """The first line, with its line end. `program`: name and version of who writes the journal."""
+    return with_checksum(msgspec.json.encode(JournalHeader(FORMAT, program)))
+
+
+def encode_input(number: int, fact: AnyInput) -> bytes:
+    """The line of input `number`, with its line end.
+
+    Raises UnicodeEncodeError when a text in it holds half characters, which no file can.
+    """
+    return with_checksum(b'{"n":%d,' % number + msgspec.json.encode(fact)[1:])
+
+
+def encode_record(record: AnyRecord) -> bytes:
+    """A record as JSON without a line end, the same bytes in the journal, on the socket, on ROS and in exports.
+
+    Half characters, which no output can hold, are written as `\\udcff`.
+    """
+    return encode(record)
+
+
+def with_checksum(encoded: bytes) -> bytes:
+    """The line, with its line end, for a JSON object such as `record_bytes` gives."""
+    body = encoded[:-1]
+    return b'%b,"crc":"%08x"}\n' % (body, crc32(body))
+
+
+def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
+    """All lines of a step: its `input_line`, then those of its encoded records."""
+    return b"".join((line, *map(with_checksum, encoded)))
+
+
+def read_line(data: bytes) -> JournalLine:
+    """What a line (without its line end) holds. Raises LineError, FutureFormat."""
+    body, mark, rest = data.rpartition(b',"crc":"')
+    if not mark or len(rest) != 10 or rest[8:] != b'"}':
+        raise LineError("it has no check sum at its end")
+    if b"%08x" % crc32(body) != rest[:8]:
+        raise LineError("its check sum does not fit: something in it was changed or damaged")
+    text = body + b"}"
+    try:
+        if text.startswith(b'{"kind"'):
+            record: AnyRecord = _read_record(text)
+            return record
+        if text.startswith(b'{"n"'):
+            return InputLine(msgspec.json.decode(text, type=_Number).n, _read_input(text))
+        header = msgspec.json.decode(text, type=JournalHeader)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise NewerFormatError(f"it holds something that this version does not know ({error})") from None
+    if header.journal > FORMAT:
+        raise NewerFormatError(
+            f"it was written by a newer version ({header.program or 'unknown'}, format {header.journal}; "
+            f"this one reads up to format {FORMAT})"
+        )
+    return header

@@ -1,0 +1,256 @@
+"""Reading a journal: its inputs and records, what is torn off its end, and what is damaged or missing in between.
+
+Every whole line has a check sum and a number of its own kind (`n` of inputs, `seq` of records), so a line that was
+changed, lost, doubled or moved is noticed. Nothing is repaired here (`recovery` does that).
+
+A session of three hours has a million lines, so they are never all in memory: `read_journal` goes through the file once
+and says what is there and whether it can be believed, and whoever wants the lines goes through it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import takewhile
+from os import SEEK_END
+from pathlib import Path
+from time import monotonic
+from typing import IO, Literal
+
+from msgspec import Struct, field
+
+from rise_engine.kernel.inputs import SessionEnded
+from rise_engine.kernel.records import AnyRecord, SessionRecord
+from rise_engine.session.errors import SessionError
+from rise_engine.session.journal_format import (
+    InputLine,
+    JournalHeader,
+    JournalLine,
+    LineError,
+    NewerFormatError,
+    read_line,
+)
+
+ProgressCallback = Callable[[str], object]
+"""Gets a sentence about how far something has come, about twice a second."""
+
+_PROGRESS_LINES = 1_000
+"""Lines between two looks at the clock."""
+PROGRESS_SECONDS = 0.5
+"""Between two sentences."""
+
+
+class ReadingProgress:
+    """How far a long reading has come, for somebody who waits."""
+
+    def __init__(self, tell: ProgressCallback | None = None) -> None:
+        self._on_progress = tell
+        self._next = monotonic() + PROGRESS_SECONDS
+
+    def report(self, sentence: Callable[[], str]) -> None:
+        """Call it now and then; `sentence` is only made when it is time for one."""
+        if self._on_progress is not None and monotonic() > self._next:
+            self._on_progress(sentence())
+            self._next = monotonic() + PROGRESS_SECONDS
+
+
+class NumberGap(Struct, frozen=True):
+    """Numbers that are not there although later ones are."""
+
+    what: Literal["input", "record"]
+    first: int
+    last: int
+    before: int
+    """The line that has the next number."""
+    damaged: tuple[int, ...]
+    """Unreadable lines where it was; none when lines were taken out."""
+
+    def __str__(self) -> str:
+        """As a sentence without its end: `line 17 is damaged, and it was input 6`."""
+        numbers = f"{self.what} {self.first}"
+        if self.last > self.first:
+            numbers = f"{self.what}s {self.first} to {self.last}"
+        match self.damaged:
+            case ():
+                return f"before line {self.before} {numbers} {'is' if self.first == self.last else 'are'} missing"
+            case (line,):
+                return f"line {line} is damaged, and it was {numbers}"
+            case lines:
+                return f"lines {lines[0]} to {lines[-1]} are damaged, and {numbers} stood there"
+
+
+class JournalContents(Struct):
+    """What is in a journal and how far it can be read; the lines themselves are in the file."""
+
+    path: Path
+    header: JournalHeader | None = None
+    """None: the first line is damaged, but later ones are not."""
+    inputs: int = 0
+    """Readable ones."""
+    records: int = 0
+    """Readable ones."""
+    last_input: int = 0
+    """The highest number of an input; `inputs` when none is missing."""
+    last_seq: int = 0
+    """The highest number of a record."""
+    size: int = 0
+    """Bytes up to the end of the last valid line."""
+    torn: bytes = b""
+    """What comes after that: an incomplete line, or damaged ones without anything valid after them."""
+    damaged: dict[int, str] = field(default_factory=dict)
+    """Unreadable lines that have valid ones after them: what is wrong with each, by line number."""
+    gaps: list[NumberGap] = field(default_factory=list)
+    """Missing inputs and records, in the order of the file. None for those that were torn off the end."""
+    last_record: AnyRecord | None = None
+    input_t: float = 0.0
+    """Session time of the last input."""
+    ended: bool = False
+    """Whether the session came to its end in order."""
+
+    @property
+    def seconds(self) -> float:
+        """Session time of the last thing that is known."""
+        return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)
+
+    @property
+    def lost_inputs(self) -> list[NumberGap]:
+        return [gap for gap in self.gaps if gap.what == "input"]
+
+    def read_records(self) -> Iterator[AnyRecord]:
+        """Every record that can be read, in the order of the file. Raises SessionError when it cannot be read now."""
+        return (found for _, _, found in self.lines() if not isinstance(found, JournalHeader | InputLine))
+
+    def lines(self) -> Iterator[tuple[int, bytes, JournalLine]]:
+        """Every readable line: its number, the line without its end, and what it holds. Raises as `read_records`."""
+        reading = _JournalPass(self.path)
+        try:
+            with _open_journal(self.path) as file:
+                yield from reading.lines(file, self.size)
+        except OSError as error:
+            raise SessionError(f"{self.path} cannot be read: {error.strerror or error}") from None
+
+
+def read_journal(path: Path, tell: ProgressCallback | None = None) -> JournalContents:
+    """Go through the journal in the file `path` once: what is in it, and how far it can be believed.
+
+    `tell` gets a sentence about how far it has come, about twice a second, when that takes long. Returns counts, what
+    is damaged, missing or torn, and the means to go through the lines again; the lines themselves stay in the file.
+    Nothing in the file is changed, so it may belong to a session that runs. Raises SessionError when there is no
+    journal, when it cannot be read, when nothing in it is one, and when a newer version has written it.
+
+        >>> from tempfile import TemporaryDirectory
+        >>> from rise_engine.kernel.inputs import Note
+        >>> from rise_engine.kernel.records import NoteRecord
+        >>> from rise_engine.session.journal_format import header_line, input_line, record_bytes, with_checksum
+        >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+        >>> lines = header_line("example 1") + input_line(1, Note(t=2.5, text="hello"))
+        >>> with TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "journal.jsonl"
+        ...     _ = path.write_bytes(lines + with_checksum(record_bytes(record)) + b'{"kind":"no')
+        ...     contents = read_journal(path)
+        ...     [each.text for each in contents.read_records()]
+        ['hello']
+        >>> contents.inputs, contents.records, contents.seconds, contents.ended, contents.torn
+        (1, 1, 2.5, False, b'{"kind":"no')
+    """
+    progress = ReadingProgress(tell)
+    contents = JournalContents(path)
+    reading = _JournalPass(path)
+    offset = 0
+    try:
+        with _open_journal(path) as file:
+            whole = file.seek(0, SEEK_END)
+            if not whole:
+                raise SessionError(f"{path} is empty: nothing was ever recorded")
+            file.seek(0)
+            for number, _, found in reading.lines(file, whole):
+                if isinstance(found, JournalHeader):
+                    contents.header = found
+                elif isinstance(found, InputLine):
+                    contents.inputs += 1
+                    contents.input_t = found.input.t
+                    contents.ended = isinstance(found.input, SessionEnded)
+                else:
+                    contents.records += 1
+                    contents.last_record = found
+                if number % _PROGRESS_LINES == 0:
+                    offset = reading.offset
+                    progress.report(lambda: f"reading the record: {offset / 1e6:,.0f} of {whole / 1e6:,.0f} MB")  # noqa: B023
+            file.seek(reading.size)
+            contents.torn = file.read(whole - reading.size)
+    except OSError as error:
+        raise SessionError(f"{path} cannot be read: {error.strerror or error}") from None
+    if reading.size == 0:
+        reason = (
+            "its first line is no header of a journal" if b"\n" in contents.torn else "not even its first line is whole"
+        )
+        raise SessionError(f"{path} holds nothing that can be read: {reason}")
+    last = contents.last_record
+    contents.ended = contents.ended or (isinstance(last, SessionRecord) and last.status == "ended")
+    contents.last_input, contents.last_seq, contents.size = reading.n, reading.seq, reading.size
+    contents.damaged, contents.gaps = reading.damaged, reading.gaps
+    if contents.header is None and 1 not in contents.damaged:
+        contents.damaged = {1: "it is no header of a journal", **contents.damaged}
+    return contents
+
+
+def _open_journal(path: Path) -> IO[bytes]:
+    """Raises SessionError when there is none, OSError."""
+    try:
+        return path.open("rb")
+    except FileNotFoundError:
+        raise SessionError(f"there is no journal {path}: nothing was ever recorded, or somebody moved it") from None
+
+
+class _JournalPass:
+    """One way through a journal, from its beginning, line by line."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.n = self.seq = 0
+        """The numbers of the last input and the last record."""
+        self.offset = self.size = 0
+        """Bytes up to the end of the last line, and of the last valid one."""
+        self.damaged: dict[int, str] = {}
+        self.gaps: list[NumberGap] = []
+
+    def lines(self, file: IO[bytes], until: int) -> Iterator[tuple[int, bytes, JournalLine]]:
+        """The valid lines: their numbers, the lines without their ends, and what they hold."""
+        suspect: dict[int, str] = {}
+        """Unreadable lines with nothing valid after them so far."""
+        n_line = seq_line = 0
+        for number, line in enumerate(file, 1):
+            if not line.endswith(b"\n") or self.offset + len(line) > until:
+                break  # the beginning of a line
+            self.offset += len(line)
+            line = line[:-1]
+            try:
+                found = read_line(line)
+            except NewerFormatError as error:
+                raise SessionError(f"{self._path}:{number}: {error}: install that version") from None
+            except LineError as error:
+                suspect[number] = str(error)
+                continue
+            if isinstance(found, JournalHeader):
+                if number > 1:
+                    suspect[number] = "it is a second header"
+                    continue
+            elif (found.n <= self.n) if isinstance(found, InputLine) else (found.seq <= self.seq):
+                suspect[number] = "its number was there before: it stands here a second time, or in the wrong place"
+                continue
+            if suspect:
+                self.damaged.update(suspect)
+                suspect.clear()
+            self.size = self.offset
+            if isinstance(found, InputLine):
+                if found.n != self.n + 1:
+                    self._gap("input", self.n + 1, found.n - 1, n_line, number)
+                self.n, n_line = found.n, number
+            elif not isinstance(found, JournalHeader):
+                if found.seq != self.seq + 1:
+                    self._gap("record", self.seq + 1, found.seq - 1, seq_line, number)
+                self.seq, seq_line = found.seq, number
+            yield number, line, found
+
+    def _gap(self, what: Literal["input", "record"], first: int, last: int, since: int, number: int) -> None:
+        damaged = takewhile(lambda line: line > since, reversed(self.damaged))
+        self.gaps.append(NumberGap(what, first, last, number, tuple(damaged)[::-1]))

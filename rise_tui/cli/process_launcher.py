@@ -1,0 +1,57 @@
+"""Sessions whose engine is a process of its own: how consoles start them and attach to them."""
+
+from __future__ import annotations
+
+from time import monotonic, sleep
+
+from msgspec.structs import replace
+
+from rise_engine.client.socket import SocketClient
+from rise_engine.exit_status import ALREADY_RUNNING
+from rise_engine.protocol.client import AttachReply, Client, EngineGone, Role
+from rise_engine.protocol.registry import running_names, session_name
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario.model import Scenario
+from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
+from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
+from rise_tui.config.settings import engine_options, scenario_path
+
+ENGINE_EXIT_SECONDS = 10.0
+"""Seconds that an engine which has just ended may take to put its record away and let go of its name."""
+
+
+def process_launcher(who: str, role: Role) -> Launcher:
+    """For the next session, after the running one has ended; and for this one, after its engine has gone."""
+
+    def start(scenario: Scenario, settings: SessionOptions) -> Client:
+        until = monotonic() + ENGINE_EXIT_SECONDS
+        while True:
+            found = start_engine(replace(engine_options(settings, settings.seed, "ask"), wizard=who))
+            if not isinstance(found, EngineRefused):
+                return SocketClient(found.name, who, role, scenario=scenario, resync=True)
+            if found.code != ALREADY_RUNNING or monotonic() > until:
+                break
+            sleep(0.1)
+        if found.unfinished or found.others:
+            raise EngineGone(
+                "an earlier session of that scenario did not end; "
+                f"to recover it or begin a new one: rise-tui --config {scenario_path(settings)}"
+            )
+        raise EngineGone("; ".join(found.lines))
+
+    def recover(hello: AttachReply, tell: ReportProgress) -> RecoveredClient:
+        folder = hello.scenario.folder
+        name = session_name(folder)
+        wanted = SessionOptions(folder, unfinished=hello.folder)
+        found = start_engine(wanted, tell) if role == "wizard" else None
+        if isinstance(found, EngineStarted):
+            return RecoveredClient(SocketClient(found.name, who, role, resync=True), startup_notice(found))
+        if found is not None and found.code != ALREADY_RUNNING:
+            raise EngineGone("; ".join(found.lines))
+        if found is not None and found.socket:
+            return RecoveredClient(SocketClient(found.socket, who, role, resync=True))
+        if name not in running_names():
+            raise EngineGone("nobody has recovered it yet")
+        return RecoveredClient(SocketClient(name, who, role, resync=True))  # somebody else has
+
+    return Launcher(start=start, recover=recover)

@@ -1,0 +1,89 @@
+"""How the console is shown on this terminal: colours, mouse, frames. Pure but for `prepare_textual`; knows no Textual.
+
+Textual reads what is decided here from the environment, when it is imported.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, MutableMapping
+from typing import Literal, NamedTuple, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+ColorSystem: TypeAlias = Literal["truecolor", "256", "16", "mono"]
+
+MOST_FRAMES = 60
+USUAL_FRAMES = 15
+"""Frames a second: as many as a screen needs that nobody films, and a key is shown at once all the same."""
+
+_RICH_NAMES: dict[ColorSystem, str] = {"truecolor": "truecolor", "256": "256", "16": "standard", "mono": "standard"}
+_COLORLESS_TERMINALS = ("dumb", "vt52", "vt100", "vt102", "vt220", "vt320", "unknown")
+
+
+class DisplayOptions(Struct, frozen=True):
+    """What the command line says about it."""
+
+    theme: str = ""
+    """Empty: the one that was used last."""
+    colors: str = "auto"
+    mouse: bool = True
+    fps: int = USUAL_FRAMES
+
+
+class DetectedColors(NamedTuple):
+    """What colours are used, and why."""
+
+    system: ColorSystem
+    why: str
+
+
+def detect_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DetectedColors:
+    """What this terminal can show; what the command line says comes first, then NO_COLOR, then what it says of itself.
+
+    A terminal that says nothing gets sixteen colours: those work on every one that has any.
+    """
+    if display.colors in _RICH_NAMES:
+        return DetectedColors(display.colors, f"--colors {display.colors}")
+    if display.theme == "mono":
+        return DetectedColors("mono", "--theme mono")
+    if environment.get("NO_COLOR") and not display.theme:
+        return DetectedColors("mono", "NO_COLOR is set")
+    terminal = environment.get("TERM", "").strip().lower()
+    direct = environment.get("COLORTERM", "").strip().lower()
+    if terminal in _COLORLESS_TERMINALS:
+        return DetectedColors("mono", f"TERM={terminal}")
+    if direct in ("truecolor", "24bit"):
+        return DetectedColors("truecolor", f"COLORTERM={direct}")
+    if terminal.endswith("-direct"):
+        return DetectedColors("truecolor", f"TERM={terminal}")
+    if "256color" in terminal or terminal in ("xterm-kitty", "alacritty", "foot", "xterm-ghostty", "wezterm"):
+        return DetectedColors("256", f"TERM={terminal}, and COLORTERM does not say truecolor")
+    return DetectedColors("16", f"TERM={terminal or '(not set)'} does not say that there are more")
+
+
+def with_detected_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DisplayOptions:
+    """With `auto` found out, once and for all: `prepare_textual` takes away some of what it follows from."""
+    return replace(display, colors=detect_colors(display, environment).system)
+
+
+def choose_theme(display: DisplayOptions, found: DetectedColors, remembered: str) -> str:
+    """The theme's name: what the command line says, or what the colours leave, or the one that was used last."""
+    if found.system == "mono":
+        return "mono"
+    if display.theme:
+        return display.theme
+    if found.system == "16" and remembered not in ("terminal", "mono"):
+        return "terminal"  # any other needs more colours to look like anything
+    return remembered or "dark"
+
+
+def prepare_textual(display: DisplayOptions, environment: MutableMapping[str, str] = os.environ) -> DetectedColors:
+    """Settle in the environment what Textual reads there when it is imported. Animations cost the link too much."""
+    found = detect_colors(display, environment)
+    environment.setdefault("TEXTUAL_ANIMATIONS", "none")
+    environment["TEXTUAL_FPS"] = str(display.fps)
+    environment["TEXTUAL_COLOR_SYSTEM"] = _RICH_NAMES[found.system]
+    environment.pop("NO_COLOR", None)  # the theme follows it; Textual would turn the terminal's own colours to greys
+    return found

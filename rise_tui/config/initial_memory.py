@@ -1,0 +1,106 @@
+"""The present memory as the scenario's start values: the file `memory.json`. No widget here; blocks, not for a loop."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from rise_engine.errors import RiseError
+from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.memory import LIST_KEY
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.shipped_studies import shipped_name
+from rise_tui.config.memory_file import MemoryFileNotEditable, edit_memory_text, json_equal
+from rise_tui.rendering.text import format_value
+
+
+class MemoryNotWritable(RiseError):
+    """The start values cannot be written; the message says why, for a person."""
+
+
+def memory_file_path(scenario: Scenario) -> Path:
+    """Where the start values stand. Raises NotWritable."""
+    folder = Path(scenario.folder)
+    if not scenario.folder or not folder.is_dir():
+        raise MemoryNotWritable(f"the scenario's folder is not on this computer: {scenario.folder or 'none'}")
+    if name := shipped_name(folder):
+        raise MemoryNotWritable(
+            f"this study comes with the program and stays as it is; copy it: rise-engine new DIR --from {name}"
+        )
+    path = folder / (scenario.paths.get("memory") or DEFAULT_PATHS["memory"])
+    if path.exists() and not path.is_file():
+        raise MemoryNotWritable(f"{path} is not a file")
+    real = Path(os.path.realpath(path))
+    if not os.access(real.parent, os.W_OK) or (real.exists() and not os.access(real, os.W_OK)):
+        raise MemoryNotWritable(f"{real} cannot be written by you; work on a copy of the study's folder")
+    return path
+
+
+def memory_file_text(memory: Mapping[str, Any]) -> str:
+    """The file's text, in RISE's form."""
+    entries = [f"  {json.dumps({key: value}, ensure_ascii=False)}" for key, value in memory.items()]
+    return f'{{"{LIST_KEY}":\n[\n' + ",\n".join(entries) + "\n]\n}\n"
+
+
+def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What later sessions will begin with that this one did not, a key in each line."""
+    said = []
+    for key in (*before, *(key for key in now if key not in before)):
+        if key not in now:
+            said.append(f"{key}: {format_value(before[key])} → (no such key)")
+        elif key not in before:
+            said.append(f"{key}: (new) → {format_value(now[key])}")
+        elif not json_equal(before[key], now[key]):
+            said.append(f"{key}: {format_value(before[key])} → {format_value(now[key])}")
+    return said
+
+
+def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Write what has changed from `before` to `now` into the file, and leave the rest of it as it is.
+
+    As a whole or not at all. A link stays a link: the file that it leads to is written. Raises NotWritable.
+    """
+    fresh = ""
+    try:
+        path = Path(os.path.realpath(path))
+        text = _text(path, before, now)
+        handle, fresh = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        _keep_owner_and_mode(path, fresh)
+        Path(fresh).replace(path)
+    except MemoryFileNotEditable as error:
+        raise MemoryNotWritable(f"{path}: {error}") from error
+    except (OSError, UnicodeError) as error:
+        if fresh:
+            Path(fresh).unlink(missing_ok=True)
+        raise MemoryNotWritable(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What the file is to hold. Raises OSError, UnicodeError and NotEditable."""
+    if not path.exists():
+        return memory_file_text(now)
+    text = path.read_bytes().decode("utf-8")
+    mark = text[:1] if text.startswith("\ufeff") else ""
+    return mark + edit_memory_text(text.removeprefix(mark), before, now)
+
+
+def _keep_owner_and_mode(path: Path, fresh: str) -> None:
+    """The same owner and permissions."""
+    if not path.exists():
+        Path(fresh).chmod(0o644)
+        return
+    found = path.stat()
+    with suppress(OSError):  # only root may give a file away
+        os.chown(fresh, found.st_uid, found.st_gid)
+    with suppress(OSError):
+        Path(fresh).chmod(stat.S_IMODE(found.st_mode))

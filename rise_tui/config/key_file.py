@@ -1,0 +1,151 @@
+"""Reading the user's key file: other keys for actions of the registry, checked as a whole before a console starts.
+
+# ~/.config/rise-tui/keys.toml
+[keys]
+cue = "f5"
+zoom = ["f4", "ctrl+f"]
+theme = "f6"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.keys import KeyRefusedError, key_name
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_tui.actions import ACTIONS, BY_ID, ConsoleAction, key_label
+from rise_tui.config.keymap import KeyFile
+
+FIXED = {
+    "escape": "it leaves whatever is open",
+    **dict.fromkeys(("up", "down", "left", "right", "pageup", "pagedown", "home", "end"), "it moves in lists"),
+}
+"""Keys that no action can be given, unless it has them anyway."""
+
+
+def read_keys(path: Path) -> KeyFile:
+    """Read and check a key file. Never raises; what is wrong is in its findings."""
+    diagnostics = Diagnostics()
+    source = FileReader(path.parent, diagnostics).read(path)
+    file = read_toml(source, diagnostics) if source is not None else None
+    reader = _Reader(file, diagnostics) if file is not None else None
+    if reader is not None:
+        reader.read()
+    found = tuple(_at(path, diagnostic) for diagnostic in diagnostics.sorted())
+    return KeyFile(path, reader.own, found, reader.places) if reader is not None else KeyFile(path, {}, found)
+
+
+def _at(path: Path, diagnostic: Diagnostic) -> Diagnostic:
+    """With the file's whole path, because nobody knows which folder is meant."""
+    place = diagnostic.location
+    return Diagnostic(
+        diagnostic.severity, diagnostic.code, diagnostic.message, SourceLocation(str(path), place.line, place.column)
+    )
+
+
+class _Reader:
+    """Checks a file table by table; nothing stops at the first mistake."""
+
+    def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
+        self.file, self.diagnostics = file, diagnostics
+        self.own: dict[str, tuple[str, ...]] = {}
+        self.places: dict[tuple[str, str], SourceLocation] = {}
+
+    def read(self) -> None:
+        for table in self.file.values:
+            if table != "keys":
+                known = did_you_mean(table, ("keys",))
+                self.error("unknown-key", self.file.key_location(table), f"there is no `{table}` in a key file{known}")
+        keys = self.file.values.get("keys", {})
+        if not isinstance(keys, dict):
+            self.error("wrong-type", self.file.key_location("keys"), "`keys` is a table: [keys]")
+            keys = {}
+        for action, value in _flat(keys):
+            self.action(action, value)
+        self.conflicts()
+
+    def error(self, code: str, place: SourceLocation, message: str) -> None:
+        self.diagnostics.error(code, place, message)
+
+    def action(self, parts: tuple[str, ...], value: Any) -> None:
+        name, place = ".".join(parts), self.file.key_location("keys", *parts)
+        action = BY_ID.get(name)
+        if action is None:
+            known = did_you_mean(name, BY_ID) or "; `rise-tui keys` lists them"
+            self.error("unknown-action", place, f"there is no action `{name}`{known}")
+            return
+        written = [value] if isinstance(value, str) else value
+        at = self.file.value_location("keys", *parts)
+        if not isinstance(written, list) or not all(isinstance(one, str) for one in written):
+            self.error("wrong-type", at, f'a key is a text: {name} = "f5", or several: {name} = ["f5", "ctrl+f"]')
+            return
+        keys = [key for one in written if (key := self.key(action, one, at))]
+        if not written and name == "stop":
+            self.error("no-stop-key", at, "`stop` cannot be without a key: somebody will need it at once")
+            return
+        if len(keys) == len(written):
+            self.own[name] = tuple(dict.fromkeys(keys))
+            self.places.update({(name, key): at for key in keys})
+
+    def key(self, action: ConsoleAction, written: str, at: SourceLocation) -> str:
+        """Textual's name of a key, or empty after a finding."""
+        if written in action.keys:
+            return written
+        try:
+            key = key_name(written)
+        except KeyRefusedError as refused:
+            self.error("key-refused", at, str(refused))
+            return ""
+        if key in action.keys:
+            return key
+        if key in FIXED:
+            self.error("key-refused", at, f"`{written}` cannot be given to an action: {FIXED[key]}")
+            return ""
+        if action.scope == "everywhere" and not _beside_typing(key):
+            reason = "it works while you type too, so a function key or ctrl and a letter"
+            self.error("key-refused", at, f"`{written}` cannot be given to `{action.id}`: {reason}")
+            return ""
+        return key
+
+    def conflicts(self) -> None:
+        """Keys that mean two things at one time, with whatever has its usual keys."""
+        for action in ACTIONS:
+            if action.id not in self.own:
+                continue
+            for key in self.own[action.id]:
+                others = [each.id for each in ACTIONS if each is not action and self.clash(action, each, key)]
+                if others:
+                    names = " and ".join(f"`{other}`" for other in others)
+                    which = f"`{key_label(key)}` is given to `{action.id}`, and {names} has it too"
+                    self.error("key-twice", self.places[action.id, key], f"{which}; give that another key, or []")
+
+    def clash(self, action: ConsoleAction, other: ConsoleAction, key: str) -> bool:
+        if key not in self.own.get(other.id, other.keys) or not _overlap(action, other):
+            return False
+        first = next(each.id for each in ACTIONS if each.id in (action.id, other.id))
+        return other.id not in self.own or first == action.id  # of two in the file, it is told once
+
+
+def _flat(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """`acts.start = "x"` is a table in TOML, and an action here."""
+    for name, value in keys.items():
+        if isinstance(value, dict):
+            yield from _flat(value, (*parts, name))
+        else:
+            yield (*parts, name), value
+
+
+def _overlap(one: ConsoleAction, other: ConsoleAction) -> bool:
+    """Whether the keys of both work at one time."""
+    common = ("everywhere", "console")
+    return one.scope in common or other.scope in common or one.scope == other.scope
+
+
+def _beside_typing(key: str) -> bool:
+    return key.startswith("ctrl+") or (key[0] == "f" and key[1:].isdigit())

@@ -1,0 +1,128 @@
+"""Starting a session: read the scenario, start an engine for it. The only place that knows how an engine is started."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.protocol.client import AttachReply, Client
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario import Diagnostic, load, robot_names
+from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT
+from rise_engine.server.spawn import EngineStarted
+from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
+
+ALREADY_RUNNING = 3
+"""What an engine says when a session of its scenario runs already (`rise_engine.server.process`)."""
+
+
+class ScenarioProblems(Struct, frozen=True):
+    """The scenario does not load."""
+
+    diagnostics: list[Diagnostic]
+    sentence: str = ""
+    """Instead of findings, when there is nothing to read."""
+
+    @property
+    def lines(self) -> list[str]:
+        return [self.sentence] * bool(self.sentence) + [str(diagnostic) for diagnostic in self.diagnostics]
+
+
+ReportProgress: TypeAlias = Callable[[str], object]
+"""Gets a sentence, on any thread."""
+LoadedScenario: TypeAlias = "Scenario | ScenarioProblems"
+
+
+def load_scenario(settings: SessionOptions) -> LoadedScenario:
+    """Read and check the scenario. Blocking."""
+    if problem := why_no_scenario(settings):
+        return ScenarioProblems([], problem)
+    loaded = load(find_scenario(settings.folder), robot=settings.robot, mode=settings.mode, places=settings.paths)
+    return ScenarioProblems(list(loaded.diagnostics)) if loaded.scenario is None else loaded.scenario
+
+
+SESSION_GOES_ON = "the session goes on; what the robot was doing counts as lost"
+
+
+class RecoveredClient(NamedTuple):
+    """A session that goes on."""
+
+    client: Client
+    notice: str = SESSION_GOES_ON
+    """What there is to say about it."""
+
+
+def startup_notice(found: EngineStarted) -> str:
+    """What there is to say about a session whose engine has just been started."""
+    return "; ".join((SESSION_GOES_ON, *found.lines) if found.recovered else found.lines)
+
+
+@dataclass(frozen=True)
+class Launcher:
+    """How sessions are started; tests give others."""
+
+    start: Callable[[Scenario, SessionOptions], Client]
+    """May block. Raises EngineGone with the reason."""
+    load_scenario: Callable[[SessionOptions], LoadedScenario] = load_scenario
+    recover: Callable[[AttachReply, ReportProgress], RecoveredClient] | None = None
+    """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
+
+
+def settings_of_session(hello: AttachReply) -> SessionOptions:
+    """What a session that runs already was started with."""
+    session = hello.view.session
+    return SessionOptions(
+        hello.scenario.folder,
+        hello.robot,
+        hello.mode,
+        hello.seed,
+        paths=dict(hello.scenario.paths),
+        participant=session.participant if session is not None else "",
+        condition=session.condition if session is not None else "",
+    )
+
+
+def list_robots(folder: str) -> list[str]:
+    """The robots that can be chosen for a scenario's folder."""
+    return robot_names(scenario_folder(folder))
+
+
+class ScenarioSummary(Struct, frozen=True):
+    """What the scenario in a folder says about robot, mode and places, without reading the rest of it."""
+
+    robots: list[str]
+    robot: str
+    mode: str
+    places: Mapping[str, str]
+
+
+def read_summary(folder: str) -> ScenarioSummary | None:
+    """None where there is nothing to read. Blocking."""
+    path = find_scenario(folder)
+    try:
+        if not folder.strip() or not scenario_folder(folder).is_dir():
+            return None
+        file = path if path.suffix == ".toml" else path / SCENARIO_FILE
+        values = tomllib.loads(file.read_text(encoding="utf-8-sig")) if file.exists() else {}
+        names = list_robots(folder)
+    except (OSError, ValueError):  # loading it says what is wrong
+        return None
+
+    def text(key: str, otherwise: str) -> str:
+        value = values.get(key)
+        return value if isinstance(value, str) and value else otherwise
+
+    robot = text("robot", DEFAULT_ROBOT)
+    places = {place: text(place, usual) for place, usual in DEFAULT_PATHS.items()}
+    return ScenarioSummary(
+        names if robot in names else [*names, robot],
+        robot,
+        "real" if text("mode", "") == "real" else "debug",
+        places,
+    )

@@ -1,0 +1,47 @@
+"""Where a user's own files of the console lie. Light: read before anything else is imported."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+KEY_FILE_NAME = "keys.toml"
+PREFERENCES_NAME = "console.json"
+"""In the state folder: what all consoles of a user have in common."""
+USUAL_KEYS = "none"
+"""In the place of a key file's name: the usual keys."""
+
+
+def config_folder() -> Path:
+    """What people write: $XDG_CONFIG_HOME/rise-tui, or ~/.config/rise-tui. Nothing is made."""
+    return _folder("XDG_CONFIG_HOME", "~/.config")
+
+
+def state_folder() -> Path:
+    """What consoles write: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Nothing is made."""
+    return _folder("XDG_STATE_HOME", "~/.local/state")
+
+
+def key_file_path(named: str | None) -> Path | None:
+    """The key file to read: the one that is named, or the usual one if it is there; None for the usual keys."""
+    if named == USUAL_KEYS:
+        return None
+    if named is not None:
+        return _expanded(named)
+    usual = config_folder() / KEY_FILE_NAME
+    return usual if os.path.lexists(usual) else None
+
+
+def abbreviate_home(folder: str) -> str:
+    """A path as people write it, from the home folder on."""
+    home = f"{Path.home()}/"
+    return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder
+
+
+def _folder(variable: str, usual: str) -> Path:
+    named = os.environ.get(variable, "")
+    return (Path(named) if Path(named).is_absolute() else _expanded(usual)) / "rise-tui"
+
+
+def _expanded(path: str) -> Path:
+    return Path(os.path.expanduser(path))  # noqa: PTH111 - unlike Path.expanduser it never raises

@@ -1,0 +1,62 @@
+"""What a session is started with. Light: the engine's process is on its way before anything else is imported."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from rise_engine.errors import RiseError
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.shipped_studies import resolve_study
+
+
+class NothingStarted(RiseError):
+    """Nothing is started and nothing attached to; `lines` say why, for a person."""
+
+    def __init__(self, code: int, *lines: str) -> None:
+        super().__init__("\n".join(lines))
+        self.code = code
+        self.lines = lines
+
+
+def engine_options(settings: SessionOptions, seed: int | None, recover: str) -> SessionOptions:
+    """What the engine's process is started with."""
+    return replace(settings, folder=scenario_path(settings), seed=seed, unfinished=recover)
+
+
+def scenario_path(settings: SessionOptions) -> str:
+    """The scenario as the engine is told it; a folder and its scenario.toml are one session."""
+    path = find_scenario(settings.folder)
+    return str(path.parent if path.name == SCENARIO_FILE else path)
+
+
+def why_no_scenario(settings: SessionOptions) -> str:
+    """Why there is nothing to read, in a sentence; empty when there is something."""
+    if not settings.folder.strip():
+        return "name a folder"
+    folder = scenario_folder(settings.folder)
+    usual = [folder / name for name in (SCENARIO_FILE, *DEFAULT_PATHS.values())]
+    if folder != find_scenario(settings.folder):  # a file was named
+        usual.append(find_scenario(settings.folder))
+    if folder.is_dir() and not any(settings.paths.values()) and not any(path.exists() for path in usual):
+        return f"there is no scenario in {folder}: no scenario.toml, no acts, no rules"
+    return ""
+
+
+def expand_home(folder: str) -> Path:
+    """With the home folder for `~`; never raises, unlike `Path.expanduser`, because people are still typing it."""
+    return Path(os.path.expanduser(folder))  # noqa: PTH111
+
+
+def find_scenario(folder: str) -> Path:
+    """What is meant by a scenario's name: the folder or file, or a shipped study where there is none."""
+    return Path(resolve_study(str(expand_home(folder)))) if folder.strip() else expand_home(folder)
+
+
+def scenario_folder(folder: str) -> Path:
+    """The folder itself, also where its `scenario.toml` was named."""
+    path = find_scenario(folder)
+    return path.parent if path.suffix == ".toml" else path

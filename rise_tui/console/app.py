@@ -1,0 +1,331 @@
+"""The app: starts and ends sessions, and knows the two keys that work everywhere. All else is in the screens."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from contextlib import suppress
+from types import FrameType
+from typing import Any, Literal
+
+from textual import events, on
+
+from rise_engine.protocol.client import Client, EndRefused, EngineGone
+from rise_engine.protocol.registry import RegistryError
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study import condition_problem
+from rise_tui.actions import bindings_in, use_own_keys, why_blocked
+from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
+from rise_tui.config.launch import Launcher, settings_of_session
+from rise_tui.console import exit_dialogs
+from rise_tui.console.screen import ConsoleScreen
+from rise_tui.console.session import ConsoleSession
+from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
+from rise_tui.model.notice import Notice
+from rise_tui.rendering import themes
+from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.screens.end_session import end_session_dialog
+from rise_tui.screens.settings import SettingsScreen
+
+END_PATIENCE = 13.0
+"""How long the engine may take before the console leaves without it: 6 s for the robot to stop, 5 s for the disk."""
+DETACH_PATIENCE = 2.0
+"""How long saying goodbye to a session that goes on may take."""
+
+
+class ConsoleApp(TerminalApp):
+    """The wizard's console."""
+
+    TITLE = "RISE"
+    ENABLE_COMMAND_PALETTE = False  # ours is an action of the registry
+    ALLOW_SELECT = False
+    BINDINGS = bindings_in("everywhere")
+    CSS = themes.CSS
+
+    def __init__(
+        self,
+        scenario: Scenario | None = None,
+        settings: SessionOptions | None = None,
+        *,
+        wizard: str = "wizard",
+        theme: str = themes.DEFAULT,
+        launcher: Launcher,
+        client: Client | None = None,
+        told: str = "",
+        keys: KeyFile | None = None,
+        keeper: UiState | None = None,
+        in_browser: bool = False,
+    ) -> None:
+        """Either with a `client` of a session that runs, or with what the launcher is to start.
+
+        `told`: what there is to say about the session to begin with. Without a `keeper` nothing is restored or kept.
+        """
+        super().__init__()
+        self.animation_level = "none"
+        for known in themes.THEMES:
+            self.register_theme(known)
+        self.theme = themes.full_name(theme)
+        self._launcher = launcher
+        self._scenario, self._settings, self._wizard = scenario, settings, wizard
+        self._client, self._first_notice = client, told
+        self._keys, self._ui_state, self._in_browser = keys or KeyFile(), keeper, in_browser
+        use_own_keys(self._keys.keys)
+        self.set_keymap(textual_keymap(self._keys))
+        self._session: ConsoleSession | None = None
+        self._is_leaving = False
+        self._signal: signal.Signals | None = None
+        self._handlers: dict[signal.Signals, Any] = {}
+        self.exit_message = ""
+        """What the terminal should show after the console has gone."""
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        return themes.DARK.variables
+
+    async def on_mount(self) -> None:
+        loop = asyncio.get_running_loop()
+
+        def arrived(number: int, frame: FrameType | None) -> None:
+            self._on_signal(loop, signal.Signals(number))
+
+        for number in (signal.SIGHUP, signal.SIGTERM):
+            with suppress(ValueError):  # not the main thread
+                self._handlers[number] = signal.signal(number, arrived)
+        if self.terminal_writer is not None:
+            self.terminal_writer.on_gone = lambda: self._on_signal(loop, signal.SIGHUP)
+        self.set_interval(SAVE_SECONDS, self._save_ui_state)
+        if self._client is not None:
+            await self._show_session(self._client)
+        elif self._scenario is not None and self._settings is not None:
+            await self._start_session(self._scenario, self._settings)
+
+    def on_unmount(self) -> None:
+        if self._signal is None:  # else they stay: a second signal must not cut the end short
+            for number, before in self._handlers.items():
+                signal.signal(number, before)
+
+    @property
+    def is_terminal_gone(self) -> bool:
+        """Whether nothing more can be said there."""
+        return self.terminal_writer is not None and self.terminal_writer.is_gone
+
+    @property
+    def console_screen(self) -> ConsoleScreen | None:
+        """The console's screen, also when a dialog is open above it."""
+        return next((screen for screen in self.screen_stack if isinstance(screen, ConsoleScreen)), None)
+
+    # --- sessions ---------------------------------------------------------------------------------------------------
+
+    async def _start_session(self, scenario: Scenario, settings: SessionOptions) -> None:
+        """Start a session and attach to it."""
+        try:
+            client = await asyncio.to_thread(self._launcher.start, scenario, settings)
+        except (EngineGone, ValueError) as error:
+            self._exit_without_session(error)
+            return
+        self._settings = settings
+        await self._show_session(client)
+
+    async def _show_session(self, client: Client) -> None:
+        try:
+            session = await ConsoleSession.attach(client, self._wizard, in_browser=self._in_browser)
+        except (EngineGone, ValueError) as error:
+            self._exit_without_session(error)
+            return
+        if clashes := self._keys.clashes(session.store.scenario.keys):
+            await session.close(end_session=False)
+            self.exit_message = "\n".join((*map(str, clashes), how_to_mend(self._keys.path)))
+            self.exit(return_code=2)
+            return
+        self._session = session
+        if self._settings is None:
+            self._settings = settings_of_session(session.store.hello)
+        screen = ConsoleScreen(session)
+        await self.push_screen(screen)
+        told = self._ui_state.restore(screen, themes.short_name(self.theme)) if self._ui_state is not None else ""
+        if told or self._first_notice:
+            session.show_notice(Notice(self._first_notice or told, "wait"))
+            self._first_notice = ""
+        if self._ui_state is not None and self._ui_state.tour_is_due:
+            self.call_after_refresh(screen.offer_tour, self._note_tour_seen)
+
+    def _note_tour_seen(self) -> None:
+        if self._ui_state is not None:
+            self.run_worker(asyncio.to_thread(save_all, self._ui_state.mark_tour_seen()), group="keep")
+
+    def _save_ui_state(self, *, at_once: bool = False) -> None:
+        """What has changed on the screen is written, beside the loop: a disk may be slow."""
+        console = self.console_screen
+        if self._ui_state is None or console is None:
+            return
+        if changed := self._ui_state.changes(console, themes.short_name(self.theme)):
+            if at_once:
+                save_all(changed)
+            else:
+                self.run_worker(asyncio.to_thread(save_all, changed), group="keep")
+
+    def _exit_without_session(self, error: Exception) -> None:
+        self.exit_message = f"the session could not {'start' if self._client is None else 'be reached'}: {error}"
+        self.exit(return_code=1)
+
+    @on(ConsoleScreen.OpenSettings)
+    def _open_settings(self) -> None:
+        if self._session is not None and self._settings is not None:
+            screen = SettingsScreen(self._settings, self._session.store, self._launcher)
+            self.push_screen(screen, self._apply_settings)
+
+    def _apply_settings(self, chosen: tuple[Scenario, SessionOptions] | None) -> None:
+        if chosen is not None:
+            self.run_worker(self._restart(*chosen), exclusive=True, group="restart")
+
+    async def _restart(self, scenario: Scenario, settings: SessionOptions) -> None:
+        """End the running session, and only when that is certain start another one."""
+        if self._session is None or not self._check_may_end(self._session):
+            return
+        if clashes := self._keys.clashes(scenario.keys):
+            self._session.show_notice(Notice(f"the session goes on, because of your key file: {clashes[0]}", "fault"))
+            return
+        if problem := condition_problem(scenario, settings.condition):
+            self._session.show_notice(Notice(f"the session goes on: {problem}", "fault"))
+            return
+        closed = await self._leave_session(self._session, end=True)
+        if closed != "done":
+            if closed == "late":
+                self._session.show_notice(Notice("the session did not end in time: nothing new was started", "fault"))
+            return
+        await self._close_console_screen()
+        await self._start_session(scenario, settings)
+
+    async def _close_console_screen(self) -> None:
+        """The screen of the session that was, and whatever has been opened above it meanwhile."""
+        while self.console_screen is not None:
+            await self.pop_screen()
+
+    def _is_recoverable(self, session: ConsoleSession) -> bool:
+        store = session.store
+        return bool(store.gone_reason and not store.ended_in_order and store.hello.folder and self._launcher.recover)
+
+    async def _recover(self, session: ConsoleSession) -> None:
+        """Start the engine of this session again and attach to it."""
+        recover = self._launcher.recover
+        if recover is None:
+            return
+        session.show_notice(Notice("the session is being recovered", "wait"))
+        loop = asyncio.get_running_loop()
+
+        def tell(sentence: str) -> None:
+            with suppress(RuntimeError):  # the console has left meanwhile
+                loop.call_soon_threadsafe(session.show_notice, Notice(sentence, "wait"))
+
+        try:
+            recovered = await asyncio.to_thread(recover, session.store.hello, tell)
+        except (EngineGone, RegistryError) as error:
+            session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
+            return
+        await self._leave_session(session, end=False)
+        await self._close_console_screen()
+        self._first_notice = recovered.notice
+        await self._show_session(recovered.client)
+
+    def _check_may_end(self, session: ConsoleSession) -> bool:
+        """Ending needs control, which may have gone while the question was open."""
+        if reason := why_blocked(session.store, "change"):
+            session.show_notice(Notice(f"the session goes on: {reason}", "wait"))
+        return not reason
+
+    async def _leave_session(self, session: ConsoleSession, *, end: bool) -> Literal["done", "late", "refused"]:
+        """`late`: the engine did not confirm it in time. `refused`: this console may not end the session."""
+        try:
+            await asyncio.wait_for(session.close(end_session=end), END_PATIENCE if end else DETACH_PATIENCE)
+        except EngineGone:
+            return "done"
+        except TimeoutError:
+            return "late"
+        except EndRefused as refused:  # control has gone in this very moment
+            session.show_notice(Notice(f"the session goes on: {refused}", "wait"))
+            return "refused"
+        return "done"
+
+    # --- keys and actions that work everywhere ----------------------------------------------------------------------
+
+    def observe_key(self, event: events.Key, together: bool | None) -> None:
+        if (console := self.console_screen) is not None:
+            console.observe_key(event, together)
+
+    def admits(self, event: events.Event) -> bool:
+        return (console := self.console_screen) is None or console.admits(event)
+
+    def handle_key_first(self, event: events.Key) -> bool:
+        return (console := self.console_screen) is not None and console.handle_key_first(event)
+
+    def action_do(self, action: str) -> None:
+        console = self.console_screen
+        if action == "stop" and console is not None:
+            console.stop_all()
+        elif action == "lock" and console is not None:
+            console.action_do(action)
+        elif action == "quit":
+            self.run_worker(self.action_quit())
+
+    async def action_quit(self) -> None:
+        if self.screen.has_class("-quit"):
+            return
+        session = self._session
+        recoverable = session is not None and self._is_recoverable(session)
+        if session is None or session.store.hello.replay or (session.store.gone_reason and not recoverable):
+            await self._leave_and_exit(0)
+            return
+        dialog = (
+            exit_dialogs.engine_gone_dialog(session.store) if recoverable else exit_dialogs.leave_dialog(session.store)
+        )
+        dialog.add_class("-quit")
+
+        def answered(key: str | None) -> None:
+            if key == "r":
+                self.run_worker(self._recover(session), exclusive=True, group="restart")
+            elif key in ("d", "l"):
+                self.run_worker(self._leave_and_exit(0))
+            elif key == exit_dialogs.END_KEY:
+                self._confirm_end(session)
+
+        self.push_screen(dialog, answered)
+
+    def _confirm_end(self, session: ConsoleSession) -> None:
+        question = end_session_dialog(session.store)
+        question.add_class("-quit")
+
+        def answered(yes: bool | None) -> None:
+            if yes and self._check_may_end(session):
+                self.run_worker(self._leave_and_exit(0, end=True))
+
+        self.push_screen(question, answered)
+
+    # --- the end ------------------------------------------------------------------------------------------------------
+
+    def _on_signal(self, loop: asyncio.AbstractEventLoop, number: signal.Signals) -> None:
+        """In the signal handler itself, or on the writer's thread."""
+        if self.terminal_writer is not None:
+            self.terminal_writer.hurry()
+        self._signal = self._signal or number
+        with suppress(RuntimeError):  # the loop has ended already
+            loop.call_soon_threadsafe(self._leave_by_signal, number)
+
+    def _leave_by_signal(self, number: signal.Signals) -> None:
+        """The terminal has gone, or somebody ends the program: the session is not theirs to end."""
+        if not self._is_leaving:
+            self.run_worker(self._leave_and_exit(128 + number, by=number.name))
+
+    async def _leave_and_exit(self, code: int, *, end: bool = False, by: str = "") -> None:
+        if self._is_leaving:
+            return
+        self._is_leaving = True
+        if self._session is not None:
+            closed = await self._leave_session(self._session, end=end)
+            if closed == "refused":
+                self._is_leaving = False
+                return
+            self.exit_message = exit_dialogs.exit_message(
+                self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, by=by
+            )
+        self._save_ui_state(at_once=True)
+        self.exit(return_code=code)

@@ -1,0 +1,59 @@
+"""What is asked when somebody leaves, and what the terminal shows afterwards."""
+
+from __future__ import annotations
+
+from rise_tui.actions import why_blocked
+from rise_tui.config.paths import abbreviate_home
+from rise_tui.model.session_summary import running_lines, session_title
+from rise_tui.model.store import Store
+from rise_tui.rendering.text import format_clock
+from rise_tui.screens.dialog import Dialog, DialogChoice
+
+RECOVERY_LINES = (
+    "the engine starts again, and the session goes on.",
+    "What the robot was doing counts as lost:",
+    "nothing is repeated to the participant by itself.",
+)
+
+
+END_KEY = "ctrl+x"
+"""Asks to end the session. No study can bind it, and it only leads to a question that wants a word."""
+
+
+def leave_dialog(store: Store) -> Dialog:
+    """What can be done when leaving: a session can be ended only by who has control."""
+    said = [session_title(store), *running_lines(store), ""]
+    said += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
+    if why_not := why_blocked(store, "change"):
+        said += [f"Ending the session needs control: {why_not}."]
+        return Dialog("Leave?", said, DialogChoice("d", "Detach"), no="Stay", first="d")
+    said += ["End     for good; this asks once more."]
+    return Dialog(
+        "Leave?", said, DialogChoice("d", "Detach"), DialogChoice(END_KEY, "End the session"), no="Stay", first="d"
+    )
+
+
+def engine_gone_dialog(store: Store) -> Dialog:
+    """What can be done when the engine has gone in the midst of a session."""
+    said = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
+    if store.hello.role == "observer":
+        said = ["Watch    goes on, once somebody has recovered the session."]
+    said = [session_title(store), f"Its record came as far as {format_clock(store.view.t)}.", "", *said]
+    ways = DialogChoice("r", "Watch" if store.hello.role == "observer" else "Recover"), DialogChoice("l", "Leave")
+    return Dialog("The engine has gone", said, *ways, no="Stay")
+
+
+def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, by: str = "") -> str:
+    """What became of the session, in one line. `patience`: seconds it had to end. `by`: the signal, if one did it."""
+    if store.hello.replay:
+        return ""
+    title, lead = store.scenario.title, f"{by}: " if by else ""
+    if store.gone_reason and not store.ended_in_order:
+        again = f"rise-tui --config {abbreviate_home(store.scenario.folder)}"
+        return f"{lead}the engine has gone; to recover the session: {again}"
+    if end and not in_time:
+        return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
+    if end or store.ended_in_order:
+        kept = store.hello.folder
+        return f"{lead}ended: the record is in {abbreviate_home(kept)}" if kept else f"{lead}ended: {title}"
+    return f"{lead}detached: {title} goes on; come back with: rise-tui"

@@ -1,0 +1,231 @@
+"""Where the lists and panes stand: two or all of them beside the control area, by the size of the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Container, Vertical
+
+from rise_tui.model.store import Store
+from rise_tui.panes.act import ActPane
+from rise_tui.panes.log import LogPane
+from rise_tui.panes.memory import MemoryPane
+from rise_tui.panes.pane import Pane
+from rise_tui.panes.rule import RulePane
+from rise_tui.panes.scheduler import SchedulerPane
+from rise_tui.panes.start_lists import ActsPane, RulesPane
+
+LayoutKind = Literal["one", "two", "all"]
+
+START_LISTS = ("acts", "rules")
+UPPER = ("rule", "act", "memory")
+LOWER = ("log", "scheduler")
+MONITORING = (*UPPER, *LOWER)
+
+ONE_PANE_BELOW = (80, 24)
+"""Below this there is room for one monitoring pane only."""
+
+
+def layout_for(width: int, height: int) -> LayoutKind:
+    """Two monitoring panes from 80x24 on, all from 180 columns; in a smaller terminal there is room for one."""
+    if width < ONE_PANE_BELOW[0] or height < ONE_PANE_BELOW[1]:
+        return "one"
+    return "all" if width >= 180 and height >= 30 else "two"
+
+
+def is_narrow(width: int) -> bool:
+    """Whether lists give way to monitoring panes."""
+    return width < 100
+
+
+class Layout(Container):
+    """The control area at the left, monitoring at the right."""
+
+    DEFAULT_CSS = """
+    Layout {
+        layout: horizontal; height: 1fr;
+        #control { width: 38; border-right: vkey $rise-bar; }
+        #rules { height: auto; max-height: 40%; min-height: 4; }
+        #monitoring { width: 1fr; layout: vertical; }
+        #upper { height: 3fr; } #lower { height: 2fr; }
+        &.-two { #control { width: 52; } }
+        &.-narrow { #control { width: 38; } }
+        &.-all {
+            #control { width: 60; }
+            #monitoring { layout: horizontal; }
+            #upper { width: 1fr; height: 1fr; border-right: vkey $rise-bar; }
+            #lower { width: 1fr; height: 1fr; }
+            #rule { height: 2fr; } #act, #memory { height: 1fr; }
+            #scheduler { height: 1fr; } #log { height: 2fr; }
+        }
+        &.-zoom {
+            #control, #upper { width: 1fr; border-right: none; }
+            #rules { height: 1fr; max-height: 100%; }
+        }
+    }
+    """
+
+    def __init__(self, store: Store) -> None:
+        super().__init__()
+        self.log_pane = LogPane(store)
+        monitoring: list[Pane] = [
+            RulePane(store),
+            ActPane(store),
+            MemoryPane(store),
+            self.log_pane,
+            SchedulerPane(store),
+        ]
+        panes: list[Pane] = [ActsPane(store), RulesPane(store), *monitoring]
+        self.panes: dict[str, Pane] = {pane.SCOPE: pane for pane in panes}
+        self._groups = {
+            "control": Vertical(id="control"),
+            "monitoring": Container(id="monitoring"),
+            "upper": Vertical(id="upper"),
+            "lower": Vertical(id="lower"),
+        }
+        self._active = {"upper": "rule", "lower": "log"}
+        self._front = "rule"
+        self._layout_kind: LayoutKind = "one"
+        self._narrow = True
+        self._zoomed = ""
+        self._placed: tuple[str, ...] = ()
+        rules = len(store.scenario.rules)
+        self.panes["rules"].styles.height = max(4, rules + 1)
+
+    def compose(self) -> ComposeResult:
+        self._layout_kind, self._narrow = layout_for(*self.app.size), is_narrow(self.app.size.width)
+        self._place()  # now: a class that came later would have everything styled and laid out twice
+        with self._groups["control"]:
+            yield from (self.panes[name] for name in START_LISTS)
+        with self._groups["monitoring"]:
+            with self._groups["upper"]:
+                yield from (self.panes[name] for name in UPPER)
+            with self._groups["lower"]:
+                yield from (self.panes[name] for name in reversed(LOWER))
+
+    def on_mount(self) -> None:
+        self.call_after_refresh(self._fill)
+
+    def _fill(self) -> None:
+        """What nobody sees yet is made when the first frame is on the terminal."""
+        for pane in self.panes.values():
+            pane.mount_contents()
+
+    def on_resize(self, event: events.Resize) -> None:
+        size = self.app.size
+        self._layout_kind, self._narrow = layout_for(size.width, size.height), is_narrow(size.width)
+        self._place_all()
+
+    def focused_pane(self) -> Pane | None:
+        """The list or pane that has the focus."""
+        return next((pane for pane in self.panes.values() if pane.has_focus_within), None)
+
+    def visible_panes(self) -> Iterator[Pane]:
+        """Those that can be seen now."""
+        return (pane for name, pane in self.panes.items() if self._shows(name))
+
+    def focus_pane(self, name: str) -> None:
+        """Bring a pane to the front and give it the focus."""
+        if name in UPPER:
+            self._active["upper"] = self._front = name
+        elif name in LOWER:
+            self._active["lower"] = self._front = name
+        if self._zoomed:
+            self._zoomed = name
+        self._place_all()
+        self.screen.set_focus(self.panes[name].row_view)  # `Widget.focus` would repaint the whole list
+
+    def focus_next_list(self) -> None:
+        self.focus_pane("rules" if self.panes["acts"].has_focus_within else "acts")
+
+    def focus_next_pane(self, step: int = 1) -> None:
+        """To the next monitoring pane, or with -1 to the one before; from the control area to the one in front."""
+        here = self.focused_pane()
+        if here is None or here.SCOPE in START_LISTS:
+            self.focus_pane(self._front)
+        else:
+            self.focus_pane(MONITORING[(MONITORING.index(here.SCOPE) + step) % len(MONITORING)])
+
+    def toggle_zoom(self) -> None:
+        """Give the focused pane all the room, or give it back."""
+        here = self.focused_pane()
+        self._zoomed = "" if self._zoomed or here is None else here.SCOPE
+        self._place_all()
+
+    @property
+    def is_zoomed(self) -> bool:
+        return bool(self._zoomed)
+
+    def layout_state(self) -> dict[str, str]:
+        """Which panes are in front and which has the focus: what another start restores. A zoom is not kept."""
+        here = self.focused_pane()
+        return {**self._active, "front": self._front, "focus": here.SCOPE if here is not None else "acts"}
+
+    def restore_state(self, state: Mapping[str, str]) -> None:
+        """Take over what `layout_state` gave; names of panes that are unknown change nothing."""
+        for group, names in (("upper", UPPER), ("lower", LOWER)):
+            if state.get(group) in names:
+                self._active[group] = state[group]
+        if state.get("front") in MONITORING:
+            self._front = state["front"]
+            self._active["upper" if self._front in UPPER else "lower"] = self._front
+        focus = state.get("focus", "")
+        self.focus_pane(focus if focus in self.panes else "acts")
+
+    def unzoom(self) -> bool:
+        if not self._zoomed:
+            return False
+        self.toggle_zoom()
+        return True
+
+    def _shows(self, name: str) -> bool:
+        if self._zoomed:
+            return name == self._zoomed
+        if name in START_LISTS or self._layout_kind == "all":
+            return True
+        if self._layout_kind == "two":
+            return name in self._active.values()
+        return name == self._front
+
+    def _tabs(self, name: str) -> tuple[str, ...]:
+        if self._zoomed or name in START_LISTS or self._layout_kind == "all":
+            return (name,)
+        if self._layout_kind == "two":
+            return UPPER if name in UPPER else LOWER
+        return MONITORING
+
+    def _title(self, name: str) -> str:
+        title = self.panes[name].TITLE
+        return f"{title} · zoomed, esc goes back" if self._zoomed else title
+
+    def _place_all(self) -> None:
+        """Show and hide by layout, tabs and zoom; costs nothing when nothing of these has changed."""
+        if self._placing != self._placed:
+            self._place()
+            self.call_after_refresh(self._repaint_visible)
+
+    @property
+    def _placing(self) -> tuple[str, ...]:
+        """All that decides what is shown where."""
+        return (self._layout_kind, str(self._narrow), self._zoomed, *self._active.values(), self._front)
+
+    def _place(self) -> None:
+        self._placed = self._placing
+        self.set_class(self._layout_kind == "two", "-two")
+        self.set_class(self._layout_kind == "all", "-all")
+        self.set_class(self._narrow, "-narrow")
+        self.set_class(bool(self._zoomed), "-zoom")
+        for name, pane in self.panes.items():
+            pane.display = self._shows(name)
+            if pane.display and pane.is_mounted:
+                pane.mount_contents()
+            pane.title.show_tabs(tuple((tab, self._title(tab)) for tab in self._tabs(name)))
+        for group, names in (("control", START_LISTS), ("monitoring", MONITORING), ("upper", UPPER), ("lower", LOWER)):
+            self._groups[group].display = any(self._shows(name) for name in names)
+
+    def _repaint_visible(self) -> None:
+        for pane in self.visible_panes():
+            pane.repaint()

@@ -1,0 +1,387 @@
+"""The console: wires keys, lists, panes and bars to the session. Nothing here waits for the engine (console.md 5.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.geometry import Region
+from textual.message import Message
+from textual.screen import Screen
+from textual.widget import Widget
+from textual.widgets import Input
+
+from rise_engine.protocol.client import ControlVerb
+from rise_tui.actions import BY_ID, KeyScope, bindings_in
+from rise_tui.console import overlays
+from rise_tui.console.confirmations import Confirmations
+from rise_tui.console.input import InputController, line_opener
+from rise_tui.console.layout import Layout
+from rise_tui.console.refresh import RefreshScheduler
+from rise_tui.console.session import ConsoleSession
+from rise_tui.messages import FocusPane, RequestStart, RunAction, ShowNotice, ShowSelection, SubmitTask
+from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, KeyAction
+from rise_tui.model.notice import Level, Notice
+from rise_tui.model.store import Store, StorePart
+from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.screens.tour import is_tour_due
+from rise_tui.widgets.mistake_line import MistakeLine
+from rise_tui.widgets.note_line import NoteLine
+from rise_tui.widgets.speech_input import SpeechInput
+from rise_tui.widgets.static_lines import StaticLines
+
+CLOCK = 1.0
+TENTHS = 0.5
+"""How often running times move, and only while something runs."""
+
+
+class ConsoleScreen(Screen[None]):
+    """One session on one terminal."""
+
+    BINDINGS = bindings_in("console")
+
+    DEFAULT_CSS = """
+    ConsoleScreen { layout: vertical; background: $background; }
+    """
+
+    class OpenSettings(Message):
+        """The wizard wants other settings; the app knows how to start sessions."""
+
+    def __init__(self, session: ConsoleSession) -> None:
+        super().__init__()
+        self.session = session
+        self.pane_layout = Layout(session.store)
+        self.refresh_scheduler = RefreshScheduler(session.store, self.pane_layout, self.set_timer)
+        self.status_line, self.alarm_bar = self.refresh_scheduler.status_line, self.refresh_scheduler.alarm_bar
+        self.attention_bar, self.failure_bar = self.refresh_scheduler.attention_bar, self.refresh_scheduler.failure_bar
+        self.notice_line, self.key_hints = self.refresh_scheduler.notice_line, self.refresh_scheduler.key_hints
+        self.say_line, self.mistake_line = self.refresh_scheduler.speech_input, self.refresh_scheduler.mistake_line
+        self.note_line = NoteLine()
+        self._kept_note = ""
+        """A note that was typed and not taken."""
+        self.confirmations = Confirmations(self)
+        self.input = InputController(session.store, self, self.set_timer)
+
+    @property
+    def store(self) -> Store:
+        return self.session.store
+
+    def compose(self) -> ComposeResult:
+        self.refresh_scheduler.fit_terminal()
+        yield self.status_line
+        yield self.refresh_scheduler.speech_band
+        yield self.alarm_bar
+        yield self.attention_bar
+        yield self.failure_bar
+        yield self.pane_layout
+        yield self.notice_line
+        yield self.mistake_line
+        yield self.note_line
+        yield self.say_line
+        yield self.refresh_scheduler.key_strip
+        yield self.key_hints
+
+    def on_mount(self) -> None:
+        self.session.on_change = self._store_changed
+        self.run_worker(self.session.receive_records(), name="pump", exit_on_error=True)
+        self.set_interval(CLOCK, self.refresh_scheduler.draw_every_second)
+        self.set_interval(TENTHS, self.refresh_scheduler.draw_every_half_second)
+        self.pane_layout.focus_pane("acts")
+
+    def _store_changed(self, topics: frozenset[StorePart] | set[StorePart]) -> None:
+        self.refresh_scheduler.schedule(topics)
+        if "status" in topics:
+            self.confirmations.control_may_have_changed()
+
+    def on_resize(self) -> None:
+        self.refresh_scheduler.fit_terminal()
+        overlays.show_when_too_small(self.app, self.store)
+
+    def on_screen_resume(self, event: events.ScreenResume) -> None:
+        if self.stack_updates == 0:  # for the first time: everything has just been styled as it was mounted
+            event.refresh_styles = False
+        overlays.show_when_too_small(self.app, self.store)
+
+    @on(StaticLines.Resized)
+    def _bar_resized(self) -> None:
+        self.refresh_scheduler.draw_bars()
+
+    @on(events.DescendantFocus)
+    @on(events.DescendantBlur)
+    def _focus_moved(self) -> None:
+        self.refresh_scheduler.draw_hints()
+
+    # --- keys -----------------------------------------------------------------------------------------------------
+
+    @property
+    def _is_typing(self) -> bool:
+        return isinstance(self.app.focused, Input)
+
+    def observe_key(self, event: events.Key, together: bool | None) -> None:
+        """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""
+        self.refresh_scheduler.dismiss_read_notices()
+        on_console = self.app.screen is self
+        self.input.observe_key(event.key, event.time, typing=self._is_typing, on_console=on_console, together=together)
+
+    def admits(self, event: events.Event) -> bool:
+        """Whether an event of the keyboard or the mouse may go on; all of them come by here, dialogs or not."""
+        leaving = self.app.screen.has_class("-quit")
+        if isinstance(event, events.Key):
+            return self.input.admits_key(
+                event.key, printable=event.is_printable, typing=self._is_typing, leaving=leaving
+            )
+        if isinstance(event, events.MouseDown):
+            self.input.observe_mouse()
+        return self.input.admits_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
+
+    def handle_key_first(self, event: events.Key) -> bool:
+        """Do at once what a scenario's key asks for, without its way through the focused list and all around it.
+
+        So are lines opened in which letters mean something else: the next key is theirs, however soon it comes. Only
+        when no dialog, field or first press of two is there that the key could be meant for.
+        """
+        opener = line_opener(event.key)
+        if not (opener or event.key in self.store.scenario.keys) or self.input.armed is not None:
+            return False
+        if self.app.screen is not self or isinstance(self.focused, Input | MistakeLine):
+            return False
+        if opener:
+            self.action_do(opener)
+        else:
+            self.on_key(event)
+        return True
+
+    def on_key(self, event: events.Key) -> None:
+        """Keys that nothing else has taken."""
+        if isinstance(self.focused, Input):
+            return
+        self.mistake_line.close()
+        if self.input.handle_key(event.key, event.time, selected_act=self._selected_act):
+            event.stop()
+            event.prevent_default()
+
+    @property
+    def _selected_act(self) -> str:
+        """The act under the cursor, while the list of acts has the focus."""
+        pane = self.pane_layout.focused_pane()
+        return pane.row_view.current_id if pane is not None and pane.SCOPE == "acts" else ""
+
+    # --- what keys make happen: InputActions ------------------------------------------------------------------------
+
+    def submit(self, action: KeyAction, pressed: float | None) -> None:
+        self._run(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
+
+    def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
+        self.say_line.accept(typed)
+        self._run(self._submit_speech(action, typed, pressed))
+
+    async def _submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
+        if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
+            self.say_line.restore(typed)
+
+    def show_armed(self, act: str) -> None:
+        self.store.armed_act = act
+        if act:
+            self.show_notice(f"{act}: Enter or the same key again within 2 s starts it", "wait")
+        else:
+            self.refresh_scheduler.clear_notice()
+        self.refresh_scheduler.schedule({"acts"})
+
+    def show_mode(self) -> None:
+        self.refresh_scheduler.schedule({"acts", "rules", "status", "tasks"})
+
+    def ask_what_was_wrong(self, task: int) -> None:
+        self.refresh_scheduler.open_mistake(task)
+
+    def leave_transient(self) -> None:
+        pane = self.pane_layout.focused_pane()
+        if not (pane is not None and pane.leave_transient()):
+            self.pane_layout.unzoom()
+
+    # --- what panes and hints ask -----------------------------------------------------------------------------------
+
+    def _run(self, work: Coroutine[Any, Any, object]) -> None:
+        """Something for the engine: it is sent, and answered, while the console goes on."""
+        self.run_worker(work, group="send")
+
+    def start(self, action: KeyAction) -> None:
+        """Ask for a start, with all care against accidents."""
+        self.input.start(action)
+
+    def send(self, function: str, behavior: str = "") -> None:
+        """Give a task to the engine, without waiting."""
+        self.input.send(function, behavior)
+
+    def request_control(self, verb: ControlVerb) -> None:
+        """Take, ask for, give or release control, without waiting."""
+        self.run_worker(self.session.change_control(verb), group="send")
+
+    def show_notice(self, text: str, level: Level = "info") -> None:
+        """Tell the wizard something."""
+        self.session.show_notice(Notice(text, level))
+
+    @on(SubmitTask)
+    def _submit_task(self, event: SubmitTask) -> None:
+        self.send(event.function, event.behavior)
+
+    @on(RequestStart)
+    def _request_start(self, event: RequestStart) -> None:
+        self.start(event.action)
+
+    @on(RunAction)
+    def _run_action(self, event: RunAction) -> None:
+        self.action_do(event.action)
+
+    @on(FocusPane)
+    def _focus_pane(self, event: FocusPane) -> None:
+        self.pane_layout.focus_pane(event.pane)
+
+    @on(ShowNotice)
+    def _show_notice(self, event: ShowNotice) -> None:
+        self.show_notice(event.text)
+
+    @on(ShowSelection)
+    def _show_selection(self, event: ShowSelection) -> None:
+        if event.pane == "acts":
+            self.store.shown_act = event.name
+        else:
+            self.store.shown_rule = event.name
+        self.refresh_scheduler.repaint_panes("act", "rule")
+
+    # --- actions of the registry --------------------------------------------------------------------------------------
+
+    def action_do(self, action: str) -> None:
+        """Carry out an action of the registry, or say why not."""
+        self.input.action_carried_out()
+        if reason := BY_ID[action].why_unavailable(self.store):
+            self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
+            return
+        if BY_ID[action].scope in self.pane_layout.panes:
+            self.pane_layout.panes[BY_ID[action].scope].action_do(action)
+            return
+        self.action_calls()[action]()
+
+    def action_calls(self) -> dict[str, Callable[[], object]]:
+        """What carries out each action that belongs to no pane."""
+        return {
+            "stop": self.stop_all,
+            "quit": lambda: self.app.run_action("quit"),
+            "palette": lambda: overlays.open_palette(self, self._focused_place),
+            "help": lambda: overlays.open_help(self, self._focused_place),
+            "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.key_hints.region),
+            "tour": self.open_tour,
+            "redraw": self._redraw,
+            "lists": self.pane_layout.focus_next_list,
+            "next-pane": self.pane_layout.focus_next_pane,
+            "previous-pane": lambda: self.pane_layout.focus_next_pane(-1),
+            "zoom": self.pane_layout.toggle_zoom,
+            "filter": self._filter,
+            "settings": lambda: self.post_message(self.OpenSettings()),
+            "theme": lambda: overlays.open_theme_palette(self),
+            "release": self.confirmations.ask_to_release_stop,
+            "control": self.confirmations.ask_about_control,
+            "note": self._note,
+            "say": self.say_line.open,
+            "cue": lambda: self.start(MARK_CUE),
+            "filler": lambda: self.start(NEXT_FILLER),
+            "mistake": self.input.mark_mistake,
+            "repeat": self.input.repeat_failed_act,
+            "go-on": self.input.go_on_without_failed_act,
+            "safe": self.input.switch_safe,
+            "lock": self.switch_lock,
+        }
+
+    def stop_all(self) -> None:
+        """The stop key: no question, no condition, from any screen."""
+        self.input.reset()
+        self.send("stopAll")
+        self.confirmations.stop_pressed()
+
+    def switch_lock(self) -> None:
+        """Lock the keyboard, or unlock it."""
+        if self.store.input_mode != "LOCKED":
+            overlays.close_all_above(self)
+        self.input.switch_lock()
+
+    @property
+    def _focused_place(self) -> KeyScope | None:
+        pane = self.pane_layout.focused_pane()
+        return pane.SCOPE if pane is not None else None
+
+    def _redraw(self) -> None:
+        if isinstance(self.app, TerminalApp):
+            self.app.repaint_everything()
+
+    # --- the tour -----------------------------------------------------------------------------------------------------
+
+    def open_tour(self, seen: Callable[[], None] | None = None) -> None:
+        """`seen` is called when it has ended, however it ends."""
+        overlays.open_tour(self, self.pane_layout, self._region_of, seen)
+
+    def offer_tour(self, seen: Callable[[], None]) -> None:
+        """On a first run: only where it disturbs nobody."""
+        if is_tour_due(self.store):
+            self.open_tour(seen)
+
+    def _region_of(self, name: str) -> Region:
+        """Where something stands that the tour points at."""
+        panes, hints = self.pane_layout, self.key_hints.region
+        match name:
+            case "status":
+                return self.status_line.region
+            case "acts":
+                return panes.panes["acts"].region
+            case "watching":
+                shown = (pane.region for pane in panes.visible_panes() if pane.SCOPE not in ("acts", "rules"))
+                return next(shown, panes.region)
+            case "stop":
+                return hints
+            case _:
+                return Region(hints.x + hints.width // 3, hints.y, 2 * hints.width // 3, hints.height)
+
+    def _filter(self) -> None:
+        pane = self.pane_layout.focused_pane()
+        if pane is not None:
+            pane.open_filter()
+
+    # --- lines that open ----------------------------------------------------------------------------------------------
+
+    def _note(self) -> None:
+        self.notice_line.display = False
+        self.note_line.open(self._kept_note)
+
+    @on(SpeechInput.Speak)
+    def _speak(self, event: SpeechInput.Speak) -> None:
+        self.input.say(event.typed, event.text, at_once=event.at_once)
+
+    @on(SpeechInput.Closed)
+    def _say_closed(self, event: SpeechInput.Closed) -> None:
+        self._focus_back(event.back)
+
+    @on(MistakeLine.Chosen)
+    def _mistake_chosen(self, event: MistakeLine.Chosen) -> None:
+        if event.mark != "wrong":  # it is marked so already
+            self.send("markMistake", f"{event.task} {event.mark}")
+
+    @on(MistakeLine.Closed)
+    def _mistake_closed(self, event: MistakeLine.Closed) -> None:
+        self.notice_line.display = True
+        if self.focused in (None, self.mistake_line):
+            self._focus_back(event.back)
+
+    def _focus_back(self, widget: Widget | None) -> None:
+        """To what had the focus before a line was opened, if it can still be seen."""
+        there = widget is not None and widget.is_attached and widget.display and widget.visible
+        self.set_focus(widget if there else self.pane_layout.panes["acts"].row_view)
+
+    @on(NoteLine.Done)
+    def _noted(self, event: NoteLine.Done) -> None:
+        self.notice_line.display = True
+        self._focus_back(event.back)
+        if event.text:
+            self.run_worker(self._send_note(event.text), group="send")
+
+    async def _send_note(self, text: str) -> None:
+        self._kept_note = "" if await self.session.add_note(text) else text

@@ -1,0 +1,202 @@
+"""The console's side of the link: takes batches of records in, sends what the wizard asks for (console.md 3.1, 5.1)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from itertools import count
+from time import monotonic
+
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
+from rise_tui.actions import key_name, why_blocked
+from rise_tui.model.notice import Notice
+from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart
+from rise_tui.model.task_messages import task_label
+
+ChangeCallback = Callable[[frozenset[StorePart] | set[StorePart]], None]
+
+RECORDS_PER_TURN = 64
+"""Records that are taken in before the loop does what else has come."""
+REATTACH_SECONDS = 0.5
+"""Between two attempts to attach again after the connection was cut."""
+
+RECLAIM_SECONDS, MOST_RECLAIMS = 0.1, 30
+"""How often, and how many times, it is looked whether the engine has let go of the connection that was cut."""
+
+BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
+BACK_STOPPING = "the connection was cut and is back; STOP may not have arrived"
+STOP_NOT_SENT = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
+
+
+class ConsoleSession:
+    """One attached session."""
+
+    def __init__(self, client: Client, store: Store) -> None:
+        self.client = client
+        self.store = store
+        self.on_change: ChangeCallback = lambda topics: None
+        """Called after every change of the store; the screen repaints from it, at its own pace."""
+        self._task_numbers = count(1)
+        self._is_closed = False
+        self._reclaiming: set[asyncio.Task[None]] = set()
+
+    @classmethod
+    async def attach(cls, client: Client, wizard: str, *, in_browser: bool = False) -> ConsoleSession:
+        """Raises EngineGone."""
+        hello = await client.attach()
+        return cls(client, Store(hello, wizard, client.now, in_browser))
+
+    async def receive_records(self) -> None:
+        """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""
+        while True:
+            try:
+                async for batch in self.client.records():
+                    await self._apply_batch(batch)
+                break
+            except LinkLost:
+                if self._is_closed or not await self._reattach():
+                    return
+                if self.store.reclaims_control:
+                    reclaiming = asyncio.create_task(self._reclaim_control())
+                    self._reclaiming.add(reclaiming)
+                    reclaiming.add_done_callback(self._reclaiming.discard)
+            except EngineGone as gone:
+                self._note_engine_gone(str(gone), over=self.store.view.ended)
+                return
+        ended = self.store.view.end_reason
+        self._note_engine_gone(ended or "it has ended", over=True)
+
+    async def _apply_batch(self, batch: Sequence[UpdateOrResync]) -> None:
+        """In pieces: a key must not wait until a console that lay behind has caught up."""
+        for start in range(0, len(batch), RECORDS_PER_TURN):
+            if start:
+                await asyncio.sleep(0)
+            self.on_change(self.store.apply(batch[start : start + RECORDS_PER_TURN]))
+
+    async def _reattach(self) -> bool:
+        """False when the engine has gone meanwhile."""
+        self.store.cut_since = monotonic()
+        self.on_change(ALL_PARTS)
+        while True:
+            try:
+                self._attached_again(await self.client.attach())
+            except LinkLost:
+                await asyncio.sleep(REATTACH_SECONDS)
+            except EngineGone as gone:
+                self._note_engine_gone(str(gone), over=False)
+                return False
+            else:
+                self.on_change(ALL_PARTS)
+                return True
+
+    def _attached_again(self, hello: AttachReply) -> None:
+        """The truth is in the new snapshot; what was sent meanwhile is not known."""
+        stopping = self.store.stopping
+        self.store.reattach(hello)
+        again = f"{BACK_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
+        self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
+
+    async def _reclaim_control(self) -> None:
+        """Take back the control that was lost with the connection, once the engine has noticed that it is cut."""
+        for _ in range(MOST_RECLAIMS):
+            if not self.store.reclaims_control or self.store.cut_since is not None or self.store.has_control:
+                break
+            if self.store.view.control is None:
+                await self.change_control("take")
+                break
+            await asyncio.sleep(RECLAIM_SECONDS)
+        self.store.reclaims_control = False
+
+    async def submit(
+        self, function: str, behavior: str = "", calling_type: str = "", pressed: float | None = None
+    ) -> bool:
+        """Ask for a task; what comes of it arrives as records. Never raises: what goes wrong is shown.
+
+        `pressed`: session time of the key that asks for it. False when it was not taken, or nobody knows.
+        """
+        store = self.store
+        if reason := why_blocked(store, "reach"):
+            if function == "stopAll" and store.cut_since is not None:
+                store.stop_unsent = True
+                store.notice = Notice(STOP_NOT_SENT, "fault")
+            else:
+                store.notice = Notice(f"{task_label(function, behavior)}: not sent, {reason}", "fault")
+            self.on_change({"notice", "status"})
+            return False
+        ref = f"{store.reference_prefix}{next(self._task_numbers)}"
+        store.sent[ref] = SentTask(function, behavior, store.now())
+        self.on_change(ALL_PARTS)
+        message = Submit(
+            function=function,
+            behavior=behavior,
+            calling_type=calling_type,
+            source=store.own_name,
+            ref=ref,
+            pressed=pressed,
+        )
+        try:
+            reply = await self.client.send(message)
+        except LinkLost:
+            return False  # it stays `sent` until the pump has attached again and says what is known
+        except EngineGone as gone:
+            store.sent.pop(ref, None)
+            self._note_engine_gone(str(gone), over=False)
+            return False
+        if not reply.accepted or reply.task in store.view.tasks:
+            store.sent.pop(ref, None)
+        if not reply.accepted:
+            store.notice = Notice(f"{task_label(function, behavior)} was rejected: {reply.reason}", "wait")
+        self.on_change(ALL_PARTS)
+        return reply.accepted
+
+    async def add_note(self, text: str) -> bool:
+        """Add a remark to the record. False when it was not taken; the reason is shown."""
+        reason = why_blocked(self.store, "remark")
+        if not reason:
+            try:
+                reply = await self.client.send(Note(text=text, source=self.store.own_name))
+                reason = "" if reply.accepted else reply.reason
+            except LinkLost:
+                reason = "the connection was cut; it may or may not have arrived"
+            except EngineGone as gone:
+                self._note_engine_gone(str(gone), over=False)
+                reason = why_blocked(self.store, "reach")
+        if reason:
+            self.show_notice(Notice(f"the note was not taken: {reason}", "wait"))
+        return not reason
+
+    async def change_control(self, verb: ControlVerb) -> None:
+        """Take, ask for, give or release control; what comes of it arrives as a record."""
+        reason = why_blocked(self.store, "remark")
+        if not reason:
+            try:
+                reply = await self.client.control(verb)
+                reason = "" if reply.accepted else reply.reason
+            except LinkLost:
+                return  # the next snapshot says who has it
+            except EngineGone as gone:
+                self._note_engine_gone(str(gone), over=False)
+                return
+        if reason:
+            self.show_notice(Notice(f"control is where it was: {reason}", "wait"))
+
+    def show_notice(self, notice: Notice) -> None:
+        """Show a sentence."""
+        self.store.notice = notice
+        self.on_change({"notice"})
+
+    async def close(self, *, end_session: bool) -> None:
+        """Leave; with `end_session` the engine stops the robot and ends."""
+        self._is_closed = not end_session  # the end of the records then says nothing about the session
+        await self.client.close(end_session=end_session)
+
+    def _note_engine_gone(self, reason: str, *, over: bool) -> None:
+        store = self.store
+        if self._is_closed:
+            return
+        if not store.gone_reason or over:
+            store.gone_reason, store.ended_in_order = reason or "no reason was given", over
+        store.cut_since = None
+        store.sent.clear()
+        self.on_change(ALL_PARTS)

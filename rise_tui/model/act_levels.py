@@ -1,0 +1,67 @@
+"""An act as a graph: its levels, and how long it will probably take before it has ever run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rise_engine.scenario import expected_seconds, fill_parameters
+from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
+from rise_engine.scenario.template import MissingValueError
+
+
+def action_levels(act: Act) -> list[list[int]]:
+    """An act's graph by levels: indexes of actions, each level one after all that it waits for."""
+    index = {action.id: at for at, action in enumerate(act.actions)}
+    waits = [{index[one] for one in action.wait_for if one in index} for action in act.actions]
+    depth = [0] * len(act.actions)
+    followers: list[list[int]] = [[] for _ in act.actions]
+    for at, before in enumerate(waits):
+        for one in before:
+            followers[one].append(at)
+    ready = [at for at, before in enumerate(waits) if not before]
+    open_ends = [len(before) for before in waits]
+    while ready:
+        at = ready.pop()
+        for one in followers[at]:
+            depth[one] = max(depth[one], depth[at] + 1)
+            open_ends[one] -= 1
+            if open_ends[one] == 0:
+                ready.append(one)
+    found: list[list[int]] = [[] for _ in range(max(depth, default=-1) + 1)]
+    for at in range(len(act.actions)):
+        found[depth[at]].append(at)
+    return found
+
+
+def estimate_act_seconds(scenario: Scenario, act: Act) -> float:
+    """Seconds, with the memory's start values; what needs a value that is not there counts by its declaration."""
+    ends: dict[str, float] = {}
+    for level in action_levels(act):
+        for index in level:
+            action = act.actions[index]
+            begin = max((ends.get(before, 0.0) for before in action.wait_for), default=0.0)
+            ends[action.id] = begin + _seconds(scenario, action)
+    return max(ends.values(), default=0.0)
+
+
+def _seconds(scenario: Scenario, action: Action) -> float:
+    """The mean of an action's variants."""
+    known = [
+        expected
+        for call in action.calls
+        if (expected := estimate_call_seconds(scenario, call, scenario.memory)) is not None
+    ]
+    return sum(known) / max(1, len(action.calls))
+
+
+def estimate_call_seconds(scenario: Scenario, call: ActionCall, memory: Mapping[str, Any]) -> float | None:
+    """Seconds that one call will probably take with this memory; None for an action that the robot does not know."""
+    spec = scenario.robot.actions.get(call.type)
+    if spec is None:
+        return None
+    try:
+        parameters = fill_parameters(call, spec, memory)
+    except (MissingValueError, ValueError):
+        parameters = {}
+    return expected_seconds(spec, parameters)

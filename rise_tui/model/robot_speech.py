@@ -1,0 +1,171 @@
+"""What the robot says, word for word; what of it is left; and what it did not say although it should have. Pure.
+
+Only what the engine's records tell: a sentence that was sent is not said yet, and one whose end the robot did not
+confirm may or may not have been said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, NamedTuple
+
+from rise_engine.kernel.records import ENDINGS, ActionRecord
+from rise_engine.kernel.view import ActionView, SessionView, TaskView
+from rise_engine.scenario import expected_seconds
+from rise_engine.scenario.model import Action, Scenario
+from rise_engine.scenario.template import MissingValueError, Template
+from rise_tui.model.speech_actions import message_of, words_of
+
+LOOK_BACK = 2_000
+"""Tasks that are looked at for the latest sentence when a console attaches."""
+UNKNOWN = frozenset({"timed-out", "lost"})
+"""Endings after which nobody knows what the robot did."""
+
+Kind = Literal["nothing", "sent", "says", "said", "unsaid", "unknown"]
+"""`unsaid`: not said, or not to its end. `unknown`: the robot has not confirmed how it ended."""
+
+
+class CurrentSentence(NamedTuple):
+    """The sentence that matters now."""
+
+    kind: Kind
+    text: str = ""
+    seconds: float | None = None
+    """`says`: what is left, negative when it takes longer than expected, None when nobody knows; `said`: how long ago
+    it ended; `unsaid`: after how long it was broken off."""
+    share: float = 0.0
+    """`says`: how much of it is probably over, 0 to 1."""
+    reason: str = ""
+    replaced_by: str = ""
+    """What the robot does in place of speaking, when it cannot."""
+    others: int = 0
+    """`unsaid`: further sentences of the same act that were not said. `says`: others that are said at the same time."""
+
+
+class SentenceTracker:
+    """Follows the robot's sentences. A sentence is an action of a task that says something."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._over: tuple[int, str] | None = None
+        """The task and the action of the sentence that ended last, however it ended."""
+        self._took: dict[str, tuple[float, int]] = {}
+        """By sentence: the mean of the seconds that it took this robot, and how often."""
+        self._expected = self._measured = 0.0
+        """Seconds of all sentences that were said to their end: as estimated, and as they were."""
+
+    def rebuild(self, view: SessionView) -> None:
+        """Begin anew with what a session has said so far."""
+        self._over = None
+        self._took.clear()
+        self._expected = self._measured = 0.0
+        latest = float("-inf")
+        ids = list(view.tasks)[-LOOK_BACK:]
+        for task in (view.tasks[id] for id in ids):
+            for action in self._sentences(task):
+                if action.ended is None:
+                    continue
+                if action.status == "succeeded":
+                    self._measure(action)
+                if action.ended > latest or (action.ended == latest and action.status == "succeeded"):
+                    latest, self._over = action.ended, (task.id, action.action)
+
+    def record_action(self, record: ActionRecord, view: SessionView) -> None:
+        """A record of an action, after the view has taken it in."""
+        task = view.tasks.get(record.task)
+        action = task.actions.get(record.action) if task is not None else None
+        if record.status not in ENDINGS or action is None or words_of(self._scenario, action) is None:
+            return
+        self._over = record.task, record.action
+        if record.status == "succeeded":
+            self._measure(action)
+
+    def current(self, view: SessionView, at: float) -> CurrentSentence:
+        """What to show at this session time."""
+        running = [
+            action
+            for id in view.running
+            if (task := view.tasks.get(id)) is not None
+            for action in self._sentences(task)
+            if action.ended is None
+        ]
+        if running:
+            action = max(running, key=lambda each: (each.status == "accepted", each.since))
+            elapsed, usual = max(0.0, at - action.since), self.usual_seconds(action)
+            left = None if usual is None else usual - elapsed
+            share = min(1.0, elapsed / usual) if usual else 0.0
+            kind: Kind = "says" if action.status == "accepted" else "sent"
+            return CurrentSentence(kind, self._words(action), left, share, "", action.sent_as or "", len(running) - 1)
+        task = view.tasks.get(self._over[0]) if self._over is not None else None
+        if task is None or self._over is None:
+            return CurrentSentence("nothing")
+        over = task.actions[self._over[1]]
+        if over.status == "succeeded":
+            return CurrentSentence("said", self._words(over), at - (over.ended if over.ended is not None else at))
+        unsaid = [action for action in self._sentences(task) if action.status != "succeeded"]
+        first = unsaid[0]
+        began = first.status != "skipped" and first.ended is not None
+        after = first.ended - first.since if began and first.ended is not None else None
+        reason = first.reason or task.reason
+        ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
+        return CurrentSentence(ending, self._words(first), after, 0.0, reason, "", len(unsaid) - 1)
+
+    def usual_seconds(self, action: ActionView) -> float | None:
+        """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
+        if (known := self._took.get(self._words(action))) is not None:
+            return known[0]
+        spec = self._scenario.robot.actions.get(action.type)
+        if spec is None:
+            return None
+        pace = self._measured / self._expected if self._expected > 0 else 1.0
+        return expected_seconds(spec, action.parameters) * pace
+
+    def _sentences(self, task: TaskView) -> Iterator[ActionView]:
+        """Those of a task that have begun, ended, or been left out, in that order."""
+        return (action for action in task.actions.values() if words_of(self._scenario, action) is not None)
+
+    def _words(self, action: ActionView) -> str:
+        return words_of(self._scenario, action) or ""
+
+    def _measure(self, action: ActionView) -> None:
+        if action.ended is None:
+            return
+        took = action.ended - action.since
+        mean, times = self._took.get(self._words(action), (0.0, 0))
+        self._took[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
+        if (spec := self._scenario.robot.actions.get(action.type)) is not None:
+            self._expected += expected_seconds(spec, action.parameters)
+            self._measured += took
+
+
+def still_to_say(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
+    """The sentences that the running acts have not begun yet, as they would be now, in the order of the file."""
+    found: list[str] = []
+    for id in view.running:
+        task = view.tasks.get(id)
+        act = scenario.acts.get(task.behavior) if task is not None and task.function != "say" else None
+        if act is not None and task is not None:
+            open_ends = (action for action in act.actions if action.id not in task.actions)
+            found += [text for action in open_ends if (text := _text(scenario, action, memory))]
+    return found
+
+
+def _text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
+    """One sentence; of variants, all that it may be; empty for an action that says nothing."""
+    said = (message_of(scenario, call) for call in action.calls)
+    return " / ".join(_filled(words, memory) for words in said if words is not None)
+
+
+def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
+    """The longest one of all acts, with these values."""
+    calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
+    said = (message_of(scenario, call) for call in calls)
+    return max((_filled(words, memory) for words in said if words is not None), key=len, default="")
+
+
+def _filled(said: Template, memory: Mapping[str, Any]) -> str:
+    """With the memory's values; as it is written when one is missing."""
+    try:
+        return said.fill(memory).strip()
+    except (MissingValueError, OverflowError, RecursionError):
+        return said.text.strip()

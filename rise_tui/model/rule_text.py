@@ -1,0 +1,120 @@
+"""Why a rule stands where it stands: what each transition waits for, and what of that the wizard can bring about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from rise_engine.expression import EvaluationError, Expression, lookup
+from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Scenario, Statement, Transition, normal_topic
+from rise_tui.rendering.text import format_value
+
+ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
+"""What the engine raises about acts; about rules only the first."""
+_WHEN = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
+
+
+class Truth(NamedTuple):
+    """A condition at this moment."""
+
+    text: str
+    values: str
+    """The keys that it reads, with their values: `task is 2`."""
+    holds: bool
+    error: str = ""
+
+
+def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
+    """The condition's value over the present memory."""
+    values = []
+    for key in sorted(expression.keys):
+        found, value = lookup(memory, key)
+        values.append(f"{key} is {format_value(value)}" if found else f"{key} is not set")
+    try:
+        return Truth(expression.text, ", ".join(values), expression.as_condition(memory))
+    except EvaluationError as error:
+        return Truth(expression.text, ", ".join(values), False, str(error))
+
+
+def wait_text(scenario: Scenario, transition: Transition) -> str:
+    """What must happen for a transition, in words."""
+    if transition.after is not None:
+        return f"{transition.after:g} s to pass"
+    if transition.event is None:
+        return "its condition alone"
+    if (found := parse_engine_event(scenario, transition.event)) is not None:
+        return f"{found[0]} {ENDINGS[found[1]]}"
+    return f"event {transition.event}"
+
+
+def engine_raises_text(scenario: Scenario, topic: str) -> str:
+    """For an event that the engine raises about an act or a rule: that it does. Empty for other events."""
+    found = parse_engine_event(scenario, topic)
+    return f"{found[0]} raises this event itself when it {_WHEN[found[1]]}" if found is not None else ""
+
+
+def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None:
+    """The act or rule, and the ending, of an event that the engine raises."""
+    for ending in ENDINGS:
+        name = topic.removesuffix(ending)
+        if name != topic and (name in scenario.acts or (name in scenario.rules and ending == "_end")):
+            return name, ending
+    return None
+
+
+def transition_label(transition: Transition) -> str:
+    """A transition's short name: its event, its time, or its condition."""
+    if transition.event is not None:
+        return transition.event
+    if transition.after is not None:
+        return f"after {transition.after:g} s"
+    return transition.condition.text if transition.condition is not None else "at once"
+
+
+class EventKeys:
+    """For every topic, the keys by which the wizard can cause it: directly, or by a rule that a key starts."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        raised = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
+        self._by_topic: dict[str, list[str]] = {}
+        for key in scenario.keys.values():
+            name = key.behavior
+            topics: Iterable[str] = ()
+            if key.function == "raiseEventTopic":
+                topics = {normal_topic(name)}
+            elif key.function == "startInteractionRule":
+                topics = raised.get(name, ())
+            for topic in topics:
+                self._by_topic.setdefault(topic, []).append(key.label)
+
+    def labels_for(self, topic: str | None) -> list[str]:
+        """Labels of the keys, as in the scenario's file."""
+        return self._by_topic.get(topic, []) if topic is not None else []
+
+
+def events_raised_by(rule: Rule) -> frozenset[str]:
+    """Every topic that a rule raises anywhere, without its slash."""
+    raised = (function.argument for function in functions_of_rule(rule) if function.name == "raiseEventTopic")
+    return frozenset(map(normal_topic, raised))
+
+
+def functions_of_rule(rule: Rule) -> Iterator[Function]:
+    """Every function anywhere in a rule."""
+    for state in rule.states.values():
+        for block in (state.on_entry, state.on_exit, *(transition.block for transition in state.transitions)):
+            for function, _ in functions_in(block):
+                yield function
+
+
+def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:
+    """Every function of a block, and whether it is run whatever the memory and chance say."""
+    for statement in block:
+        match statement:
+            case Function():
+                yield statement, sure
+            case If():
+                for branch in statement.branches:
+                    yield from functions_in(branch.block, sure=False)
+            case OneOf():
+                yield from functions_in(statement.choices, sure=False)

@@ -1,0 +1,44 @@
+"""Whose session it is and what is going on in it, in words: for questions about ending it. Pure; knows no screen."""
+
+from __future__ import annotations
+
+from rise_tui.model.store import Store
+from rise_tui.model.task_messages import act_label
+from rise_tui.rendering.text import clean
+
+SHOWN = 5
+"""Things that are named; of more it is said how many."""
+
+
+def participant_text(store: Store) -> str:
+    """`P07 · hesitation`; empty when nobody was named."""
+    session = store.view.session
+    return clean(" · ".join(filter(None, (session.participant, session.condition)))) if session is not None else ""
+
+
+def session_title(store: Store) -> str:
+    """`P07 · hesitation · LabLinking: setting the table`."""
+    return " · ".join(filter(None, (participant_text(store) or "no participant named", clean(store.scenario.title))))
+
+
+def running_names(store: Store) -> list[str]:
+    """Rules with their states, acts that run and acts that wait, each in a few words."""
+    view = store.view
+    found = [f"rule {name}: in {view.rules[name].state}" for name in view.running_rules()]
+    found += [f"act {_act(store, id)}" for id in view.running]
+    found += [f"act {_act(store, id)}, waiting" for id in view.waiting]
+    return [clean(each) for each in found]
+
+
+def running_lines(store: Store) -> list[str]:
+    """The same in lines for a question."""
+    found = running_names(store)
+    if not found:
+        return ["Nothing runs now: no rule, no act."]
+    more = [f"  and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
+    return ["Running now:", *(f"  {each}" for each in found[:SHOWN]), *more]
+
+
+def _act(store: Store, id: int) -> str:
+    task = store.view.tasks[id]
+    return act_label(task.function, task.behavior)

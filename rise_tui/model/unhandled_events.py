@@ -1,0 +1,52 @@
+"""Events that nobody was waiting for, and whose doing they were. Knows no screen."""
+
+from __future__ import annotations
+
+from rise_engine.kernel.records import EventRecord, TaskRecord
+from rise_engine.kernel.view import SessionView
+from rise_engine.scenario.model import normal_topic
+from rise_tui.model.notice import Notice
+
+JUST_STARTED_SECONDS = 1.0
+"""Seconds after its start in which what a rule does counts as the deed of the wizard who started it."""
+
+
+class UnhandledEvents:
+    """Follows each raised event until its own record tells what became of it."""
+
+    def __init__(self, missed: list[int]) -> None:
+        """`missed` gets the tasks whose event nobody took, in the order in which that comes out."""
+        self._missed = missed
+        self._raised: dict[tuple[str, str], list[int]] = {}
+
+    def clear(self) -> None:
+        self._raised.clear()
+
+    def expect(self, record: TaskRecord) -> None:
+        """A task has raised its event."""
+        self._raised.setdefault((normal_topic(record.behavior), record.source), []).append(record.id)
+
+    def record_outcome(self, record: EventRecord, view: SessionView) -> Notice | None:
+        """An event found its rule, or nobody; what to tell the wizard about it."""
+        which = normal_topic(record.topic), record.source
+        ids = self._raised.get(which, [])
+        task = ids.pop(0) if ids else None
+        if not ids:
+            self._raised.pop(which, None)
+        if record.taken_by is not None:
+            return None
+        if task is not None:
+            self._missed.append(task)
+        return Notice(f"{record.topic}: nobody was waiting for it", "wait") if _by_wizard(record, view) else None
+
+
+def _by_wizard(record: EventRecord, view: SessionView) -> bool:
+    """Whether a wizard raised it: directly, or by a rule that a wizard has just started."""
+    kind, _, name = record.source.partition(":")
+    if kind != "rule":
+        return kind == "wizard"
+    rule = view.rules.get(name)
+    task = view.tasks.get(rule.task or 0) if rule is not None else None
+    if task is None or not task.source.startswith("wizard:"):
+        return False
+    return record.t - (task.started if task.started is not None else task.submitted) <= JUST_STARTED_SECONDS

@@ -1,0 +1,185 @@
+"""Why a rule stays where it stands: for each way out what it waits for, what of that is true, and what one can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import ceil
+from typing import Any
+
+from rich.cells import cell_len
+
+from rise_engine.expression import Expression
+from rise_engine.kernel.view import RuleView
+from rise_engine.scenario.model import Rule, State, Transition
+from rise_tui.model.conditions import holds, parts_of
+from rise_tui.model.rule_text import EventKeys, Truth, parse_engine_event, truth_of, wait_text
+from rise_tui.model.states import act_state, newest_task, rule_state
+from rise_tui.model.store import Store
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    align_at_both_ends,
+    clean,
+    crop,
+    format_duration,
+    format_seconds,
+    line_width,
+)
+
+PART = 8
+"""Cells before a part of a condition."""
+READABLE = 84
+"""Cells beyond which a row's two ends would be too far apart for the eye."""
+
+
+def key_owner(store: Store) -> str:
+    """Who can press a key that is named: `you`, or whoever has control (`key`)."""
+    return "key" if store.blocked_reason("change") else "you"
+
+
+class WaitExplanations:
+    """Makes the rows for the present state of a rule."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._raisers = EventKeys(store.scenario)
+
+    def rows(self, rule: Rule, state: State, view: RuleView, width: int) -> list[ListRow]:
+        """Each way out in the file's order, in which the engine looks at them too."""
+        if not state.transitions:
+            return [ListRow("", crop(((" no way leads out: the rule ends here", "muted"),), width), selectable=False)]
+        memory = self._store.memory
+        width = min(width, READABLE)
+        rows = []
+        for index, transition in enumerate(state.transitions):
+            rows += self._way(index, transition, view, memory, width)
+            if transition.condition is not None:
+                rows += self._condition(index, transition.condition, memory, width)
+            if other := self._taken_by(rule, state, index, memory):
+                rows.append(ListRow("", crop(((" " * 4, "plain"), (other, "wait")), width), selectable=False))
+        return rows
+
+    def changes_with_time(self, state: State) -> bool:
+        """Whether what is said changes by the clock alone."""
+        for transition in state.transitions:
+            found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+            if transition.after is not None or (found is not None and self._store.act(found[0]).running):
+                return True
+        return False
+
+    def _way(
+        self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
+    ) -> list[ListRow]:
+        waits: StyledLine = ((" waits for ", "muted"), (wait_text(self._store.scenario, transition), "wait"))
+        stands, you = self._stands(transition, view), self._keys(transition)
+        must: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
+        condition = transition.condition
+        if transition.event is not None and not holds(condition, memory):
+            must = (*must, ("  not now", "wait"))
+        target = clean(f"→ {transition.target}" if transition.target else "stays")
+        line: StyledLine = (*waits, *stands, *must)
+        if line_width(line) + cell_len(target) + 3 <= width:
+            return [ListRow(f"now:{index}", align_at_both_ends(line, ((f"{target} ", "plain"),), width))]
+        more: StyledLine = ((" " * 4, "plain"), (target, "plain"))
+        if line_width(line) > width:
+            line = (*crop(waits, width - line_width(must)), *must)
+            more = align_at_both_ends(more, (*stands, (" ", "plain")), width)
+        return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
+
+    def _stands(self, transition: Transition, view: RuleView) -> StyledLine:
+        """How far it is: the time left, or what the awaited act does."""
+        now = self._store.now()
+        if transition.after is not None:
+            left = ceil(transition.after - (now - view.since))
+            if left <= 0:
+                return (("  the time is up", "wait"),)
+            return ((f"  {format_seconds(left) if left >= 60 else f'{left} s'} left", "plain"),)
+        found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        if found is None:
+            return ()
+        name, _ = found
+        if name not in self._store.scenario.acts:
+            state = rule_state(self._store, name)
+            return ((f"  {state.glyph} {state.word}", state.tone),)
+        state = act_state(self._store, name)
+        task = newest_task(self._store, name)
+        took = ""
+        if self._store.act(name).running and task is not None and task.started is not None:
+            typical = self._store.typical_seconds(name)
+            took = f" {format_seconds(self._store.now() - task.started)}"
+            took += f" of {format_duration(typical)}" if typical is not None else " s"
+        return ((f"  {state.glyph} {state.word}", state.tone), (took, "plain"))
+
+    def _keys(self, transition: Transition) -> list[str]:
+        """The keys by which the wizard can bring the event about; an act that runs already needs none."""
+        keys = list(dict.fromkeys(self._raisers.labels_for(transition.event)))
+        found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
+            functions = ("startCommunicationRobotAct", "startInteractionRule")
+            binding = next((key for one in functions if (key := self._store.key_of(one, found[0])) is not None), None)
+            if binding is not None and not self._store.rule(found[0]).running:
+                keys.append(binding.label)
+        return keys
+
+    def _condition(self, index: int, condition: Expression, memory: Mapping[str, Any], width: int) -> list[ListRow]:
+        """Each part with the present values, its truth, and the keys that would make it true."""
+        joint, parts = parts_of(condition)
+        truths = [truth_of(part, memory) for part in parts]
+        texts = max(cell_len(clean(truth.text)) for truth in truths)
+        rows = []
+        for number, (part, truth) in enumerate(zip(parts, truths, strict=True)):
+            verdict: StyledSpan = (
+                (" error ", "fault") if truth.error
+                else (" true ", "accent") if truth.holds
+                else (" false ", "wait")
+            )  # fmt: skip
+            line: StyledLine = ((f"{joint if number else 'if':>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
+            more: StyledLine = ((truth.values, "muted"),) if truth.values and not _says_it(part, truth) else ()
+            if keys := [] if truth.holds else self._setters(part, memory):
+                more = (*more, (f"{'  ' if more else ''}{key_owner(self._store)}: ", "muted"), (" ".join(keys), "key"))
+            gap = " " * (texts - cell_len(clean(truth.text)) + 2) if more else ""
+            both: StyledLine = (*line, (gap, "plain"), *more)
+            fits = line_width(both) + line_width((verdict,)) < width
+            rows.append(
+                ListRow(
+                    f"if:{index}:{number}",
+                    align_at_both_ends(both if fits else line, (verdict,), width),
+                    selectable=False,
+                )
+            )
+            if more and not fits:
+                rows.append(ListRow("", crop(((" " * PART, "plain"), *more), width), selectable=False))
+            if truth.error:
+                rows.append(ListRow("", crop(((" " * PART, "plain"), (truth.error, "fault")), width), selectable=False))
+        return rows
+
+    def _setters(self, part: Expression, memory: Mapping[str, Any]) -> list[str]:
+        """The scenario's keys that set a value with which this part holds."""
+        return [key.label for key in self._store.study_keys.keys_setting(part, memory)]
+
+    def _taken_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
+        """Who would take the event instead: one event is taken by one transition of one rule."""
+        known, event = self._store, state.transitions[index].event
+        if event is None:
+            return ""
+        for name in known.view.running_rules():
+            if name == rule.name:
+                break
+            other = known.scenario.rules.get(name)
+            where = other.states.get(known.rule(name).state or "") if other is not None else None
+            if where is not None and any(_takes(transition, event, memory) for transition in where.transitions):
+                return f"rule {clean(name)} takes this event first: it is higher on the stack"
+        for transition in state.transitions[:index]:
+            if _takes(transition, event, memory):
+                return "the way above takes this event first"
+        return ""
+
+
+def _says_it(part: Expression, truth: Truth) -> bool:
+    """A part that is nothing but a key says with its truth what its value is."""
+    return truth.values in (f"{part.bare_key} is true", f"{part.bare_key} is false")
+
+
+def _takes(transition: Transition, event: str, memory: Mapping[str, Any]) -> bool:
+    return transition.event == event and holds(transition.condition, memory)

@@ -1,0 +1,227 @@
+"""The control area: acts and rules with their keys and states. A name never changes its place."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rich.cells import cell_len
+from textual import on
+
+from rise_tui.actions import bindings_in, why_blocked
+from rise_tui.messages import RequestStart, ShowNotice, ShowSelection, SubmitTask
+from rise_tui.model.key_action import start_action
+from rise_tui.model.states import (
+    ARMED,
+    EXPECTED,
+    RUNNING,
+    SENT,
+    WAITING,
+    StateLabel,
+    act_progress,
+    act_state,
+    newest_task,
+    rule_state,
+)
+from rise_tui.model.store import Store, StorePart
+from rise_tui.model.task_messages import act_label
+from rise_tui.panes.pane import ListPane
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    fit,
+    fit_end,
+    fixed_span,
+    format_duration,
+    format_seconds,
+)
+from rise_tui.widgets.row_list import RowView
+
+STATE_WIDTH = 10
+NOW = 24
+"""Cells for the name of what runs now, in the title of the acts."""
+WIDE = 46
+"""From this width on there is room for an act's progress and typical duration, and a rule's state."""
+
+
+def _expected(state: StateLabel, awaited: bool) -> StateLabel:
+    """What a running rule waits for says so, unless there is something to say about it now."""
+    return EXPECTED if awaited and state not in (RUNNING, WAITING, SENT, ARMED) else state
+
+
+class StartListPane(ListPane):
+    """What the two lists share."""
+
+    FUNCTION: str
+    EXPECTATION_PARTS: ClassVar[frozenset[StorePart]]
+    """What matters only where it changes what the running rules wait for."""
+
+    def __init__(self, store: Store) -> None:
+        super().__init__(store)
+        self._shown_awaited: frozenset[str] = frozenset()
+        labels = [key.label for key in store.scenario.keys.values() if key.function == self.FUNCTION]
+        self.key_width = min(8, max((len(label) for label in labels), default=1)) + 1
+
+    def expected_names(self) -> frozenset[str]:
+        """The names of the list that a running rule waits for."""
+        raise NotImplementedError
+
+    def is_affected_by(self, changed: set[StorePart]) -> bool:
+        if changed & (self.PARTS - self.EXPECTATION_PARTS):
+            return True
+        return bool(changed & self.EXPECTATION_PARTS) and self.expected_names() != self._shown_awaited
+
+    def why_blocked(self, name: str) -> str:
+        """Why its key would start nothing now, or empty."""
+        return why_blocked(self.store, "start")
+
+    def key_cell(self, name: str) -> StyledSpan:
+        binding = self.store.key_of(self.FUNCTION, name)
+        tone: TextRole = "muted" if self.why_blocked(name) else "key"
+        return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
+
+    @on(RowView.CursorMoved)
+    def _moved(self, event: RowView.CursorMoved) -> None:
+        event.stop()
+        name = event.rows.current_id
+        self.post_message(ShowSelection(self.SCOPE, name))
+        if name and (reason := self.why_blocked(name)):
+            self.post_message(ShowNotice(f"{name} cannot be started: {reason}"))
+
+
+class ActsPane(StartListPane):
+    """The acts of the scenario."""
+
+    SCOPE = "acts"
+    BINDINGS = bindings_in("acts")
+    TITLE = "Acts"
+    PARTS = frozenset({"acts", "rules", "memory", "status", "stop"})
+    EMPTY = "this scenario has no acts"
+    FUNCTION = "startCommunicationRobotAct"
+    EXPECTATION_PARTS = frozenset({"rules", "memory"})
+
+    def expected_names(self) -> frozenset[str]:
+        return self.store.expected_inputs().acts
+
+    def subtitle(self) -> StyledLine:
+        """What the robot does now, wherever the list stands; the number of acts when it does nothing."""
+        view = self.store.view
+        if not view.running:
+            return ((f"{len(self.store.scenario.acts)}", "muted"),)
+        task = view.tasks[view.running[-1]]
+        elapsed = format_seconds(self.store.now() - (task.started or 0.0))
+        others = len(view.running) - 1
+        more = (f" +{others}" if others else "") + (f", {len(view.waiting)} wait" if view.waiting else "")
+        name = act_label(task.function, task.behavior)
+        return (("► ", "accent"), (f"{fit(name, min(cell_len(name), NOW))} {elapsed} s", "accent"), (more, "muted"))
+
+    def make_rows(self, width: int) -> list[ListRow]:
+        wide = width >= WIDE
+        name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
+        awaited = self._shown_awaited = self.expected_names()
+        return [ListRow(name, self._line(name, name_width, wide, name in awaited)) for name in self.store.scenario.acts]
+
+    def _line(self, name: str, name_width: int, wide: bool, awaited: bool) -> StyledLine:
+        state = _expected(act_state(self.store, name), awaited)
+        running = bool(self.store.act(name).running)
+        spans: list[StyledSpan] = [
+            self.key_cell(name),
+            fixed_span(name, name_width, "strong" if running else "plain"),
+            (" ", "plain"),
+            (f"{state.glyph} ", state.tone),
+            fixed_span(state.word, STATE_WIDTH - 2, state.tone),
+        ]
+        if wide:
+            spans.append(fixed_span(self._progress(name), 5, "muted", right=True))
+        spans.append(fixed_span(self._time(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True))
+        return tuple(spans)
+
+    def _progress(self, name: str) -> str:
+        task = newest_task(self.store, name)
+        if task is not None and task.status == "ACTIVE":
+            done, total = act_progress(self.store.scenario.acts[name], task)
+            return f"{done}/{total}"
+        settings = self.store.scenario.settings_of(name)
+        return "hold" if settings.hold else "fill" if settings.filler else ""
+
+    def _time(self, name: str, wide: bool) -> str:
+        """Running: elapsed and typical; otherwise, where there is room, how long it typically takes."""
+        task, typical = newest_task(self.store, name), self.store.typical_seconds(name)
+        if task is not None and task.status == "ACTIVE":
+            elapsed = format_seconds(self.store.now() - (task.started or 0.0))
+            return f"{elapsed}/{format_seconds(typical)}" if wide and typical is not None else elapsed
+        return f"~{format_duration(typical)}" if wide and typical is not None else ""
+
+    def carry_out(self, action: str) -> None:
+        name = self.row_list.current_id
+        if not name:
+            self.post_message(ShowNotice("no act is selected"))
+        elif action == "acts.start":
+            self.post_message(RequestStart(start_action(self.store.scenario, self.FUNCTION, name)))
+        elif action == "acts.stop":
+            act = self.store.act(name)
+            if not act.running and not act.waiting:
+                self.post_message(ShowNotice(f"{name} neither runs nor waits"))
+            elif act.running:
+                self.post_message(SubmitTask("stopCommunicationRobotAct", name))
+            else:
+                self.post_message(SubmitTask("cancelTask", str(act.waiting[0])))
+
+
+class RulesPane(StartListPane):
+    """The rules of the scenario."""
+
+    SCOPE = "rules"
+    BINDINGS = bindings_in("rules")
+    TITLE = "Rules"
+    PARTS = frozenset({"rules", "memory", "status", "stop"})
+    EMPTY = "this scenario has no rules"
+    FUNCTION = "startInteractionRule"
+    EXPECTATION_PARTS = frozenset({"memory"})
+
+    def expected_names(self) -> frozenset[str]:
+        return self.store.expected_inputs().rules
+
+    def why_blocked(self, name: str) -> str:
+        return why_blocked(self.store, "start") or ("it runs already" if self.store.rule(name).running else "")
+
+    def subtitle(self) -> StyledLine:
+        return ((f"{len(self.store.view.running_rules())} of {len(self.store.scenario.rules)} run", "muted"),)
+
+    def make_rows(self, width: int) -> list[ListRow]:
+        wide = width >= WIDE
+        room = width - (1 + self.key_width) - 1
+        least = STATE_WIDTH + max(14, width // 4) if wide else 17
+        longest = max((cell_len(name) for name in self.store.scenario.rules), default=0)
+        name_width = min(longest, room - least)
+        state_width = room - name_width
+        rows = []
+        awaited = self._shown_awaited = self.expected_names()
+        for name in self.store.scenario.rules:
+            rule, state = self.store.rule(name), _expected(rule_state(self.store, name), name in awaited)
+            at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
+            lead = STATE_WIDTH - 2 if wide else 0
+            shown = at if wide or at else state.word
+            text = (fit_end if rule.running and at else fit)(shown, state_width - 2 - lead)
+            spans: StyledLine = (
+                self.key_cell(name),
+                fixed_span(name, name_width, "strong" if rule.running else "plain"),
+                (" ", "plain"),
+                (f"{state.glyph} ", state.tone),
+                (fit(state.word, lead) + text, state.tone),
+            )
+            rows.append(ListRow(name, spans))
+        return rows
+
+    def carry_out(self, action: str) -> None:
+        name = self.row_list.current_id
+        if not name:
+            self.post_message(ShowNotice("no rule is selected"))
+        elif action == "rules.start":
+            self.post_message(RequestStart(start_action(self.store.scenario, self.FUNCTION, name)))
+        elif action == "rules.stop":
+            if self.store.rule(name).running:
+                self.post_message(SubmitTask("stopInteractionRule", name))
+            else:
+                self.post_message(ShowNotice(f"{name} does not run"))

@@ -1,0 +1,249 @@
+"""Text for a screen: rows of toned pieces, fitted to cells. Pure; knows no widget."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from rich.cells import cell_len, set_cell_size
+
+from rise_engine.text import UNSEEN, escape_unseen_json
+from rise_engine.text import clean as clean
+
+TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
+"""What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.
+
+`call` is an amber `alarm`: somebody has to know, and nothing is wrong. `match`: a filter found it here."""
+
+StyledSpan: TypeAlias = tuple[str, TextRole]
+StyledLine: TypeAlias = tuple[StyledSpan, ...]
+
+
+class ListRow(NamedTuple):
+    """One row of a list: what it stands for, and its text."""
+
+    id: str
+    line: StyledLine
+    selectable: bool = True
+    full: str = ""
+    """What a filter looks at, where the line has no room for all of it."""
+
+
+def cell_width(text: str) -> int:
+    """How many cells a text takes."""
+    return len(text) if text.isascii() else cell_len(text)
+
+
+@lru_cache(2048)  # columns of a list repeat themselves
+def fit(text: str, width: int, *, right: bool = False) -> str:
+    """The text in exactly `width` cells; what does not fit ends in `…`."""
+    if width <= 0:
+        return ""
+    text = clean(text)
+    length = cell_width(text)
+    if length > width:
+        head = set_cell_size(text, width - 1).rstrip()
+        return head + "…" + " " * (width - 1 - cell_len(head))
+    pad = " " * (width - length)
+    return pad + text if right else text + pad
+
+
+def fit_end(text: str, width: int) -> str:
+    """As `fit`, but what does not fit is lost at the beginning: `…1, step 3`."""
+    text = clean(text)
+    if width <= 0 or cell_len(text) <= width:
+        return fit(text, width)
+    while cell_len(text) > width - 1:
+        text = text[1:]
+    return fit("…" + text.lstrip(), width)
+
+
+def fit_middle(text: str, width: int) -> str:
+    """As `fit`, but what does not fit is lost in the middle: names that begin alike stay apart (`partic…_name`)."""
+    text = clean(text)
+    if width < 5 or cell_len(text) <= width:
+        return fit(text, width)
+    end = text[-(width // 2) :]
+    while cell_len(end) > width // 2:
+        end = end[1:]
+    head = set_cell_size(text, width - 1 - cell_len(end)).rstrip()
+    return fit(f"{head}…{end}", width)
+
+
+def fixed_span(text: str, width: int, tone: TextRole = "plain", *, right: bool = False) -> StyledSpan:
+    """A piece of fixed width, as one column of a row."""
+    return fit(text, width, right=right), tone
+
+
+def line_width(line: Iterable[StyledSpan]) -> int:
+    return sum(cell_width(text) for text, _ in line)
+
+
+def plain_text(line: Iterable[StyledSpan]) -> str:
+    """The characters of a line, for searching and for tests."""
+    return "".join(text for text, _ in line)
+
+
+def highlight_matches(line: StyledLine, places: Iterable[tuple[int, int]]) -> StyledLine:
+    """The line with the characters of these places, in order, in the tone `match`."""
+    spans: list[StyledSpan] = []
+    left = list(places)
+    column = 0
+    for text, tone in line:
+        at = 0
+        while left and left[0][0] < column + len(text):
+            start, end = (min(max(0, edge - column), len(text)) for edge in left[0])
+            spans += [(text[at:start], tone), (text[start:end], "match")]
+            at = end
+            if left[0][1] > column + len(text):
+                break  # it goes on in the next piece
+            del left[0]
+        spans.append((text[at:], tone))
+        column += len(text)
+    return tuple(span for span in spans if span[0])
+
+
+def crop(line: StyledLine, width: int) -> StyledLine:
+    """The line in at most `width` cells, ending in `…` when something is lost."""
+    if line_width(line) <= width:
+        return line
+    kept: list[StyledSpan] = []
+    room = width
+    for text, tone in line:
+        text = clean(text)
+        if cell_len(text) >= room:
+            kept.append((fit(text + " " * room, room), tone))
+            break
+        kept.append((text, tone))
+        room -= cell_len(text)
+    return tuple(kept)
+
+
+def align_at_both_ends(left: StyledLine, right: StyledLine, width: int) -> StyledLine:
+    """Two pieces at the two ends of a row; the left one gives way."""
+    right = crop(right, width)
+    room = width - line_width(right)
+    left = crop(left, max(0, room - 1))
+    return (*left, (" " * (room - line_width(left)), "plain"), *right)
+
+
+def heading_line(name: str, state: StyledSpan, right: StyledLine, width: int) -> StyledLine:
+    """A name, its state, and a piece at the other end; the name gives way, the state never."""
+    room = width - line_width(right) - cell_len(state[0]) - 4
+    shown = fit(name, max(4, room)) if cell_len(clean(name)) > room else clean(name)
+    return align_at_both_ends(((f" {shown}  ", "strong"), state), right, width)
+
+
+def wrap(text: str, width: int) -> list[str]:
+    """A text over as many lines as it needs; a word that is longer than a line is cut."""
+    lines, line = [], ""
+    for word in clean(text).split():
+        if line and cell_len(line) + 1 + cell_len(word) > width:
+            lines.append(line)
+            line = word
+        else:
+            line = f"{line} {word}".strip()
+    return [*lines, line]
+
+
+def format_seconds(value: float) -> str:
+    """A duration: `0.4`, `12.3`, `3:05`, `1:02:07`; to a tenth below a minute."""
+    value = max(0.0, value)
+    if value < 59.95:
+        return f"{value:.1f}"
+    whole = round(value)
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
+
+
+def format_duration(value: float) -> str:
+    """A duration with its unit where it needs one."""
+    return f"{format_seconds(value)} s" if value < 59.95 else format_seconds(value)
+
+
+def format_age(value: float) -> str:
+    """How long ago, in few cells: `3 s`, `12 min`, `2 h`."""
+    value = max(0.0, value)
+    if value < 60:
+        return f"{int(value)} s"
+    return f"{int(value // 60)} min" if value < 3600 else f"{int(value // 3600)} h"
+
+
+def format_clock(value: float, *, tenths: bool = False) -> str:
+    """Session time: `00:14:32`, or `00:14:32.1`."""
+    value = max(0.0, value)
+    whole = int(value)
+    text = f"{whole // 3600:02}:{whole // 60 % 60:02}:{whole % 60:02}"
+    return f"{text}.{int(value * 10) % 10}" if tenths else text
+
+
+def format_value(value: Any) -> str:
+    """A memory value as it can be typed: JSON, but strings bare where that is unambiguous.
+
+    Whatever could move the cursor or hide itself is escaped, which makes a string JSON.
+    """
+    bare = isinstance(value, str) and value == value.strip() and value and not UNSEEN.search(value)
+    if bare and parse_typed_value(value)[1] == "string":
+        return str(value)
+    return escape_unseen_json(json.dumps(value, ensure_ascii=False))
+
+
+def json_type_name(value: Any) -> str:
+    """The JSON type of a value, in the words that the console uses."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "boolean"
+        case int():
+            return "integer"
+        case float():
+            return "number"
+        case str():
+            return "string"
+        case list() | tuple():
+            return "array"
+        case _:
+            return "object"
+
+
+def parse_typed_value(text: str) -> tuple[Any, str, str]:
+    """What a typed text means: value, type, and a remark when it looks like JSON but is none.
+
+    A JSON literal has its own type; anything else is a string as typed.
+    """
+    bare = text.strip()
+    try:
+        value = json.loads(bare, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_unique)
+    except RecursionError:
+        return text, "string", "nested too deeply for JSON"
+    except ValueError as error:
+        looks_json = bare[:1] in ("{", "[", '"')
+        return text, "string", f"not JSON: {_reason(error)}" if looks_json else ""
+    return value, json_type_name(value), ""
+
+
+def _reason(error: ValueError) -> str:
+    if isinstance(error, json.JSONDecodeError):
+        return f"{error.msg.lower()} at {error.pos + 1}"
+    return str(error)
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if value in (float("inf"), float("-inf")):
+        raise ValueError("the number is too large")
+    return value
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key is given twice")
+    return found

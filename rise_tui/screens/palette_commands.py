@@ -1,0 +1,128 @@
+"""What the palette offers: every action of the registry, themes, acts, rules, events, and values that keys set. Pure.
+
+What cannot be used now is there too, with the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
+
+from rise_engine.scenario.model import KeyBinding, normal_topic
+from rise_tui.actions import ACTIONS, KEY_SCOPES, KeyScope, why_blocked, why_task_blocked
+from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.key_action import KeyAction, action_of_key, start_action
+from rise_tui.model.rule_text import ENDINGS
+from rise_tui.model.store import Store
+from rise_tui.model.study_keys import EVENT, SET, key_title
+from rise_tui.rendering import themes
+
+THEME = "theme"
+
+
+class PaletteCommand(NamedTuple):
+    """One line of the palette."""
+
+    title: str
+    kind: str
+    """What it is, in a word: act, rule, event, theme, or the place of an action."""
+    key: str
+    help: str
+    blocked_text: str
+    run: Callable[[], None]
+    theme: str = ""
+    """Shown while the cursor is on the line."""
+
+
+def palette_commands(
+    store: Store, place: KeyScope | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
+) -> Iterator[PaletteCommand]:
+    """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
+    titles = dict(KEY_SCOPES)
+    own = [action for action in ACTIONS if action.scope == place]
+    rest = [action for action in ACTIONS if action.scope != place and action.id != "palette"]
+    for action in own:
+        why = action.why_unavailable(store)
+        yield PaletteCommand(action.title, "here", action.key_label, action.help, why, partial(run, action.id))
+    yield from _awaited(store, start)
+    for action in rest:
+        kind = "" if action.scope in ("everywhere", "console") else titles[action.scope].lower()
+        why = action.why_unavailable(store)
+        yield PaletteCommand(action.title, kind, action.key_label, action.help, why, partial(run, action.id))
+    yield from _startable(store, start)
+
+
+def _awaited(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
+    """Events that a running rule waits for and that no act or rule raises itself when it ends."""
+    topics = store.expected_inputs().events
+    own = {name + ending for name in (*store.scenario.acts, *store.scenario.rules) for ending in ENDINGS}
+    why = why_blocked(store, "start")
+    for topic in sorted(topics - own):
+        action = KeyAction("raiseEventTopic", topic)
+        key = store.key_of(action.function, topic)
+        help = f"raise this event{_called(key)}: a running rule waits for it"
+        yield PaletteCommand(topic, "event", key.label if key else "", help, why, partial(start, action))
+
+
+def _startable(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
+    scenario, why = store.scenario, why_blocked(store, "start")
+    due = store.expected_inputs()
+    for name in scenario.acts:
+        action = start_action(scenario, "startCommunicationRobotAct", name)
+        key = store.key_of(action.function, name)
+        help = f"start this act{_called(key)}" + ("; a running rule waits for it" if name in due.acts else "")
+        yield PaletteCommand(name, "act", key.label if key else "", help, why, partial(start, action))
+    for name in scenario.rules:
+        action = start_action(scenario, "startInteractionRule", name)
+        key = store.key_of(action.function, name)
+        help = f"start this rule{_called(key)}" + ("; a running rule waits for it" if name in due.rules else "")
+        yield PaletteCommand(name, "rule", key.label if key else "", help, why, partial(start, action))
+    for key in scenario.keys.values():
+        action = action_of_key(scenario, key)
+        if key.function == EVENT and normal_topic(key.behavior) not in due.events:
+            help, why = "raise this event; no running rule waits for it now", why_task_blocked(store, key.function)
+            yield PaletteCommand(
+                key_title(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action)
+            )
+        elif key.function == SET:
+            why = why_task_blocked(store, key.function)
+            yield PaletteCommand(key_title(key), "set", key.label, key.behavior, why, partial(start, action))
+
+
+def _called(key: KeyBinding | None) -> str:
+    """What the author calls it, as words to be found by."""
+    return f": {key.title}" if key is not None and key.title else ""
+
+
+def theme_commands(choose: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """One line for each theme; moving over it shows it."""
+    for theme in themes.THEMES:
+        name = theme.name.removeprefix("rise-")
+        yield PaletteCommand(name, THEME, "", "use this theme", "", partial(choose, theme.name), theme.name)
+
+
+class PaletteHit(NamedTuple):
+    """A command that fits, and where in its title."""
+
+    command: PaletteCommand
+    places: Sequence[tuple[int, int]] = ()
+
+
+def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[PaletteHit]:
+    """What fits to what was typed, the best first; all of them in their order when nothing usable is typed."""
+    try:
+        wanted = Filter(typed)
+        if not wanted:
+            return [PaletteHit(command) for command in all_of_them]
+        ranked: list[tuple[tuple[int, ...], PaletteHit]] = []
+        for command in all_of_them:
+            if wanted.matches(named := f"{command.title}  {command.kind}"):
+                places = [place for place in wanted.match_spans(named) if place[1] <= len(command.title)]
+                start, end = (places[0][0], places[-1][1]) if places else (len(named), len(named))
+                ranked.append(((0, len(places) or 1, end - start, start), PaletteHit(command, places)))
+            elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
+                ranked.append(((1,), PaletteHit(command)))
+        return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]
+    except InvalidFilter:  # half of an expression
+        return [PaletteHit(command) for command in all_of_them]

@@ -1,0 +1,74 @@
+"""What a window shows that is too small for a console: what is needed, and that stopping still works."""
+
+from __future__ import annotations
+
+from textual import events
+from textual.app import ComposeResult
+from textual.geometry import Size
+
+from rise_tui.actions import key_name
+from rise_tui.model.alarms import current_alarms
+from rise_tui.model.store import Store
+from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.text import StyledLine, crop, wrap
+from rise_tui.widgets.static_lines import StaticLines
+
+TICK = 0.5
+LEAST_SIZE = (70, 20)
+"""Columns and rows below which nothing could be read."""
+
+
+def is_too_small(width: int, height: int) -> bool:
+    """Whether a terminal has no room for a console."""
+    return width < LEAST_SIZE[0] or height < LEAST_SIZE[1]
+
+
+def too_small_lines(size: Size, store: Store) -> list[StyledLine]:
+    """Sentences in whatever room there is, the most important first."""
+    found = current_alarms(store, key_name)
+    head: list[StyledLine] = [crop(found[0].head, size.width)] if found else []
+    stop, leave = key_name("stop"), key_name("quit")
+    said = [
+        f"This window has {size.width} x {size.height} cells; the console needs {LEAST_SIZE[0]} x {LEAST_SIZE[1]}.",
+        f"{stop} stops everything, {leave} leaves. No other key does anything here.",
+        "The session goes on. Make the window larger, or its letters smaller.",
+    ]
+    told: list[StyledLine] = [((line, "plain"),) for text in said for line in wrap(text, max(8, size.width))]
+    return [*head, *told][: size.height]
+
+
+class TooSmallScreen(SingleDismissModal[None]):
+    """Lies over everything until the window is large enough."""
+
+    DEFAULT_CSS = """
+    TooSmallScreen { background: $background; }
+    TooSmallScreen StaticLines { height: 100%; }
+    """
+
+    def __init__(self, store: Store) -> None:
+        super().__init__()
+        self._store = store
+        self.said = StaticLines()
+
+    def compose(self) -> ComposeResult:
+        yield self.said
+
+    def on_mount(self) -> None:
+        self.set_interval(TICK, self._draw)
+
+    def _draw(self) -> None:
+        size = self.app.size
+        if is_too_small(*size):
+            self.said.show(*too_small_lines(size, self._store))
+        elif self.app.screen is self:  # not below a question, which is answered first
+            self.dismiss(None)
+
+    def on_resize(self) -> None:
+        self._draw()
+
+    def on_screen_resume(self) -> None:
+        self._draw()
+
+    def on_key(self, event: events.Key) -> None:
+        event.stop()
+        event.prevent_default()

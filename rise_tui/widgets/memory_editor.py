@@ -1,0 +1,201 @@
+"""Editing a key and its value in the row where it stands; the type shows while typing.
+
+When the value changes meanwhile, a second row says so, and Enter must be pressed once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.message import Message
+from textual.widgets import Input
+
+from rise_tui.rendering.text import StyledLine, align_at_both_ends, clean, line_width, parse_typed_value
+from rise_tui.widgets.static_lines import StaticLines
+
+
+class TextField(Input):
+    """A text field of one bare row."""
+
+    DEFAULT_CSS = """
+    TextField, TextField:focus { height: 1; border: none; padding: 0; background: $panel; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
+    """To the next field, while elsewhere on the console it goes to the next pane."""
+
+    def validate_value(self, value: str) -> str:
+        """A pasted control character would reach the terminal as it is."""
+        return clean(value)
+
+
+class PresentValue(NamedTuple):
+    """A value as it is now, and who made it so."""
+
+    text: str
+    """Empty: there is none."""
+    source: str = ""
+
+
+class RowEditor(Vertical):
+    """Opens over one row of the memory."""
+
+    DEFAULT_CSS = """
+    RowEditor {
+        layer: edit; height: 1; width: 100%; padding: 0 1; background: $panel; display: none;
+        &.-open { display: block; }
+        &.-conflict { height: 2; }
+        Horizontal { height: 1; }
+        TextField { margin: 0 1 0 0; }
+        StaticLines { width: 1fr; background: $panel; }
+        #conflict { display: none; }
+        &.-conflict #conflict { display: block; }
+    }
+    """
+
+    class Done(Message):
+        """The editor was closed; `key` is empty when nothing is to change."""
+
+        def __init__(self, key: str, value: Any) -> None:
+            super().__init__()
+            self.key = key
+            self.value = value
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._key = TextField(placeholder="key", classes="key", select_on_focus=False)
+        self._value = TextField(placeholder="value", classes="value")
+        self._type = StaticLines()
+        self._conflict = StaticLines(id="conflict")
+        self._editing = ""
+        self._offered = ""
+        self._before = PresentValue("")
+        self._seen: PresentValue | None = None
+        """Another value than the one that was to be edited, which Enter was told about."""
+        self._look: Callable[[str], PresentValue] = lambda key: PresentValue("")
+
+    @property
+    def is_open(self) -> bool:
+        return self.has_class("-open")
+
+    @property
+    def type_shown(self) -> str:
+        return self._type.text
+
+    @property
+    def conflict_shown(self) -> str:
+        """What the second row says; empty while there is none."""
+        return self._conflict.text if self.has_class("-conflict") else ""
+
+    def compose(self) -> ComposeResult:
+        with Horizontal():
+            yield self._key
+            yield self._value
+            yield self._type
+        yield self._conflict
+
+    def open(
+        self,
+        editing: str,
+        key: str,
+        value: str,
+        look: Callable[[str], PresentValue],
+        *,
+        y: int,
+        key_width: int,
+        value_width: int,
+    ) -> None:
+        """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list.
+
+        `look` gives what a key has at that moment; for a part of a value, its present state.
+        """
+        self._editing, self._offered, self._look = editing, key, look
+        self._before, self._seen = look(editing) if editing else PresentValue(""), None
+        self.styles.offset = (0, y)
+        self._key.styles.width, self._value.styles.width = key_width, max(6, value_width)
+        self._key.disabled = bool(editing)
+        self._key.value, self._value.value = key, value
+        self.remove_class("-conflict")
+        self.add_class("-open")
+        (self._value if key else self._key).focus()
+        self._show()
+
+    def check(self) -> None:
+        """The memory may have changed while the editor is open."""
+        self._show()
+
+    @property
+    def _key_meant(self) -> str:
+        typed = self._key.value
+        return self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
+
+    def _now(self) -> PresentValue | None:
+        """What the key has now, when that is not what was to be edited; None when nothing is in the way."""
+        key = self._key_meant
+        if not key:
+            return None
+        now = self._look(key)
+        return None if now.text == self._before.text else now
+
+    def _show(self) -> None:
+        _, kind, remark = parse_typed_value(self._value.value)
+        self._type.show(_remarked(kind, remark, self._type.size.width) if remark else ((kind, "accent"),))
+        now = self._now()
+        self.set_class(now is not None, "-conflict")
+        if now is None:
+            self._seen = None
+            return
+        says = f"is now {now.text}" if now.text else "is deleted now"
+        who = f" by {now.source}" if now.source and now.text else ""
+        was = f"was {self._before.text}, {says}" if self._before.text else f"there is one already: {says[7:]}"
+        told = "enter again: yours" if now == self._seen else "enter twice: yours"
+        width = self._conflict.size.width or self.size.width - 2
+        self._conflict.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((told, "key"),), max(1, width)))
+
+    @on(StaticLines.Resized)
+    def _resized(self, event: StaticLines.Resized) -> None:
+        event.stop()
+        self._show()
+
+    @on(Input.Changed)
+    def _typed(self, event: Input.Changed) -> None:
+        event.stop()
+        self._show()
+
+    @on(Input.Submitted)
+    def _entered(self, event: Input.Submitted) -> None:
+        event.stop()
+        key = self._key_meant
+        if event.input is self._key or not key:
+            (self._value if key else self._key).focus()
+            return
+        now = self._now()
+        if now is not None and now != self._seen:
+            self._seen = now
+            self._show()
+            return
+        self._close(key, parse_typed_value(self._value.value)[0])
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key == "escape":
+            event.stop()
+            event.prevent_default()
+            self._close("", None)
+
+    def _close(self, key: str, value: Any) -> None:
+        self.remove_class("-open", "-conflict")
+        self.post_message(self.Done(key, value))
+
+
+def _remarked(kind: str, remark: str, width: int) -> StyledLine:
+    """The type and why it is not what it looks like, in as many words as there is room for."""
+    ways: tuple[StyledLine, ...] = (
+        ((kind, "accent"), (f"  {remark}", "wait")),
+        ((kind, "accent"), ("  not JSON", "wait")),
+        (("text", "accent"), (", not JSON", "wait")),
+    )
+    return next((line for line in ways if line_width(line) <= width), (("not JSON", "wait"),))

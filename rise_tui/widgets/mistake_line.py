@@ -1,0 +1,100 @@
+"""A line in which the wizard says what was wrong about what they did last. It has the focus: letters are its own."""
+
+from __future__ import annotations
+
+from textual import events
+from textual.message import Message
+from textual.timer import Timer
+from textual.widget import Widget
+
+from rise_tui.model.mistakes import MISTAKE_MARKS, markable_name
+from rise_tui.model.store import Store
+from rise_tui.rendering.text import StyledLine, StyledSpan, clean, crop, fit, line_width
+from rise_tui.widgets.static_lines import StaticLines
+
+WIDE = 100
+"""Cells from which on the choices stand apart; below it the name of what was done needs the room."""
+SECONDS = 4.0
+"""How long the line waits for a letter."""
+
+
+class MistakeLine(StaticLines, can_focus=True):
+    """Stands where the notice stands. A key that is none of its own closes it and does what it always does."""
+
+    DEFAULT_CSS = """
+    MistakeLine { background: $rise-cursor; display: none; }
+    MistakeLine.-open { display: block; }
+    """
+
+    class Chosen(Message):
+        def __init__(self, task: int, mark: str) -> None:
+            super().__init__()
+            self.task, self.mark = task, mark
+
+    class Closed(Message):
+        def __init__(self, back: Widget | None) -> None:
+            super().__init__()
+            self.back = back
+            """What had the focus before."""
+
+    def __init__(self) -> None:
+        super().__init__(id="mistake")
+        self.marked = 0
+        """The task that is asked about."""
+        self._back: Widget | None = None
+        self._timer: Timer | None = None
+
+    @property
+    def is_open(self) -> bool:
+        return self.has_class("-open")
+
+    def open(self, task: int) -> None:
+        """About this task, which is being marked as wrong."""
+        if not self.is_open:
+            self._back = self.screen.focused
+            self.add_class("-open")
+        self.marked = task
+        self.screen.set_focus(self)
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer = self.set_timer(SECONDS, self.close)
+
+    def close(self) -> None:
+        """Give the keys back."""
+        if self._timer is not None:
+            self._timer.stop()
+            self._timer = None
+        if self.is_open:
+            self.remove_class("-open")
+            self.post_message(self.Closed(self._back))
+
+    def draw(self, store: Store) -> None:
+        task = store.view.tasks.get(self.marked)
+        if task is None or not self.is_open:
+            return
+        width = self.size.width
+        sent = store.is_sent(("markMistake",), f"{task.id} wrong")
+        what = f"↑ sent: {task.mark or 'wrong'}" if sent else f"! marked {task.mark}" if task.mark else "· not marked"
+        choices: list[StyledSpan] = []
+        gap = "  " if width >= WIDE else " "
+        for choice in MISTAKE_MARKS:
+            choices += [(f"{gap}{choice.key}", "key"), (f" {choice.word}", "plain")]
+        choices += [(f"{gap}esc", "key"), (" ", "plain")]
+        head: StyledLine = ((f" {what} ", "wait"),)
+        room = width - line_width(head) - line_width(choices)
+        name = clean(markable_name(task, store.key_of(task.function, task.behavior)))
+        self.show(crop((*head, (fit(name, min(len(name), max(6, room))), "strong"), *choices), width))
+
+    def on_key(self, event: events.Key) -> None:
+        """Its own letters, before they can mean anything else."""
+        choice = next((choice for choice in MISTAKE_MARKS if choice.key == event.key), None)
+        if choice is None and event.key != "escape":
+            return
+        event.stop()
+        event.prevent_default()
+        if choice is not None:
+            self.post_message(self.Chosen(self.marked, choice.mark))
+        self.close()
+
+    def on_blur(self) -> None:
+        self.close()

@@ -1,0 +1,232 @@
+"""Lists painted row by row: a changed row costs that row, and only rows in view cost anything."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import monotonic
+from typing import ClassVar
+
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.geometry import Size
+from textual.message import Message
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from rise_tui.rendering.styled_lines import CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND, StyledLines
+from rise_tui.rendering.text import ListRow, plain_text
+
+DISPLACED_SECONDS = 0.7
+"""Seconds after the cursor's row has vanished in which nobody can have seen the row where the cursor now stands."""
+
+
+class RowView(ScrollView, StyledLines, can_focus=True):
+    """A list with a cursor. Subclasses say how many rows there are and what is in each."""
+
+    DEFAULT_CSS = """
+    RowView {
+        height: 1fr; width: 1fr;
+        overflow-x: hidden; overflow-y: auto; scrollbar-gutter: stable;
+        scrollbar-size-vertical: 1;
+    }
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "step(-1)", show=False),
+        Binding("down", "step(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("home", "edge(-1)", show=False),
+        Binding("end", "edge(1)", show=False),
+    ]
+
+    class CursorMoved(Message):
+        """The wizard moved the cursor."""
+
+        def __init__(self, rows: RowView) -> None:
+            super().__init__()
+            self.rows = rows
+
+        @property
+        def control(self) -> RowView:
+            return self.rows
+
+    class Resized(Message):
+        """The width changed."""
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
+        super().__init__(id=id, classes=classes)
+        self.cursor = -1
+        self.displaced_at = float("-inf")
+        """When the cursor's row last vanished, so that the cursor fell to another; monotonic."""
+        self.continuation: RowView | None = None
+        """A list below that cannot take the focus, and scrolls when there is nothing further on in this one."""
+
+    @property
+    def was_just_displaced(self) -> bool:
+        """True while the row under the cursor may be another than the wizard has seen."""
+        return monotonic() - self.displaced_at < DISPLACED_SECONDS
+
+    @property
+    def count(self) -> int:
+        raise NotImplementedError
+
+    def row_at(self, index: int) -> ListRow:
+        raise NotImplementedError
+
+    @property
+    def current_id(self) -> str:
+        """The id of the row under the cursor, or empty."""
+        return self.row_at(self.cursor).id if 0 <= self.cursor < self.count else ""
+
+    @property
+    def line_width(self) -> int:
+        """Cells of a painted line."""
+        return self.size.width
+
+    @property
+    def row_width(self) -> int:
+        """Cells of one row, without the scrollbar."""
+        return self.scrollable_content_region.width
+
+    @property
+    def allow_vertical_scroll(self) -> bool:
+        """Also before the scrollbar of a list that has just become longer is laid out."""
+        return True
+
+    def set_content_size(self, size: Size) -> None:
+        """Give the content its size: so many cells wide, so many rows."""
+        self.virtual_size = size
+
+    def render_line(self, y: int) -> Strip:
+        index = y + self.scroll_offset.y
+        width = self.line_width
+        if not 0 <= index < self.count:
+            return self.to_strip((), width)
+        return self.to_strip(self.row_at(index).line, width, self.background_of(index))
+
+    def background_of(self, index: int) -> str:
+        """The theme variable of a row's background; empty: the list's own."""
+        if index != self.cursor:
+            return ""
+        return CURSOR_BACKGROUND if self.has_focus else UNFOCUSED_CURSOR_BACKGROUND
+
+    def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
+        """Put the cursor on a row and bring it into view."""
+        index = min(max(index, -1), self.count - 1)
+        if index != self.cursor:
+            old, self.cursor = self.cursor, index
+            self._refresh_row(old)
+            self._refresh_row(index)
+            if by_wizard:
+                self.displaced_at = float("-inf")
+                self.post_message(self.CursorMoved(self))
+        if index >= 0:
+            self.bring_into_view(index)
+
+    def bring_into_view(self, index: int) -> None:
+        top, height = self.scroll_offset.y, self.size.height
+        if height and index < top:
+            self.scroll_to(y=index, animate=False)
+        elif height and index >= top + height:
+            self.scroll_to(y=index - height + 1, animate=False)
+
+    def action_step(self, direction: int) -> None:
+        index = self.cursor + direction
+        while 0 <= index < self.count and not self.row_at(index).selectable:
+            index += direction
+        if 0 <= index < self.count:
+            self.move_cursor(index)
+        else:  # nothing to select further on, but there may be more to read
+            (self.continuation or self).scroll_relative(y=direction, animate=False)
+
+    def action_page(self, direction: int) -> None:
+        if self.continuation is not None:
+            self.continuation.scroll_relative(y=direction * max(1, self.continuation.size.height - 1), animate=False)
+            return
+        self._move_to_nearest(self.cursor + direction * max(1, self.size.height - 1), direction)
+
+    def action_edge(self, direction: int) -> None:
+        self._move_to_nearest(0 if direction < 0 else self.count - 1, -direction)
+        self.scroll_to(y=0 if direction < 0 else self.count, animate=False)
+
+    def _move_to_nearest(self, index: int, direction: int) -> None:
+        """The selectable row nearest to `index`, first looking further on, then back."""
+        index = min(max(index, 0), self.count - 1)
+        for step in (direction, -direction):
+            at = index
+            while 0 <= at < self.count:
+                if self.row_at(at).selectable:
+                    self.move_cursor(at)
+                    return
+                at += step
+
+    def _refresh_row(self, index: int) -> None:
+        if index >= 0:
+            self.refresh_line(index)
+
+    def on_focus(self) -> None:
+        self._refresh_row(self.cursor)
+
+    def on_blur(self) -> None:
+        self._refresh_row(self.cursor)
+
+    def on_click(self, event: events.Click) -> None:
+        index = event.y + self.scroll_offset.y
+        if 0 <= index < self.count and self.row_at(index).selectable:
+            self.move_cursor(index)
+
+    def on_resize(self, event: events.Resize) -> None:
+        self.post_message(self.Resized())
+
+
+class RowList(RowView):
+    """A list of rows held in memory. The cursor stays on its row when others come and go."""
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
+        super().__init__(id=id, classes=classes)
+        self._rows: Sequence[ListRow] = ()
+
+    @property
+    def count(self) -> int:
+        return len(self._rows)
+
+    def row_at(self, index: int) -> ListRow:
+        return self._rows[index]
+
+    @property
+    def text(self) -> str:
+        """The characters of all rows."""
+        return "\n".join(plain_text(row.line).rstrip() for row in self._rows)
+
+    def show(self, rows: Sequence[ListRow]) -> None:
+        """Show these rows; only those that differ are repainted."""
+        old, self._rows = self._rows, rows
+        before, current = self.cursor, old[self.cursor].id if 0 <= self.cursor < len(old) else ""
+        self.cursor = self._find(current, before)
+        if current and self.current_id != current:
+            self.displaced_at = monotonic()
+        self.set_content_size(Size(self.row_width, len(rows)))
+        for index in range(max(len(old), len(rows))):
+            if index >= len(old) or index >= len(rows) or old[index].line != rows[index].line:
+                self._refresh_row(index)
+        if self.cursor != before:
+            self._refresh_row(before)
+            self._refresh_row(self.cursor)
+
+    def select(self, row_id: str) -> None:
+        """Put the cursor on a row, if it is there."""
+        for index, row in enumerate(self._rows):
+            if row.id == row_id and row.selectable:
+                self.move_cursor(index, by_wizard=False)
+                return
+
+    def _find(self, row_id: str, before: int) -> int:
+        if row_id:
+            for index, row in enumerate(self._rows):
+                if row.id == row_id and row.selectable:
+                    return index
+        selectable = [index for index, row in enumerate(self._rows) if row.selectable]
+        if not selectable:
+            return -1
+        return min(selectable, key=lambda index: abs(index - max(before, 0)))

@@ -1,0 +1,244 @@
+"""The say line: always one row; open, it is a field with what will be said above it."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.message import Message
+from textual.suggester import Suggester
+from textual.widget import Widget
+from textual.widgets import Input
+
+from rise_tui.actions import BY_ID, key_name
+from rise_tui.model.free_speech import (
+    SpeechEffect,
+    SpeechHistory,
+    complete_speech,
+    fill_speech,
+    scenario_sentences,
+    speech_effect,
+)
+from rise_tui.model.states import SENT, StateLabel, task_state
+from rise_tui.model.store import Store
+from rise_tui.rendering.text import StyledLine, crop, format_seconds
+from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.static_lines import StaticLines
+
+DONE_SECONDS = 5.0
+"""How long it is shown that something was said."""
+PROMPT = " say > "
+SAID = StateLabel("✓", "said", "plain")
+
+
+class SpeechField(TextField):
+    """Where speech is typed. What may follow stands behind it in grey; `tab` takes it."""
+
+    DEFAULT_CSS = """
+    SpeechField, SpeechField:focus { height: 1; width: 1fr; border: none; padding: 0 1 0 0; background: $rise-cursor; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab", "complete", show=False),
+        Binding("up", "earlier", show=False),
+        Binding("down", "later", show=False),
+        Binding("ctrl+j", "interrupt", show=False),
+        Binding("escape", "leave", show=False),
+    ]
+
+    class Entered(Message):
+        """To be said: in its turn, or at once."""
+
+        def __init__(self, at_once: bool) -> None:
+            super().__init__()
+            self.at_once = at_once
+
+    class Closed(Message):
+        """Not now; what was typed stays for later."""
+
+    def __init__(self, line: SpeechInput) -> None:
+        super().__init__(select_on_focus=False, suggester=Suggestion(line))
+        self._line = line
+
+    def action_complete(self) -> None:
+        if going_on := self._line.suggest(self.value):
+            self._put(going_on)
+
+    def action_earlier(self) -> None:
+        self._put(self._line.history.earlier(self.value))
+
+    def action_later(self) -> None:
+        self._put(self._line.history.later(self.value))
+
+    def action_interrupt(self) -> None:
+        self.post_message(self.Entered(at_once=True))
+
+    def action_leave(self) -> None:
+        self.post_message(self.Closed())
+
+    @on(Input.Submitted)
+    def _submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        self.post_message(self.Entered(at_once=False))
+
+    def _put(self, text: str) -> None:
+        self.value = text
+        self.cursor_position = len(text)
+
+
+class Suggestion(Suggester):
+    def __init__(self, line: SpeechInput) -> None:
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._line = line
+
+    async def get_suggestion(self, value: str) -> str | None:
+        return self._line.suggest(value) or None
+
+
+class SpeechInput(Vertical):
+    """Free speech: typed here, shown as it will be said, sent, and then what becomes of it."""
+
+    DEFAULT_CSS = """
+    SpeechInput {
+        height: auto;
+        #say-preview, #say-typing { display: none; }
+        #say-typing { height: 1; }
+        #say-prompt { width: 7; }
+        &.-open #say-preview, &.-open #say-typing { display: block; }
+        &.-open #say-shown { display: none; }
+    }
+    """
+
+    class Speak(Message):
+        """Say this: `typed` as it stands in the field, `text` with the memory's values."""
+
+        def __init__(self, typed: str, text: str, at_once: bool) -> None:
+            super().__init__()
+            self.typed, self.text, self.at_once = typed, text, at_once
+
+    class Closed(Message):
+        """Nothing is typed any more; `back` had the focus before."""
+
+        def __init__(self, back: Widget | None) -> None:
+            super().__init__()
+            self.back = back
+
+    def __init__(self, store: Store) -> None:
+        super().__init__(id="say")
+        self._store = store
+        self._sentences = scenario_sentences(store.scenario)
+        self.history = SpeechHistory(task.behavior for task in store.view.tasks.values() if task.function == "say")
+        self.preview, self.prompt, self.shown = (
+            StaticLines(id="say-preview"),
+            StaticLines(id="say-prompt"),
+            StaticLines(id="say-shown"),
+        )
+        self.field = SpeechField(self)
+        self._back: Widget | None = None
+
+    def compose(self) -> ComposeResult:
+        yield self.preview
+        with Horizontal(id="say-typing"):
+            yield self.prompt
+            yield self.field
+        yield self.shown
+
+    @property
+    def is_open(self) -> bool:
+        return self.has_class("-open")
+
+    @property
+    def effect(self) -> SpeechEffect:
+        """What saying something would do now."""
+        return speech_effect(self._store.scenario, self._store.view)
+
+    def suggest(self, typed: str) -> str:
+        """How what is typed may go on."""
+        return complete_speech(typed, self.history.said, self._sentences, self._store.view.memory)
+
+    def open(self) -> None:
+        if not self.is_open:
+            self._back = self.screen.focused
+            self.add_class("-open")
+        self.screen.set_focus(self.field)
+        self.draw()
+
+    def accept(self, typed: str) -> None:
+        """It is on its way: the field is free for the next."""
+        self.history.add(typed)
+        if self.field.value == typed:
+            self.field.value = ""
+        self._close()
+
+    def restore(self, typed: str) -> None:
+        """It was not taken: it is there again when the line is opened, unless something else was begun."""
+        self.field.value = self.field.value or typed
+        self.draw()
+
+    def draw(self) -> None:
+        """What will be said, or what becomes of what was."""
+        width = self.size.width
+        if self.is_open:
+            self.prompt.show(((PROMPT, "accent"),))
+            self.preview.show(crop(self._preview(), width))
+        else:
+            self.shown.show(crop(((PROMPT, "muted"), *self._became()), width))
+
+    def _preview(self) -> StyledLine:
+        if not self.field.value.strip():
+            return (("  will say  ", "muted"), ("nothing yet; {key} is filled from the memory", "muted"))
+        text, problem = fill_speech(self.field.value, self._store.memory)
+        if problem:
+            return ((" ✗ cannot be said: ", "wait"), (problem, "wait"))
+        return (("  will say  ", "muted"), (f"“{text}”", "strong"))
+
+    def _became(self) -> StyledLine:
+        """Sent, waiting, running or just said; else the draft, or how to begin."""
+        store = self._store
+        sent = next((sent for sent in reversed(store.sent.values()) if sent.function == "say"), None)
+        if sent is not None:
+            return _state(SENT, "", sent.behavior)
+        task = store.view.tasks.get(store.newest_speech)
+        if task is not None and (task.ended is None or store.now() - task.ended < DONE_SECONDS):
+            state = SAID if task.status == "SUCCEEDED" else task_state(task)
+            running = task.status == "ACTIVE" and task.started is not None
+            return _state(
+                state, f" {format_seconds(store.now() - (task.started or 0.0))} s" if running else "", task.behavior
+            )
+        if self.field.value.strip():
+            return ((self.field.value, "plain"), (f"   not said; {key_name('say')} goes on", "muted"))
+        why_not = BY_ID["say"].why_unavailable(store)
+        return ((why_not or f"{key_name('say')} to type what the robot says", "muted"),)
+
+    def _close(self) -> None:
+        if self.is_open:
+            self.remove_class("-open")
+            self.draw()
+            self.post_message(self.Closed(self._back))
+
+    @on(Input.Changed)
+    def _changed(self, event: Input.Changed) -> None:
+        event.stop()
+        self.draw()
+
+    @on(SpeechField.Closed)
+    def _left(self, event: SpeechField.Closed) -> None:
+        event.stop()
+        self._close()
+
+    @on(SpeechField.Entered)
+    def _entered(self, event: SpeechField.Entered) -> None:
+        event.stop()
+        text, problem = fill_speech(self.field.value, self._store.memory)
+        if text and not problem:
+            self.post_message(self.Speak(self.field.value, text, event.at_once))
+
+    def on_click(self, event: events.Click) -> None:
+        if event.widget is self.shown and not BY_ID["say"].why_unavailable(self._store):
+            self.open()
+
+
+def _state(state: StateLabel, more: str, text: str) -> StyledLine:
+    return ((f"{state.glyph} {state.word}{more}  ", state.tone), (f"“{text}”", "plain"))

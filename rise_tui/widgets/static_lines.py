@@ -1,0 +1,58 @@
+"""Lines of fixed height that change often: a change repaints the lines that differ, without any layout."""
+
+from __future__ import annotations
+
+from textual import events
+from textual.geometry import Region
+from textual.message import Message
+from textual.strip import Strip
+
+from rise_tui.rendering.styled_lines import StyledLines
+from rise_tui.rendering.text import StyledLine, plain_text
+
+
+class StaticLines(StyledLines):
+    """One or more lines of toned text."""
+
+    DEFAULT_CSS = """
+    StaticLines { height: 1; width: 1fr; }
+    """
+
+    class Resized(Message):
+        """The width changed: lines that depend on it should be made anew."""
+
+        def __init__(self, lines: StaticLines) -> None:
+            super().__init__()
+            self.lines = lines
+
+        @property
+        def control(self) -> StaticLines:
+            return self.lines
+
+        def can_replace(self, message: Message) -> bool:
+            """Of several that wait one is enough: whoever makes one line anew makes them all."""
+            return isinstance(message, StaticLines.Resized)
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
+        super().__init__(id=id, classes=classes)
+        self.lines: tuple[StyledLine, ...] = ()
+
+    def show(self, *lines: StyledLine) -> None:
+        """Paint these lines; only those that differ are repainted."""
+        old, self.lines = self.lines, lines
+        for y in range(max(len(old), len(lines))):
+            before = old[y] if y < len(old) else ()
+            after = lines[y] if y < len(lines) else ()
+            if before != after:
+                self.refresh(Region(0, y, self.size.width, 1))
+
+    @property
+    def text(self) -> str:
+        """The characters shown."""
+        return "\n".join(plain_text(line) for line in self.lines)
+
+    def render_line(self, y: int) -> Strip:
+        return self.to_strip(self.lines[y] if y < len(self.lines) else (), self.size.width)
+
+    def on_resize(self, event: events.Resize) -> None:
+        self.post_message(self.Resized(self))

@@ -1,0 +1,168 @@
+"""The door for programs, and the examples of its documentation, run as they stand."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from rise_engine.client import Rejected, connect
+from rise_engine.kernel.records import MemoryRecord, SessionRecord
+from rise_engine.protocol.client import EngineGone, LinkLost
+from rise_engine.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
+from tests.server.serving import GREETING, ROOT, served
+
+PAGES = [ROOT / "docs" / "how-to" / "drive-a-session-from-a-program.md", ROOT / "docs" / "reference" / "link.md"]
+
+
+def examples(page: Path) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "number"), [(page, n) for page in PAGES for n in range(len(examples(page)))])
+async def test_the_examples_of_the_documentation_run(place: Path, page: Path, number: int) -> None:
+    async with served(place, GREETING) as session:
+        done = await asyncio.to_thread(
+            subprocess.run,
+            [sys.executable, "-W", "error", "-c", examples(page)[number]],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert any(task.source == "node:gaze-tracker" for task in session.hub.view.tasks.values())
+
+
+def test_the_example_is_one_of_ten_lines() -> None:
+    lines = [line for line in examples(PAGES[0])[0].splitlines() if line.strip()]
+    assert len(lines) <= 10
+
+
+def test_the_door_brings_no_engine_along() -> None:
+    code = "import sys, rise_engine.client; assert not {'rise_engine.engine.engine', 'textual'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], timeout=60, check=True)
+
+
+async def test_a_program_drives_a_session(place: Path) -> None:
+    async with served(place, GREETING) as running, connect(running.name, name="test") as session:
+        assert session.hello.you == "node:test" and session.scenario.title == running.engine.scenario.title
+        records = session.records()
+        await session.set("person_name", {"first": "Zoë", "age": 7})
+        async for record in records:
+            if isinstance(record, MemoryRecord) and record.key == "person_name":
+                assert record.value == {"first": "Zoë", "age": 7} and record.source == "node:test"
+                break
+        assert session.view.memory["person_name"].value == {"first": "Zoë", "age": 7}
+        await session.delete("person_name")
+        assert "person_name" not in session.view.memory
+        await session.start_rule("Greeting")
+        assert session.view.rules["Greeting"].running
+        await session.set("person_near", True)
+        await session.until(lambda view: view.rules["Greeting"].state == "Visitor is here", 10)
+        await session.raise_event("/H_greets")
+        await session.until(lambda view: view.acts["R_Greeting"].runs, 10)
+        await session.stop_rule("Greeting")
+        task = await session.start("R_Smile")
+        assert (await session.finished(task, 10)).status == "SUCCEEDED"
+        with pytest.raises(Rejected, match="R_Smile"):
+            await session.start("R_Smiel")
+        with pytest.raises(Rejected, match="neither running nor waiting"):
+            await session.stop("R_Smile")
+        with pytest.raises(Rejected, match="needs no control"):
+            await session.control("take")
+        with pytest.raises(TimeoutError):
+            await session.until(lambda view: False, 0.01)
+        await session.note("done")
+        await session.stop_all()
+        await session.until(lambda view: view.stop.status == "latched", 10)
+        with pytest.raises(Rejected, match=r"test may not release a stop: only who holds control may.*may_release"):
+            await session.release_stop()
+        assert session.view.stop.latched and session.now() > 0
+
+
+async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(place: Path) -> None:
+    scenario = place / "study"
+    scenario.mkdir()
+    (scenario / "scenario.toml").write_text('[control]\nmay_release = ["watchdog", "/lab/boss"]\n', "utf-8")
+    async with (
+        served(place, scenario) as running,
+        connect(running.name, name="watchdog") as watchdog,
+        connect(running.name, name="other") as other,
+        connect(running.name, name="anna", role="wizard") as anna,
+    ):
+        for who in (watchdog, anna):
+            await other.stop_all()
+            await other.until(lambda view: view.stop.status == "latched", 10)
+            with pytest.raises(Rejected, match="only who holds control may, or watchdog, /lab/boss"):
+                await other.release_stop()
+            await who.release_stop()
+            await other.until(lambda view: not view.stop.latched, 10)
+
+
+async def test_a_program_ends_a_session(place: Path) -> None:
+    async with served(place) as running, connect(running.path, name="test") as session:
+        running.engine.on_ended(lambda: tasks.append(asyncio.ensure_future(running.server.close())))
+        tasks: list[asyncio.Future[None]] = []
+        records = session.records()
+        await session.end("the test is over")
+        assert session.view.ended
+        last = [record async for record in records][-1]
+        assert isinstance(last, SessionRecord) and last.reason == "the test is over"
+        with pytest.raises(EngineGone):
+            await session.note("too late")
+        await asyncio.gather(*tasks)
+
+
+async def test_a_program_that_is_cut_off_is_told(place: Path) -> None:
+    async with served(place) as running, connect(running.path, name="test", role="observer") as session:
+        records = session.records()
+        with pytest.raises(Rejected, match="cannot end"):
+            await session.end()
+        for peer in tuple(running.server.connections):
+            peer.abort()
+        with pytest.raises(LinkLost):
+            await session.until(lambda view: view.ended)
+        with pytest.raises(LinkLost):
+            async for _ in records:
+                pass
+        with pytest.raises(LinkLost):
+            await session.note("x")
+
+
+async def test_no_such_session(place: Path) -> None:
+    assert os.environ["RISE_RUNTIME"] == str(place / "run")
+    with pytest.raises(EngineGone, match="no session study is running"):
+        async with connect("study", name="test"):
+            pass
+
+
+def test_every_message_of_the_protocol_stands_in_the_reference_with_an_example() -> None:
+    text = PAGES[1].read_text(encoding="utf-8")
+    lines = [line for block in re.findall(r"```json\n(.*?)```", text, re.S) for line in block.splitlines()]
+    for union, read in ((ClientMessage, decode_client_message), (ServerMessage, decode_server_message)):
+        for message in get_args(union):
+            kind = message.__struct_config__.tag
+            found = [line for line in lines if line.startswith(f'{{"type":"{kind}"')]
+            read_as = [each for line in found for each in [_read(read, line)] if isinstance(each, message)]
+            assert read_as, f"{kind} has no example"
+            assert f"| `{kind}` |" in text
+            example = next(line for line in found if isinstance(_read(read, line), message))
+            if union is ServerMessage:
+                assert set(json.loads(example)) - {"type"} == set(message.__struct_fields__), kind
+
+
+def _read(read: Callable[[bytes], object], line: str) -> object:
+    try:
+        return read(line.encode())
+    except ValueError:
+        return None

@@ -1,0 +1,74 @@
+"""What the running rules wait for, and its mark in the lists of acts and rules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rise_engine.kernel.records import MemoryRecord
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_tui.model.expected_inputs import ExpectedInputFinder, ExpectedInputs
+from tests.console.conftest import console
+from tests.console.fake import demo
+
+LABLINKING = str(Path(__file__).parents[3] / "scenarios" / "lablinking")
+
+
+def lablinking() -> Scenario:
+    scenario = load(LABLINKING).scenario
+    assert scenario is not None
+    return scenario
+
+
+TRUE = {"task": 4, "understood": True}
+FALSE = {"task": 2, "understood": True}
+
+
+@pytest.mark.parametrize(
+    ("states", "memory", "acts", "rules", "events"),
+    [
+        ({}, TRUE, set(), set(), set()),
+        ({"Main": "greeting"}, TRUE, {"Greet"}, set(), {"Greet_end"}),
+        ({"Main": "waiting"}, TRUE, set(), {"Again"}, {"next", "repeat"}),
+        ({"Main": "waiting"}, FALSE, set(), set(), {"next"}),  # `repeat` would be lost: its condition does not hold
+        ({"Main": "waiting"}, {}, set(), set(), {"next"}),  # nor can a condition that cannot be worked out
+        ({"Main": "waiting", "Again": "raise"}, TRUE, set(), set(), {"next", "repeat"}),  # it runs already
+        ({"Main": "over"}, TRUE, set(), set(), set()),
+        ({"Main": None}, TRUE, set(), set(), set()),
+        ({"Gone": "x"}, TRUE, set(), set(), set()),
+    ],
+)
+def test_what_is_waited_for(
+    states: dict[str, str | None], memory: dict[str, Any], acts: set[str], rules: set[str], events: set[str]
+) -> None:
+    assert ExpectedInputFinder(demo()).find(states, memory) == ExpectedInputs(
+        frozenset(acts), frozenset(rules), frozenset(events)
+    )
+
+
+def test_a_real_study_waits_for_its_wizard() -> None:
+    found = ExpectedInputFinder(lablinking()).find({"Table setting": "After the welcome"}, {})
+    assert found.rules == {"Next", "Repeat"} and found.events == {"next", "repeat"}
+
+
+async def test_what_is_waited_for_is_marked_by_a_word() -> None:
+    async with console() as it:
+        it.client.rule("Main", "started", "greeting", trigger="start")
+        await it.until(lambda: "◇ expected" in it.row("acts", "Greet"))
+        assert "expected" not in it.row("acts", "Praise")
+        it.client.act("Greet")
+        await it.until(lambda: "► running" in it.row("acts", "Greet"))  # what is so now goes before what is expected
+        it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
+        await it.until(lambda: "· ready" in it.row("rules", "Again"))
+        it.client.emit(MemoryRecord(0, 0.0, "", "task", 4, 2, "wizard:anna"))
+        it.client.emit(MemoryRecord(0, 0.0, "", "understood", True, False, "wizard:anna"))
+        await it.until(lambda: "◇ expected" in it.row("rules", "Again"))
+
+
+async def test_the_word_fits_into_a_small_terminal() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.rule("Main", "started", "greeting", trigger="start")
+        await it.until(lambda: "◇ expected" in it.row("acts", "Greet"))

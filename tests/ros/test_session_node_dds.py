@@ -1,0 +1,145 @@
+"""The session as another process sees it, over real DDS on the loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import sys
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from rise_adapters.ros2.session_node.record_topics import RECORDS_LATCHED
+from rise_adapters.ros2.transport.port import STATUS, QoS
+
+from rise_engine.client.socket import SocketClient
+from rise_engine.kernel.inputs import Note
+from tests.ros.session_node_bench import Node, until
+from tests.server.serving import ROOT, Follower
+
+pytest.importorskip("cyclonedds")
+pytest.importorskip("rosbags")
+
+from rise_adapters.ros2.transport.dds import DdsTransport
+
+from tests.ros.session_node_process import environment
+
+pytestmark = pytest.mark.dds
+
+PLACE = "/dev/shm" if Path("/dev/shm").is_dir() else "/tmp"
+"""In memory: what a disk does is not what is tested."""
+
+
+class Session:
+    """A session in a process of its own."""
+
+    def __init__(self, process: asyncio.subprocess.Process, socket: Path) -> None:
+        self.process, self.socket = process, socket
+
+    async def end(self) -> dict[str, float]:
+        figures, _ = await asyncio.wait_for(self.process.communicate(b""), 30)
+        assert self.process.returncode == 0
+        found: dict[str, float] = json.loads(figures)
+        return found
+
+
+@asynccontextmanager
+async def on_the_wire() -> AsyncIterator[tuple[Session, Node]]:
+    domain = random.SystemRandom().randrange(1, 100)
+    pipe = asyncio.subprocess.PIPE
+    with tempfile.TemporaryDirectory(prefix="rise-", dir=PLACE) as place:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "tests.ros.session_node_process", place, str(domain),
+            stdin=pipe, stdout=pipe, cwd=ROOT, env=environment(),
+        )  # fmt: skip
+        transport = DdsTransport(asyncio.get_running_loop(), node="node", domain=domain, environment=environment())
+        try:
+            assert process.stdout is not None
+            words = (await asyncio.wait_for(process.stdout.readline(), 30)).decode().split()
+            node = Node(transport)
+            await node.ready()
+            yield Session(process, Path(words[1])), node
+        finally:
+            transport.close()
+            if process.returncode is None:
+                process.kill()
+                await process.wait()
+
+
+async def test_the_whole_face_over_dds() -> None:
+    async with on_the_wire() as (session, node):
+        await until(lambda: {"/node", "/rise"} <= set(node.transport.nodes()))
+        hello = node.ask("startCommunicationRobotAct", "Hello")
+        assert await hello.decided()
+        assert await hello.ended() == ("SUCCEEDED", "")
+        await until(lambda: hello.progress == ["PENDING", "ACTIVE"])
+
+        story, waiting = (node.ask("startCommunicationRobotAct", act) for act in ("Story", "Hello"))
+        assert await story.decided() and await waiting.decided()
+        await until(lambda: waiting.feedback)
+        assert waiting.feedback[0]["position"] == 0
+        node.cancel(waiting)
+        assert (await waiting.ended())[0] == "CANCELED"
+        answers: list[object] = []
+        node.client.cancel_all(answers.append)
+        assert (await story.ended())[0] == "CANCELED"
+        await until(lambda: answers)
+
+        assert not await node.ask("startCommunicationRobotAct", "Helo").decided()
+        await until(lambda: any("did you mean 'Hello'" in state["reason"] for state in node.tasks))
+
+        assert await node.ask("assignValue", json.dumps({"umlaut": ["ä😀", None, 1.5]})).decided()
+        answer = await node.get("umlaut")
+        assert (answer["found"], answer["type"]) == (True, "array") and json.loads(answer["value"]) == [
+            "ä😀",
+            None,
+            1.5,
+        ]
+        assert not (await node.get("nothing"))["found"]
+
+        rule = node.ask("startInteractionRule", "Doors")
+        assert await rule.decided()
+        assert await node.ask("raiseEventTopic", "/open").decided()
+        await until(lambda: node.rules and node.rules[-1]["state"] == "Open")
+
+        await until(lambda: node.diagnostics)
+        levels = {each["name"]: each["level"] for each in node.diagnostics[-1]["status"]}
+        assert levels["rise: session"] == levels["rise: journal"] == levels["rise: ros"] == 0
+
+        late = node.hear("/rise/record", "rise_interfaces/msg/Record", QoS(RECORDS_LATCHED, latched=True))
+        await until(lambda: late and late[-1]["seq"] == node.records[-1]["seq"])
+        assert [record["seq"] for record in late] == list(range(1, late[-1]["seq"] + 1))
+        assert all(json.loads(record["json"])["seq"] == record["seq"] for record in late)
+        status = node.hear("/rise/domain_task/_action/status", "action_msgs/msg/GoalStatusArray", STATUS)
+        await until(lambda: status)
+
+        ending = asyncio.create_task(session.end())
+        assert await rule.ended() == ("ABORTED", "the session has ended: the test is over") or rule.result["reason"]
+        await ending
+        await until(lambda: not node.client.count_servers())
+
+
+async def test_a_thousand_goals_in_a_second_keep_nobody_waiting_for_ever() -> None:
+    """Every goal is answered, and the wizard's keys are taken meanwhile; how quickly, `benchmarks/ros.py` measures."""
+    async with on_the_wire() as (session, node):
+        wizard = await Follower(SocketClient(session.socket, "anna")).attach()
+        flood = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "tests.ros.goal_flood", str(node.transport.domain), "1000", "2",  # type: ignore[attr-defined]
+            stdout=asyncio.subprocess.PIPE, cwd=ROOT, env=environment(),
+        )  # fmt: skip
+        assert flood.stdout is not None
+        await flood.stdout.readline()
+        sent = asyncio.create_task(flood.stdout.read())
+        keys = 0
+        while not sent.done():
+            assert (await wizard.client.send(Note(text="key"))).accepted
+            keys += 1
+        await flood.wait()
+        figures = json.loads(await sent)
+        await wizard.close()
+        await session.end()
+        assert figures["answered"] == figures["sent"] > 1000 and figures["accepted"], figures
+        assert keys > 20
