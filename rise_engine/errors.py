@@ -2,39 +2,51 @@
 
     RiseError
       BridgeError                 The connection cannot be had
+      ClipboardTooLarge           It does not fit on a clipboard
       DriverError                 No usable driver of that name is installed
       EndRefused                  This client may not end the session
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
+      ExportFailed                Nothing was written
+      InvalidFilter               What is typed is no filter
+      InvalidTime                 It is no time
       JsonError                   A text that is no JSON
       KeyRefusedError             A key that a scenario cannot bind
       LanguageError               An expression or an assignment that cannot be used
         EvaluationError           A value of this moment does not fit the expression
         ExpressionError           A text that is no expression
       LineError                   A line is not what was written
-        FutureFormat              A newer program wrote this
-      MisnamedError               A character that no XML name can have
-      MissingValue                A memory key without value was needed to fill a template
+        NewerFormatError          A newer program wrote this
+      MappingError                What is wrong with a profile's options and carriers
+      MemoryFileNotEditable       The file is not what a scenario's memory is
+      MemoryNotWritable           The start values cannot be written
+      MissingValueError           A memory key without value was needed to fill a template
+      NoSuchPath                  The value has no such part
+      NodeError                   The node cannot do what it is for
       NotAdmitted                 Somebody cannot attach
-      NotCopied                   A study could not be copied
-      NothingChosenError          Nothing is started and nothing attached to
+      NothingStarted              Nothing is started and nothing attached to
       OutputError                 Standard output cannot be written
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
-      PlaceError                  A session's place cannot be used
-      Refusal                     Nothing is served
-      RefusedError                RISE's own parser would refuse this condition
+      PortError                   Something cannot be had from this transport
+      RegistryError               A session's place cannot be used
       Rejected                    The session did not accept what was asked for
+      Rise1RefusalError           RISE's own parser would refuse this condition
       RobotOptionsError           The driver cannot understand the profile's options or a fault
       ScenarioDecodeError         What was received is no scenario of this version
-      ScriptError                 A task file with mistakes
+      ServeRefused                Nothing is served
       SessionError                A session's folder cannot be used
-        HeldElsewhere             Another computer had the session last
-        JournalLocked             An engine runs the session
+        HeldElsewhereError        Another computer had the session last
+        JournalLockedError        An engine runs the session
+      SessionGoneError            No session answers
       SnapshotError               A snapshot does not fit the scenario that it is to go on with
+      StudyCopyError              A study could not be copied
+      TaskFileError               A task file with mistakes
       TemplateError               A template that cannot be read
-      UnusableError               Something on the command line cannot be used
+      UnusableArgument            Something on the command line cannot be used
       UnusableMemoryError         `--memory` cannot be read
+      WebError                    Nothing is served
+      XmlNameError                A character that no XML name can have
 
 What is wrong with the files of a scenario is no error but a list of findings (`rise_engine.scenario.load`). Most are a
 ValueError, too, for callers who catch that.

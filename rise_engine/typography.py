@@ -29,7 +29,8 @@ def typography_problem(text: str, at: int, *, quote: str = "") -> str:
     straight = straight_quote(character)
     if straight:
         straight = quote or straight
-        return f"`{character}` is a typographic quotation mark, {character_name(character)}; write a straight one: {straight}"
+        name = character_name(character)
+        return f"`{character}` is a typographic quotation mark, {name}; write a straight one: {straight}"
     if character and character.isspace() and character not in BLANKS:
         return f"here stands {character_name(character)}, which only looks like a blank; write an ordinary blank"
     return ""

@@ -1,7 +1,7 @@
 """The record: one vocabulary for the journal, `run --json`, the socket and ROS (semantics.md 11).
 
-A record says what changed. The stream of records alone rebuilds every view (see `rise_engine.kernel.view`). The kernel numbers
-them and gives them session time; `wall` is put on by the engine, because the kernel knows no clock.
+A record says what changed. The stream of records alone rebuilds every view (see `rise_engine.kernel.view`). The kernel
+numbers them and gives them session time; `wall` is put on by the engine, because the kernel knows no clock.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class BridgeError(RiseError):
 
 
 SessionT = TypeVar("SessionT", contravariant=True)
-"""The session that a bridge joins: a `rise_engine.server.hub.SessionHub`, which knows ports and not the other way round."""
+"""The session that a bridge joins: a `rise_engine.server.hub.SessionHub`, which knows the ports, not they it."""
 
 
 class Bridge(Protocol[SessionT]):

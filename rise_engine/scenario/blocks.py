@@ -106,7 +106,8 @@ class BlockReader:
                         self.diagnostics.warning(
                             "ambiguous-else",
                             self.file.element_location(child),
-                            f"this `<{tag}>` belongs to the outer `if`, in line {self.file.element_location(parent).line}; "
+                            f"this `<{tag}>` belongs to the outer `if`, "
+                            f"in line {self.file.element_location(parent).line}; "
                             "if the inner one is meant, move it inside that",
                         )
                         before = None

@@ -17,4 +17,5 @@ def condition_problem(scenario: Scenario, condition: str) -> str:
     known = study_conditions(scenario)
     if not condition or not known or condition in known:
         return ""
-    return f"this study has no condition {condition!r}{did_you_mean(condition, known, limit=0)}; it has {in_backquotes(known)}"
+    near = did_you_mean(condition, known, limit=0)
+    return f"this study has no condition {condition!r}{near}; it has {in_backquotes(known)}"

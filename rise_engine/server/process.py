@@ -92,7 +92,7 @@ def _descriptions(folders: Sequence[Path]) -> list[tuple[str, str]]:
 
 
 def serve(options: SessionOptions, say: ReportStartup) -> int:
-    """Serve a session until it ends; gives the exit status. `say` gets how far it has come, and then one `StartupReport`."""
+    """Serve a session until it ends; gives the exit status. `say` gets the progress, and then one `StartupReport`."""
     try:
         session = _SessionPreparation(options, say)
     except ServeRefused as refusal:

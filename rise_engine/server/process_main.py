@@ -1,4 +1,4 @@
-"""A session's process, as `rise_engine.server.spawn` starts it: with its options, and a descriptor for the word back."""
+"""A session's process, as `rise_engine.server.spawn` starts it: with its options, and a descriptor for its report."""
 
 from __future__ import annotations
 

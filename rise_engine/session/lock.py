@@ -264,8 +264,8 @@ def _acquire(journal: Path) -> tuple[int, bool]:
         except OSError as error:
             if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
                 raise SessionError(
-                    f"{journal} cannot be read and written: {error_message(error)}. A session that may only be read can be "
-                    "replayed and exported"
+                    f"{journal} cannot be read and written: {error_message(error)}. A session that may only be read "
+                    "can be replayed and exported"
                 ) from None
             raise SessionError(f"{journal} cannot be read: {error.strerror or error}") from None
         if file_system(journal) in MANDATORY:

@@ -97,8 +97,8 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: ProgressCallback
     if done.difference is not None:
         raise SessionError(
             f"the session {folder.name} does not repeat: {done.difference}. Either the journal or session.toml was "
-            f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that version. "
-            "It can be exported with this one (rise-engine export)"
+            f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that "
+            "version. It can be exported with this one (rise-engine export)"
         )
     again = Replay(Kernel(scenario, info.seed), contents, tell)
     try:

@@ -57,7 +57,8 @@ class ReplayDifference(Struct, frozen=True):
         where = f"{self.place}: record {self.seq} (of input {self.input}, kind {self.kind})"
         if self.field == NO_RECORD:
             return f"{where} is in the journal, but the replay does not give it"
-        return f"{where}: `{self.field}` is {_short_json(self.recorded)}, but the replay gives {_short_json(self.replayed)}"
+        recorded, replayed = _short_json(self.recorded), _short_json(self.replayed)
+        return f"{where}: `{self.field}` is {recorded}, but the replay gives {replayed}"
 
 
 class ReplayComparison(Struct, frozen=True):

@@ -1,4 +1,7 @@
-"""The session's one connection to ROS 2: its robot, and what it shows to other nodes (`rise_engine.ports.bridge.Bridge`)."""
+"""The session's one connection to ROS 2: its robot, and what it shows to other nodes.
+
+It implements `rise_engine.ports.bridge.Bridge`.
+"""
 
 from __future__ import annotations
 
@@ -193,7 +196,7 @@ def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
 def read_parameters(
     arguments: tuple[str, ...], *, switches: list[str], single: list[str], many: list[str], written: list[str]
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Parameters of the session's node as options of `rise-engine serve` (`rise_engine.ports.bridge.ParameterReader`)."""
+    """Parameters of the session's node as options of `rise-engine serve` (a `ParameterReader`)."""
     options = {
         flag.removeprefix("--").replace("-", "_"): ParameterOption(
             flag, switch=flag in switches, repeatable=flag in many

@@ -1,1 +1,1 @@
-"""Nodes that run beside a session: `python -m rise_adapters.ros2.examples.NAME --help` (docs/how-to/feature-nodes.md)."""
+"""Nodes that run beside a session (docs/how-to/feature-nodes.md): `python -m rise_adapters.ros2.examples.NAME`."""

@@ -1,8 +1,8 @@
 """How a robot profile says which ROS action or topic carries an action, and what goes into its fields
 (docs/reference/robots.md, "Carriers").
 
-`read_carriers` checks all of a profile at once and prepares it; a `ActionMapping` then makes the message of a goal, and reads
-from a result whether the robot did what it was asked for. Nothing here sends anything.
+`read_carriers` checks all of a profile at once and prepares it; an `ActionMapping` then makes the message of a
+goal, and reads from a result whether the robot did what it was asked for. Nothing here sends anything.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a transport's own thread has taken from the wire and the asyncio loop has not dealt with yet.
 
-The loop works it off in slices of `SLICE_SECONDS` seconds with everything else between them. When it is far behind, the thread
-waits, so that what comes stays in the middleware, whose quality of service says what becomes of it.
+The loop works it off in slices of `SLICE_SECONDS` seconds with everything else between them. When it is far behind, the
+thread waits, so that what comes stays in the middleware, whose quality of service says what becomes of it.
 """
 
 from __future__ import annotations
