@@ -30,32 +30,32 @@ from pathlib import Path
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol.registry import claim
-from rise_engine.server.hub import Room
-from rise_engine.server.server import Server
+from rise_engine.protocol.registry import acquire_lock
+from rise_engine.server.hub import SessionHub
+from rise_engine.server.server import SessionServer
 from rise_engine.engine.drivers import make_robot
 from rise_engine.scenario import load
-from rise_engine.session.folder import create
+from rise_engine.session.folder import create_session
 
 async def main(root, records):
     loaded = load("scenarios/lablinking")
     scenario = loaded.scenario
-    folder = create(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1000, faults=(), versions={})
+    folder = create_session(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1000, faults=(), versions={})
     clock = RealClock(asyncio.get_running_loop(), 1000)
     engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
-    with claim("attach") as name:
-        room = Room(engine, str(folder))
-        server = Server(room, name.socket)
+    with acquire_lock("attach") as name:
+        hub = SessionHub(engine, str(folder))
+        server = SessionServer(hub, name.socket)
         await server.start()
         engine.start()
         number = 0
-        while room.view.seq < records:
+        while hub.view.seq < records:
             act = ("R_Task1_Step1", "R_Praise", "R_Nod")[number % 3]
             engine.post(Submit(function="startCommunicationRobotAct", behavior=act, source="wizard:anna"))
             engine.post(Submit(function="assignValue", behavior=f"step = {number}", source="wizard:anna"))
             engine.post(Submit(function="raiseEventTopic", behavior="/next", source="wizard:anna"))
             number += 1
-            if len(room.view.waiting) > 5:
+            if len(hub.view.waiting) > 5:
                 await asyncio.sleep(0.002)
         print(name.socket, flush=True)
         await asyncio.to_thread(sys.stdin.read)

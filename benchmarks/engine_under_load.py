@@ -14,8 +14,6 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from rise_engine.link.server import Server
-
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine, ReplyCallback, versions
@@ -24,6 +22,7 @@ from rise_engine.protocol.client import ClientInput, Reply
 from rise_engine.protocol.registry import acquire_lock
 from rise_engine.scenario import load
 from rise_engine.server.hub import AttachedClient, SessionHub
+from rise_engine.server.server import SessionServer
 from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
@@ -70,7 +69,7 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
 
     with acquire_lock("keys") as name:
         hub = WatchedRoom(engine, str(folder))
-        server = Server(hub, name.socket)
+        server = SessionServer(hub, name.socket)
         await server.start()
         await loop.create_unix_server(Floor, str(root / "floor.sock"))
         engine.start()

@@ -115,7 +115,6 @@ def test_every_module_says_what_it_is_for() -> None:
 # --- one house --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.xfail(strict=True, reason="issue 13: the renames come")
 def test_no_class_name_stands_for_two_classes() -> None:
     """Private ones and those in classes and functions included: who searches for a name finds one place."""
     where: dict[str, list[str]] = {}
@@ -124,14 +123,12 @@ def test_no_class_name_stands_for_two_classes() -> None:
     assert {name: found for name, found in where.items() if len(found) > 1} == {}
 
 
-@pytest.mark.xfail(strict=True, reason="issue 13: the renames come")
 @pytest.mark.parametrize("types", [False, True], ids=["run time", "types too"])
 def test_no_files_import_one_another_in_a_circle(types: bool) -> None:
     """Imports in functions count as well: they hide a circle, and do not open it."""
     assert circles(types=types) == []
 
 
-@pytest.mark.xfail(strict=True, reason="issue 13: the renames come")
 def test_no_file_that_a_docstring_names_is_missing() -> None:
     assert [str(each) for each in dead_files()] == []
 
@@ -141,7 +138,6 @@ def test_no_name_in_a_docstring_leads_nowhere() -> None:
     assert [str(each) for each in dead_names()] == []
 
 
-@pytest.mark.xfail(strict=True, reason="issue 13: semantics.md gets numbers and console.md comes")
 def test_no_section_that_a_docstring_cites_is_missing() -> None:
     assert [str(each) for each in dead_sections()] == []
 

@@ -231,7 +231,7 @@ def _run_virtual(options: RunOptions) -> int:
 
 @contextmanager
 def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
-    """An engine that failed has stopped the robot and says why by itself: see `_Session.status_at_end`."""
+    """An engine that failed has stopped the robot and says why by itself: see `status_at_end`."""
     try:
         yield
     except Exception:

@@ -89,7 +89,7 @@ def run(
     options = _options(resolve_scenario(folder), speed=pace, **session)
     try:
         scenario = _load(options)
-        options = replace(options, first=tasks_at_start(scenario, settings, rules, acts))
+        options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         if problem := condition_problem(scenario, options.condition):
             raise UnusableArgument(f"error: --condition: {problem}")
         script, stream = read_tasks_option(tasks, virtual=virtual)
@@ -161,15 +161,15 @@ def serve(
         exit_with_usage("--here goes with --recover or --session")
     options = replace(
         _options(folder, speed=pace, **session),
-        places=parse_paths(places),
-        name=name,
+        paths=parse_paths(places),
+        socket_name=name,
         unfinished=which or ("recover" if recover else "new" if new else "ask"),
-        here=here,
+        from_other_computer=here,
     )
     if settings or rules or acts:
         scenario = _load(options)
         try:
-            options = replace(options, first=tasks_at_start(scenario, settings, rules, acts))
+            options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         except UnusableArgument as error:
             click.echo(str(error), err=True)
             sys.exit(exit_status.USAGE)

@@ -25,7 +25,7 @@ class UnfinishedSession(NamedTuple):
 
 
 def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[UnfinishedSession]:
-    """The latest first. `running`: those that run, which have not ended either, as `places.abouts` gives them."""
+    """The latest first. `running`: those that run, which have not ended either, see `registry.ask_all_summaries`."""
     recorded = {os.path.realpath(about.folder) for about in running.values() if about is not None and about.folder}
     found: dict[str, UnfinishedSession] = {}
     for folder in find_unfinished():

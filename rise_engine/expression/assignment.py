@@ -43,7 +43,7 @@ class Assignment:
         """Read `key = expression`, `key = JSON` or `{"key": JSON}`. Raises ExpressionError.
 
         >>> assignment = Assignment.parse("task = task + 1")
-        >>> assignment.key, assignment.evaluate(Env({"task": 2}))
+        >>> assignment.key, assignment.evaluate(Environment({"task": 2}))
         ('task', 3)
         """
         found = cls.parse_all(text)

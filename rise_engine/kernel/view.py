@@ -1,8 +1,8 @@
 """The state of a session as anybody outside sees it: a fold over records (architecture, "The kernel").
 
 A console, a transcript, a test and the snapshot on the socket all use this one `SessionView`; nobody asks the engine
-for its inner state. `SessionView.apply(record)` for every record since the beginning gives the same value as the snapshot
-that an engine sends to somebody who attaches late.
+for its inner state. `SessionView.apply(record)` for every record since the beginning gives the same value as the
+snapshot that an engine sends to somebody who attaches late.
 """
 
 from __future__ import annotations

@@ -265,7 +265,7 @@ def without_tasks(view: SessionView) -> ViewWithoutTasks:
 
 
 def with_tasks(state: ViewWithoutTasks, tasks: Iterable[TaskView]) -> SessionView:
-    """What `state_of` was made from. The last task of an act is again the same object as among the tasks."""
+    """What `without_tasks` was made from. The last task of an act is again the same object as among the tasks."""
     view = SessionView(tasks={task.id: task for task in sorted(tasks, key=lambda task: task.id)})
     for name in ViewWithoutTasks.__struct_fields__:
         setattr(view, name, getattr(state, name))

@@ -75,7 +75,7 @@ def _check_names(
             remedy = f"; it is the name of a {other_kind}" if other_kind == "rule" else "; it is the name of an act"
         else:
             remedy = near(mention.name)
-        diagnostics.error(f"unknown-{kind}", mention.origin.place, f"there is no {kind} `{mention.name}`{remedy}")
+        diagnostics.error(f"unknown-{kind}", mention.origin.location, f"there is no {kind} `{mention.name}`{remedy}")
 
 
 def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -94,7 +94,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
             continue  # the missing act is a finding already
         diagnostics.warning(
             "unraised-event",
-            mention.origin.place,
+            mention.origin.location,
             f"nothing in this scenario raises the event `{name}`{near(name) or '; something outside must'}",
         )
     near = _Suggestions(awaited)
@@ -102,7 +102,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         if mention.name not in awaited:
             diagnostics.warning(
                 "unheard-event",
-                mention.origin.place,
+                mention.origin.location,
                 f"no rule waits for the event `{mention.name}`{near(mention.name)}",
             )
 
@@ -115,21 +115,21 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         if not paths.is_known(entry.key):
             diagnostics.error(
                 "wrong-type",
-                entry.origin.place,
+                entry.origin.location,
                 f"{entry.sentence}, and nothing in this scenario sets a memory key of that name"
                 f"{did_you_mean(entry.key, keys, limit=0)}",
             )
     for mention in draft.key_writes:
         problem = paths.writing_problem(mention.name) if "." in mention.name else ""
         if problem:
-            diagnostics.error("unknown-path", mention.origin.place, problem)
+            diagnostics.error("unknown-path", mention.origin.location, problem)
     seen: dict[str, tuple[bool, str]] = {}
     near = _Suggestions(keys)
 
     def unset(mention: Mention) -> None:
         diagnostics.warning(
             "unset-key",
-            mention.origin.place,
+            mention.origin.location,
             f"nothing in this scenario sets the memory key `{mention.name}`"
             f"{near(mention.name) or '; something outside must'}",
         )
@@ -144,7 +144,7 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for mention in draft.key_reads:
         known, problem = status(mention.name)
         if problem:
-            diagnostics.error("unknown-path", mention.origin.place, problem)
+            diagnostics.error("unknown-path", mention.origin.location, problem)
         elif not known and id(mention.origin) not in bare:
             unset(mention)
     for mention in draft.optional_key_reads:
@@ -154,11 +154,11 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for mention in draft.bare_words:
         known, problem = status(mention.name)
         if problem:
-            diagnostics.error("unknown-path", mention.origin.place, problem)
+            diagnostics.error("unknown-path", mention.origin.location, problem)
         elif not known:
             diagnostics.warning(
                 "bare-word",
-                mention.origin.place,
+                mention.origin.location,
                 f"`{mention.name}` is no memory key and is taken as a text; write '{mention.name}' in quotation marks"
                 f"{near(mention.name)}",
             )

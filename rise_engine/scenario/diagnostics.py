@@ -40,8 +40,8 @@ WARNING_CODES = frozenset(
 class Diagnostic(Struct, frozen=True):
     """One thing to know about a scenario. Errors refuse it, warnings do not.
 
-    >>> str(Finding("warning", "empty-act", "the act `Greet` has no actions", Place("acts/greet.xml", 2, 3)))
-    'acts/greet.xml:2:3: warning empty-act: the act `Greet` has no actions'
+    >>> str(Diagnostic("warning", "empty-act", "the act `Greet` has no actions", SourceLocation("acts/a.xml", 2, 3)))
+    'acts/a.xml:2:3: warning empty-act: the act `Greet` has no actions'
     """
 
     severity: Severity

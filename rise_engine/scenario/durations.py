@@ -24,7 +24,7 @@ def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     """Seconds that an action with these parameters will probably take.
 
     Speech by the length of its `message` and its `rate`; others by `duration` (ms), times `repetitions`; otherwise what
-    the action's declaration says. `parameters` are those that `call_parameters` gives. At most MAX_SECONDS; never
+    the action's declaration says. `parameters` are those that `fill_parameters` gives. At most MAX_SECONDS; never
     raises.
 
     >>> expected_seconds(ActionSpec("Wait", {}), {"duration": 1500})

@@ -135,7 +135,7 @@ def bindable_key_name(written: str) -> str:
 
 
 def key_name(written: str) -> str:
-    """As `normal_key`, but of keys that belong to the console too. Raises KeyRefusedError with the reason."""
+    """As `bindable_key_name`, but of keys that belong to the console too. Raises KeyRefusedError with the reason."""
     if len(written) == 1:
         name = _character(written)
     else:

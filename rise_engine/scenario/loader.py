@@ -1,4 +1,4 @@
-"""From a folder to a checked scenario: read whole, checked whole, refused with all findings (reference/scenario.md)."""
+"""From a folder to a checked scenario: read, checked and refused as a whole (docs/reference/scenario.md)."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def load(
     *,
     robot: str | None = None,
     mode: str | None = None,
-    places: Mapping[str, str] | None = None,
+    paths: Mapping[str, str] | None = None,
 ) -> LoadResult:
     """Read and check a scenario.
 
@@ -73,7 +73,7 @@ def load(
         path: its folder, or the `scenario.toml` in it.
         robot: the name of a profile (docs/reference/robots.md), instead of the one that the file names.
         mode: "debug" or "real", instead of what the file says.
-        places: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
+        paths: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
             `acts`, `rules` and `memory`.
 
     Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
@@ -82,13 +82,13 @@ def load(
     >>> loaded = load("scenarios/greeting")
     >>> loaded.scenario.title, "person_name" in loaded.scenario.memory
     ('Greeting a visitor', True)
-    >>> loaded.findings
+    >>> loaded.diagnostics
     []
-    >>> str(load("scenarios/greetings").findings[0]).partition(";")[0]
+    >>> str(load("scenarios/greetings").diagnostics[0]).partition(";")[0]
     'scenarios/greetings:1:1: error unreadable: there is no such folder'
     """
     with limited_comparisons():
-        return _Loader(Path(path)).load(robot, mode, places or {})
+        return _Loader(Path(path)).load(robot, mode, paths or {})
 
 
 class _Loader:
@@ -104,7 +104,7 @@ class _Loader:
         self.asked = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
 
-    def load(self, robot: str | None, mode: str | None, places: Mapping[str, str]) -> LoadResult:
+    def load(self, robot: str | None, mode: str | None, paths: Mapping[str, str]) -> LoadResult:
         diagnostics, draft = self.diagnostics, self.draft
         if not self.folder.is_dir():
             diagnostics.error("unreadable", SourceLocation(str(self.path)), f"there is no such folder{shipped_hint()}")
@@ -114,7 +114,7 @@ class _Loader:
         if mode is not None and mode not in ("debug", "real"):
             diagnostics.error("wrong-value", self.asked, f'the mode asked for is "debug" or "real", not "{mode}"')
         profile = self.robot(robot if robot is not None else settings.robot, asked=robot is not None)
-        self.named = {**settings.paths, **places}
+        self.named = {**settings.paths, **paths}
         paths = {key: self.named.get(key) or place for key, place in DEFAULT_PATHS.items()}
 
         for file in self.xml_files("acts", paths["acts"]):

@@ -43,9 +43,9 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
     Returns a str, int, float or bool. A number stays an integer when it is written as one; a `name` stays a number when
     its code was written. Raises ParameterError, and nothing else, whatever the value is.
 
-    >>> convert(Parameter("duration", "integer", unit="ms", maximum=5000), "1500")
+    >>> convert_parameter(Parameter("duration", "integer", unit="ms", maximum=5000), "1500")
     1500
-    >>> convert(Parameter("duration", "integer", unit="ms", maximum=5000), "6000")
+    >>> convert_parameter(Parameter("duration", "integer", unit="ms", maximum=5000), "6000")
     Traceback (most recent call last):
     ...
     rise_engine.scenario.parameters.OutOfRangeError: duration is at most 5000 (ms); 6000 is outside
@@ -86,7 +86,7 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
     >>> from rise_engine.scenario import load
     >>> scenario = load("scenarios/greeting").scenario
     >>> call = scenario.acts["R_FollowGaze"].actions[0].calls[0]
-    >>> call_parameters(call, scenario.robot.actions["LookAt"], {"person_x": 1.2, "person_y": 0, "person_z": 0.4})
+    >>> fill_parameters(call, scenario.robot.actions["LookAt"], {"person_x": 1.2, "person_y": 0, "person_z": 0.4})
     {'pointx': 1.2, 'pointy': 0, 'pointz': 0.4, 'duration': 500}
     """
     result: dict[str, Any] = {}

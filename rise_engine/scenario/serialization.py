@@ -29,7 +29,7 @@ def encode_scenario(scenario: Scenario) -> bytes:
 
 
 def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
-    """What `to_json` was given. Raises ScenarioDecodeError."""
+    """What `encode_scenario` was given. Raises ScenarioDecodeError."""
     try:
         scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too

@@ -196,7 +196,7 @@ class _SessionPreparation:
 
     def _load_scenario(self) -> None:
         options = self.options
-        loaded = load(options.folder, robot=options.robot, mode=options.mode, places=options.paths)
+        loaded = load(options.folder, robot=options.robot, mode=options.mode, paths=options.paths)
         if loaded.scenario is None:
             raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
         self.scenario: Scenario = loaded.scenario

@@ -54,11 +54,11 @@ def export(folder: Path, format: Format, out: BinaryIO) -> list[str]:
 
         >>> from tempfile import TemporaryDirectory
         >>> from rise_engine.kernel.records import NoteRecord
-        >>> from rise_engine.session.journal_format import header_line, with_checksum
+        >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
         >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
         >>> out = io.BytesIO()
         >>> with TemporaryDirectory() as folder:
-        ...     lines = header_line("example 1") + with_checksum(record_bytes(record))
+        ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
         ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
         ...     problems = export(Path(folder), "jsonl", out)
         >>> out.getvalue()

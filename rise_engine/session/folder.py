@@ -177,7 +177,7 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    loaded = load(copy, robot=info.robot, mode=info.mode, places=_present_places(copy))
+    loaded = load(copy, robot=info.robot, mode=info.mode, paths=_present_places(copy))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:

@@ -81,13 +81,13 @@ def encode_record(record: AnyRecord) -> bytes:
 
 
 def with_checksum(encoded: bytes) -> bytes:
-    """The line, with its line end, for a JSON object such as `record_bytes` gives."""
+    """The line, with its line end, for a JSON object such as `encode_record` gives."""
     body = encoded[:-1]
     return b'%b,"crc":"%08x"}\n' % (body, crc32(body))
 
 
 def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
-    """All lines of a step: its `input_line`, then those of its encoded records."""
+    """All lines of a step: its `encode_input`, then those of its encoded records."""
     return b"".join((line, *map(with_checksum, encoded)))
 
 

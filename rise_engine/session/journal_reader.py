@@ -140,12 +140,12 @@ def read_journal(path: Path, tell: ProgressCallback | None = None) -> JournalCon
         >>> from tempfile import TemporaryDirectory
         >>> from rise_engine.kernel.inputs import Note
         >>> from rise_engine.kernel.records import NoteRecord
-        >>> from rise_engine.session.journal_format import header_line, input_line, record_bytes, with_checksum
+        >>> from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum
         >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
-        >>> lines = header_line("example 1") + input_line(1, Note(t=2.5, text="hello"))
+        >>> lines = encode_header("example 1") + encode_input(1, Note(t=2.5, text="hello"))
         >>> with TemporaryDirectory() as folder:
         ...     path = Path(folder) / "journal.jsonl"
-        ...     _ = path.write_bytes(lines + with_checksum(record_bytes(record)) + b'{"kind":"no')
+        ...     _ = path.write_bytes(lines + with_checksum(encode_record(record)) + b'{"kind":"no')
         ...     contents = read_journal(path)
         ...     [each.text for each in contents.read_records()]
         ['hello']

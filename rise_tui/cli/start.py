@@ -152,7 +152,9 @@ def _run(asked: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> 
     if keys is not None:
         _check_clashes(settings, keys)
     wanted = engine_options(settings, asked.seed, asked.unfinished)
-    wanted = replace(wanted, wizard=asked.wizard or login_name(), here=asked.here, first=_first_inputs(asked))
+    wanted = replace(
+        wanted, wizard=asked.wizard or login_name(), from_other_computer=asked.here, first_tasks=_first_inputs(asked)
+    )
     starting = EngineProcess(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
     from rise_tui.cli import open_console

@@ -43,7 +43,7 @@ def load_scenario(settings: SessionOptions) -> LoadedScenario:
     """Read and check the scenario. Blocking."""
     if problem := why_no_scenario(settings):
         return ScenarioProblems([], problem)
-    loaded = load(find_scenario(settings.folder), robot=settings.robot, mode=settings.mode, places=settings.paths)
+    loaded = load(find_scenario(settings.folder), robot=settings.robot, mode=settings.mode, paths=settings.paths)
     return ScenarioProblems(list(loaded.diagnostics)) if loaded.scenario is None else loaded.scenario
 
 

@@ -104,7 +104,7 @@ class ConsoleScreen(Screen[None]):
             event.refresh_styles = False
         overlays.show_when_too_small(self.app, self.store)
 
-    @on(StaticLines.Resized)
+    @on(StaticLines.DrawAgain)
     def _bar_resized(self) -> None:
         self.refresh_scheduler.draw_bars()
 
@@ -356,8 +356,8 @@ class ConsoleScreen(Screen[None]):
     def _speak(self, event: SpeechInput.Speak) -> None:
         self.input.say(event.typed, event.text, at_once=event.at_once)
 
-    @on(SpeechInput.Closed)
-    def _say_closed(self, event: SpeechInput.Closed) -> None:
+    @on(SpeechInput.ReturnFocus)
+    def _say_closed(self, event: SpeechInput.ReturnFocus) -> None:
         self._focus_back(event.back)
 
     @on(MistakeLine.Chosen)
@@ -365,8 +365,8 @@ class ConsoleScreen(Screen[None]):
         if event.mark != "wrong":  # it is marked so already
             self.send("markMistake", f"{event.task} {event.mark}")
 
-    @on(MistakeLine.Closed)
-    def _mistake_closed(self, event: MistakeLine.Closed) -> None:
+    @on(MistakeLine.EndMarking)
+    def _mistake_closed(self, event: MistakeLine.EndMarking) -> None:
         self.notice_line.display = True
         if self.focused in (None, self.mistake_line):
             self._focus_back(event.back)
@@ -376,8 +376,8 @@ class ConsoleScreen(Screen[None]):
         there = widget is not None and widget.is_attached and widget.display and widget.visible
         self.set_focus(widget if there else self.pane_layout.panes["acts"].row_view)
 
-    @on(NoteLine.Done)
-    def _noted(self, event: NoteLine.Done) -> None:
+    @on(NoteLine.SaveNote)
+    def _noted(self, event: NoteLine.SaveNote) -> None:
         self.notice_line.display = True
         self._focus_back(event.back)
         if event.text:

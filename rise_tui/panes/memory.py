@@ -261,8 +261,8 @@ class MemoryPane(ListPane):
         except NoSuchPath:
             return PresentValue("")
 
-    @on(RowEditor.Done)
-    def _edited(self, event: RowEditor.Done) -> None:
+    @on(RowEditor.SaveRow)
+    def _edited(self, event: RowEditor.SaveRow) -> None:
         event.stop()
         self.screen.set_focus(self.row_list)
         if not event.key:

@@ -200,7 +200,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
             folder=str(expand_home(folder)),
             robot=self.query_one("#robot", ChoiceField).value,
             mode=self.query_one("#mode", ChoiceField).value,
-            places={place: value for place, value in places.items() if value},
+            paths={place: value for place, value in places.items() if value},
             participant=self.query_one("#participant", TextField).value.strip(),
             condition=self.query_one("#condition", TextField).value.strip(),
             seed=None,

@@ -15,7 +15,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
 
 PATIENCE = 7.0
-"""Seconds that a console gets to say goodbye; longer than it grants itself (`app.DETACH_SECONDS`)."""
+"""Seconds that a console gets to say goodbye; longer than it grants itself (`app.DETACH_PATIENCE`)."""
 _CHUNK = 65_536
 _OTHERS = ("TMUX", "TMUX_PANE", "STY", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "SSH_TTY", "COLUMNS", "LINES")
 """What the terminal of the server says of itself is not true of this one."""

@@ -57,7 +57,7 @@ class RowEditor(Vertical):
     }
     """
 
-    class Done(Message):
+    class SaveRow(Message):
         """The editor was closed; `key` is empty when nothing is to change."""
 
         def __init__(self, key: str, value: Any) -> None:
@@ -156,8 +156,8 @@ class RowEditor(Vertical):
         width = self._conflict.size.width or self.size.width - 2
         self._conflict.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((told, "key"),), max(1, width)))
 
-    @on(StaticLines.Resized)
-    def _resized(self, event: StaticLines.Resized) -> None:
+    @on(StaticLines.DrawAgain)
+    def _resized(self, event: StaticLines.DrawAgain) -> None:
         event.stop()
         self._show()
 
@@ -188,7 +188,7 @@ class RowEditor(Vertical):
 
     def _close(self, key: str, value: Any) -> None:
         self.remove_class("-open", "-conflict")
-        self.post_message(self.Done(key, value))
+        self.post_message(self.SaveRow(key, value))
 
 
 def _remarked(kind: str, remark: str, width: int) -> StyledLine:

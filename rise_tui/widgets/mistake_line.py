@@ -31,7 +31,7 @@ class MistakeLine(StaticLines, can_focus=True):
             super().__init__()
             self.task, self.mark = task, mark
 
-    class Closed(Message):
+    class EndMarking(Message):
         def __init__(self, back: Widget | None) -> None:
             super().__init__()
             self.back = back
@@ -66,7 +66,7 @@ class MistakeLine(StaticLines, can_focus=True):
             self._timer = None
         if self.is_open:
             self.remove_class("-open")
-            self.post_message(self.Closed(self._back))
+            self.post_message(self.EndMarking(self._back))
 
     def draw(self, store: Store) -> None:
         task = store.view.tasks.get(self.marked)

@@ -20,7 +20,7 @@ class NoteLine(TextField):
     }
     """
 
-    class Done(Message):
+    class SaveNote(Message):
         """Closed; `text` is empty when nothing is to be noted."""
 
         def __init__(self, text: str, back: Widget | None) -> None:
@@ -58,4 +58,4 @@ class NoteLine(TextField):
 
     def _close(self, text: str) -> None:
         self.remove_class("-open")
-        self.post_message(self.Done(text, self._back))
+        self.post_message(self.SaveNote(text, self._back))

@@ -55,7 +55,7 @@ class SpeechField(TextField):
             super().__init__()
             self.at_once = at_once
 
-    class Closed(Message):
+    class Postpone(Message):
         """Not now; what was typed stays for later."""
 
     def __init__(self, line: SpeechInput) -> None:
@@ -76,7 +76,7 @@ class SpeechField(TextField):
         self.post_message(self.Entered(at_once=True))
 
     def action_leave(self) -> None:
-        self.post_message(self.Closed())
+        self.post_message(self.Postpone())
 
     @on(Input.Submitted)
     def _submitted(self, event: Input.Submitted) -> None:
@@ -118,7 +118,7 @@ class SpeechInput(Vertical):
             super().__init__()
             self.typed, self.text, self.at_once = typed, text, at_once
 
-    class Closed(Message):
+    class ReturnFocus(Message):
         """Nothing is typed any more; `back` had the focus before."""
 
         def __init__(self, back: Widget | None) -> None:
@@ -216,15 +216,15 @@ class SpeechInput(Vertical):
         if self.is_open:
             self.remove_class("-open")
             self.draw()
-            self.post_message(self.Closed(self._back))
+            self.post_message(self.ReturnFocus(self._back))
 
     @on(Input.Changed)
     def _changed(self, event: Input.Changed) -> None:
         event.stop()
         self.draw()
 
-    @on(SpeechField.Closed)
-    def _left(self, event: SpeechField.Closed) -> None:
+    @on(SpeechField.Postpone)
+    def _left(self, event: SpeechField.Postpone) -> None:
         event.stop()
         self._close()
 

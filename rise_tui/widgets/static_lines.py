@@ -18,7 +18,7 @@ class StaticLines(StyledLines):
     StaticLines { height: 1; width: 1fr; }
     """
 
-    class Resized(Message):
+    class DrawAgain(Message):
         """The width changed: lines that depend on it should be made anew."""
 
         def __init__(self, lines: StaticLines) -> None:
@@ -31,7 +31,7 @@ class StaticLines(StyledLines):
 
         def can_replace(self, message: Message) -> bool:
             """Of several that wait one is enough: whoever makes one line anew makes them all."""
-            return isinstance(message, StaticLines.Resized)
+            return isinstance(message, StaticLines.DrawAgain)
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
@@ -55,4 +55,4 @@ class StaticLines(StyledLines):
         return self.to_strip(self.lines[y] if y < len(self.lines) else (), self.size.width)
 
     def on_resize(self, event: events.Resize) -> None:
-        self.post_message(self.Resized(self))
+        self.post_message(self.DrawAgain(self))

@@ -18,10 +18,10 @@ from rise_engine.protocol.registry import RegistryError
 
 HOLDER = """
 import socket, sys
-from rise_engine.link import places
-claim = places.claim(sys.argv[1])
+from rise_engine.protocol.registry import acquire_lock
+lock = acquire_lock(sys.argv[1])
 listening = socket.socket(socket.AF_UNIX)
-listening.bind(str(claim.socket))
+listening.bind(str(lock.socket))
 listening.listen()
 print("held", flush=True)
 sys.stdin.read()
@@ -100,22 +100,22 @@ def test_a_path_that_is_too_long(place: Path, monkeypatch: pytest.MonkeyPatch) -
         registry.acquire_lock("name")
 
 
-def test_one_claim_at_a_time_and_nothing_left_after_it(place: Path) -> None:
-    claim = registry.acquire_lock("study-123456")
-    assert claim is not None and registry.running_names() == ["study-123456"]
+def test_one_lock_at_a_time_and_nothing_left_after_it(place: Path) -> None:
+    lock = registry.acquire_lock("study-123456")
+    assert lock is not None and registry.running_names() == ["study-123456"]
     assert registry.acquire_lock("study-123456") is None
     other = registry.acquire_lock("other-123456")
     assert other is not None and registry.running_names() == ["other-123456", "study-123456"]
-    claim.socket.touch()
-    claim.close()
-    claim.close()
+    lock.socket.touch()
+    lock.close()
+    lock.close()
     other.close()
     assert registry.running_names() == [] and list(registry.runtime_folder().iterdir()) == []
     with registry.acquire_lock("study-123456") or pytest.fail("it is free again") as again:
         assert again.name == "study-123456"
 
 
-def test_looking_does_not_keep_anybody_from_claiming(place: Path) -> None:
+def test_looking_does_not_keep_anybody_from_locking(place: Path) -> None:
     done = threading.Event()
 
     def look() -> None:
@@ -126,9 +126,9 @@ def test_looking_does_not_keep_anybody_from_claiming(place: Path) -> None:
     looking.start()
     try:
         for _ in range(200):
-            claim = registry.acquire_lock("busy-123456")
-            assert claim is not None
-            claim.close()
+            lock = registry.acquire_lock("busy-123456")
+            assert lock is not None
+            lock.close()
     finally:
         done.set()
         looking.join()
@@ -164,8 +164,8 @@ def test_a_killed_engine_leaves_no_lock_and_its_socket_is_replaced(place: Path) 
     path = registry.socket_path("killed-123456")
     assert path.is_socket() and registry.lock_path(path).exists(), "left over"
     assert registry.running_names() == [] and registry.ask_summary("killed-123456") is None
-    claim = registry.acquire_lock("killed-123456")
-    assert claim is not None and not path.exists()
+    lock = registry.acquire_lock("killed-123456")
+    assert lock is not None and not path.exists()
     with socket.socket(socket.AF_UNIX) as listening:
-        listening.bind(str(claim.socket))
-    claim.close()
+        listening.bind(str(lock.socket))
+    lock.close()

@@ -266,7 +266,7 @@ class _Publisher:
             for message in self.last:
                 self._send(subscription, message)
 
-    def subscribers(self) -> int:
+    def count_subscribers(self) -> int:
         return sum(self.home.wire.sees(self.home, s.home) for s in self._takers())
 
     def close(self) -> None:
@@ -322,7 +322,7 @@ class _Client:
         wire = self.home.wire
         return [s for t in wire.transports for s in t.servers if (s.name, s.type) == (self.name, self.type)]
 
-    def servers(self) -> int:
+    def count_servers(self) -> int:
         if self.home.closed or self.home.why_lost:
             return 0
         return sum(self.home.wire.sees(self.home, server.home) for server in self._offers())
@@ -353,7 +353,7 @@ class _Client:
 
 
 class MemoryTransport:
-    """One node on a `MemoryWire`; implements `rise_adapters.ros2.transport.port.RosTransport`."""
+    """One node on a `MemoryWire`; implements `rise_adapters.ros2.transport.port.Transport`."""
 
     kind: Literal["rclpy", "dds", "memory"] = "memory"
 
@@ -416,15 +416,15 @@ class MemoryTransport:
     def type_hash(self, type: str) -> str:
         return self.hashes.get(type, self.wire.types.hash(type))
 
-    def publisher_ends(self, topic: str) -> list[RemoteEndpoint]:
+    def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)
         return [t.end(p.type, p.qos) for t in self._others() for p in t.publishers if p.topic == full]
 
-    def subscriber_ends(self, topic: str) -> list[RemoteEndpoint]:
+    def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)
         return [t.end(s.type, s.qos) for t in self._others() for s in t.subscriptions if s.topic == full]
 
-    def server_ends(self, service: str) -> list[RemoteEndpoint]:
+    def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
         full = self.resolve(service)
         return [
             t.end(f"{server.type}_{end}", RELIABLE)
@@ -437,7 +437,7 @@ class MemoryTransport:
     def topics(self) -> list[str]:
         return sorted({each.topic for t in self._others() for each in (*t.publishers, *t.subscriptions)})
 
-    def strangers(self) -> list[tuple[str, str]]:
+    def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         return [(t.node, t.vendor) for t in self._others() if t.vendor != self.vendor]
 
     def _others(self) -> list[MemoryTransport]:
@@ -450,12 +450,12 @@ class MemoryTransport:
     def nodes(self) -> list[str]:
         return sorted(t.node for t in self.wire.transports if self.wire.sees(self, t))
 
-    def clients_of(self, service: str) -> list[str]:
+    def client_nodes(self, service: str) -> list[str]:
         full = self.resolve(service)
         others = [t for t in self.wire.transports if t is not self and self.wire.sees(self, t)]
         return sorted({t.node for t in others for client in t.clients if client.name == full})
 
-    def lost(self) -> str:
+    def failure(self) -> str:
         return self.why_lost
 
     def close(self) -> None:

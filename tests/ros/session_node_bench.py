@@ -201,7 +201,7 @@ class Node:
         return got
 
     async def ready(self) -> None:
-        await until(lambda: self.client.count_servers() and self.memory.servers())
+        await until(lambda: self.client.count_servers() and self.memory.count_servers())
 
     def ask(self, function: str, behavior: str = "", calling_type: str = "") -> Asked:
         asked = Asked(os.urandom(16))

@@ -177,7 +177,7 @@ def test_a_middleware_that_announces_the_hashes_of_services() -> None:
 
 def test_a_middleware_that_only_names_types_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     """As rmw_zenoh, of which rclpy knows no more of a service."""
-    listed = MemoryTransport.server_ends
+    listed = MemoryTransport.server_endpoints
     monkeypatch.setattr(
         MemoryTransport,
         "server_endpoints",

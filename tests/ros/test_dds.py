@@ -91,7 +91,7 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
     transport.subscribe("said", TEXT, heard.append)
     say, ask = transport.publisher("heard", TEXT), transport.client("set", SET)
     with peer("echo") as process:
-        await until(lambda: ask.servers() and say.subscribers())
+        await until(lambda: ask.count_servers() and say.count_subscribers())
         say.publish({"data": "Grüß dich"})
         ask.call({"data": True}, answers.append)
         await until(lambda: heard and answers)
@@ -109,7 +109,7 @@ async def test_a_topic_a_service_and_an_end(transport: DdsTransport) -> None:
         assert transport.publisher_endpoints("heard") == []
         process.kill()
         killed = time.monotonic()
-        await until(lambda: not ask.servers())
+        await until(lambda: not ask.count_servers())
         assert time.monotonic() - killed < 2.5
         await until(lambda: transport.nodes() == ["/here"] and transport.server_endpoints("set") == [])
 
@@ -119,7 +119,7 @@ async def test_what_was_said_just_before_closing_arrives(transport: DdsTransport
     transport.subscribe("said", TEXT, heard.append, QoS(depth=10))
     first = opened("first")
     latched = first.publisher("said", TEXT, QoS(depth=10))
-    await until(latched.subscribers)
+    await until(latched.count_subscribers)
     for number in range(5):
         latched.publish({"data": str(number)})
     first.close()
@@ -132,7 +132,7 @@ async def test_a_thousand_messages_a_second_leave_room(transport: DdsTransport) 
     transport.subscribe("said", TEXT, lambda message: heard.append(message["data"]), QoS(depth=2000))
     say = transport.publisher("heard", TEXT)
     with peer("burst"):
-        await until(say.subscribers)
+        await until(say.count_subscribers)
         await until(lambda: transport.publisher_endpoints("said"))
         delays = []
         say.publish({"data": "2"})
@@ -153,7 +153,7 @@ async def test_a_loop_that_is_busy_gets_what_was_sent_meanwhile_in_slices(transp
     transport.subscribe("said", TEXT, lambda message: _slow(heard), QoS(depth=500))
     other = opened("other")
     say = other.publisher("said", TEXT, QoS(depth=500))
-    await until(say.subscribers)
+    await until(say.count_subscribers)
     for number in range(300):
         say.publish({"data": str(number)})
     stand_still(0.2)  # everything has come before the loop goes on
@@ -175,7 +175,7 @@ async def test_a_reader_that_stands_still_holds_nobody_up(transport: DdsTranspor
     transport.subscribe("said", TEXT, heard.append, QoS(depth=10))
     say = transport.publisher("heard", TEXT, QoS(depth=200))
     with peer("echo") as process:
-        await until(say.subscribers)
+        await until(say.count_subscribers)
         process.send_signal(signal.SIGSTOP)
         took = []
         for _ in range(300):
@@ -210,7 +210,7 @@ async def test_an_answer_counts_once_and_only_for_who_asked(transport: DdsTransp
     other = opened("other")
     first, second = other.client("set", SET), other.client("set", SET)
     answers: list[tuple[str, Any]] = []
-    await until(lambda: first.servers() == second.servers() == 1)
+    await until(lambda: first.count_servers() == second.count_servers() == 1)
     first.call({"data": True}, lambda answer: answers.append(("first", answer)))
     second.call({"data": False}, lambda answer: answers.append(("second", answer)))
     await until(lambda: len(replies) == 2)
@@ -229,7 +229,7 @@ async def test_an_answer_that_does_not_fit_can_be_given_again(transport: DdsTran
     answers: list[Any] = []
     transport.serve("set", SET, lambda asked, reply: replies.append(reply))
     ask = transport.client("set", SET)
-    await until(ask.servers)
+    await until(ask.count_servers)
     ask.call({}, answers.append)
     await until(lambda: replies)
     with pytest.raises(PortError, match="the field 'success' takes true or false"):
@@ -242,7 +242,7 @@ async def test_callbacks_come_on_the_loop_and_never_inside_a_call(transport: Dds
     heard: list[Any] = []
     transport.subscribe("said", TEXT, heard.append)
     say = transport.publisher("said", TEXT)
-    await until(say.subscribers)
+    await until(say.count_subscribers)
     say.publish({"data": "x"})
     stand_still(0.05)  # long enough for the reading thread
     assert heard == []
@@ -260,7 +260,7 @@ async def test_a_callback_that_fails_is_told_and_stops_nothing(transport: DdsTra
 
     transport.subscribe("said", TEXT, taken)
     say = transport.publisher("said", TEXT)
-    await until(say.subscribers)
+    await until(say.count_subscribers)
     say.publish({})
     say.publish({})
     await until(lambda: len(heard) == 2)
@@ -274,12 +274,12 @@ async def test_after_closing_nothing_comes_and_nothing_hangs(transport: DdsTrans
     taking = other.subscribe("said", TEXT, heard.append)
     say = transport.publisher("said", TEXT)
     ask = other.client("set", SET)
-    await until(say.subscribers)
+    await until(say.count_subscribers)
     say.publish({})
     stand_still(0.05)
     taking.close()
     taking.close()
-    await until(lambda: not say.subscribers())
+    await until(lambda: not say.count_subscribers())
     other.close()
     other.close()
     ask.close()
@@ -297,11 +297,11 @@ async def test_two_servers_are_two_and_a_wrong_type_is_none(transport: DdsTransp
     wrong = other.serve("wrong", "std_srvs/srv/Trigger", lambda asked, reply: reply({}))
     ask, miss = transport.client("set", SET), transport.client("wrong", SET)
     types = {"std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"}
-    await until(lambda: ask.servers() == 2)
+    await until(lambda: ask.count_servers() == 2)
     await until(lambda: {end.type for end in transport.server_endpoints("wrong")} == types)
-    assert miss.servers() == 0
+    assert miss.count_servers() == 0
     second.close()
-    await until(lambda: ask.servers() == 1)
+    await until(lambda: ask.count_servers() == 1)
     wrong.close()
     other.close()
 
@@ -315,8 +315,8 @@ async def test_a_type_of_the_same_structure_is_another_type(tmp_path: Path) -> N
     right, wrong = one.client("right", "lab/srv/A"), one.client("wrong", "lab/srv/A")
     one.serve("right", "lab/srv/A", lambda asked, reply: reply(asked))
     one.serve("wrong", "lab/srv/B", lambda asked, reply: reply(asked))
-    await until(lambda: right.servers() == 1)
-    assert wrong.servers() == 0
+    await until(lambda: right.count_servers() == 1)
+    assert wrong.count_servers() == 0
     one.close()
 
 

@@ -353,13 +353,13 @@ async def test_feature_nodes_hear_publishers_that_promise_nothing(first: bool) -
     reliable.publish({"data": "at once"})
     await until(lambda: heard == ["at once"])
     tracker = tracker or sensor.publisher("/gaze", "std_msgs/msg/String", QoS(reliable=False))
-    await until(tracker.subscribers)
+    await until(tracker.count_subscribers)
     tracker.publish({"data": "robot"})
     await until(lambda: heard == ["at once", "robot"])
     reliable.publish({"data": "door"})
     await until(lambda: heard == ["at once", "robot", "door"])
     made.close()
-    assert not tracker.subscribers()
+    assert not tracker.count_subscribers()
 
 
 async def test_what_is_promised_is_asked_for() -> None:

@@ -72,7 +72,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 def node(start: Start, name: str, *options: str) -> Program:
-    return start(name, f"rise_adapters.ros2.nodes.{name}", *options)
+    return start(name, f"rise_adapters.ros2.examples.{name}", *options)
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ async def test_the_loop_of_figure_8_in_processes(
     transport = await open_transport(ros, node="speaker")
     try:
         mouth = transport.publisher("/lab/speech", "std_msgs/msg/String")
-        await until(mouth.subscribers, PATIENCE)
+        await until(mouth.count_subscribers, PATIENCE)
         mouth.publish({"data": "How many robots do you have?"})
         await robot.says(r'Speech "There are three of us\.": done')
         await answers.says(r"R_Answer succeeded")

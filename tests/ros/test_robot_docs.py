@@ -96,7 +96,7 @@ def test_add_a_robot(tmp_path: Path) -> None:
     }
 
     (study / "none").mkdir()
-    bella = read_mappings(robot_of(load(study, robot="bella", places={"acts": "none"})), types.fields)
+    bella = read_mappings(robot_of(load(study, robot="bella", paths={"acts": "none"})), types.fields)
     assert sorted(bella) == ["Emotion", "LookAt", "Speech"]
     face = bella["Emotion"]
     assert (face.kind, face.name) == ("topic", "bella/face")

@@ -346,7 +346,7 @@ async def test_a_face_that_closes_ends_its_goals_and_says_goodbye(tmp_path: Path
 
 async def test_a_face_that_waits_for_its_last_results_to_be_fetched_takes_no_more_goals(tmp_path: Path) -> None:
     async with session_and_node(tmp_path) as (session, node, _):
-        session.face._tasks._ended_here.append(SimpleNamespace(told=False))  # type: ignore[arg-type]
+        session.face._tasks._ended_here.append(SimpleNamespace(is_result_fetched=False))  # type: ignore[arg-type]
         closing = asyncio.ensure_future(session.face.close())
         await asyncio.sleep(0)
         late = node.ask(START_ACT, "Story")

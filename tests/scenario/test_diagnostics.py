@@ -460,7 +460,9 @@ def test_every_code_is_documented() -> None:
     codes: set[str] = set()
     for path in Path(rise_engine.scenario.__file__).parent.glob("*.py"):
         text = path.read_text("utf-8")
-        codes.update(re.findall(r"(?:findings\.|self\.)(?:error|warning)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))
+        codes.update(
+            re.findall(r"(?:diagnostics\.|self\.)(?:report_)?(?:error|warning)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text)
+        )
     codes.update(("not-well-formed", "too-deep", "unknown-act", "unknown-rule", "unknown-name", "key-refused"))
     documented = set(re.findall(r"^\| `([a-z-]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
     assert codes == documented
@@ -484,7 +486,7 @@ def test_broken_links_are_found(tmp_path: Path, name: str) -> None:
 
 
 def test_what_the_caller_asked_for_stands_in_no_file(tmp_path: Path) -> None:
-    result = load(tmp_path, robot="zzz", mode="x", places={"memory": "m.json"})
+    result = load(tmp_path, robot="zzz", mode="x", paths={"memory": "m.json"})
     assert {diagnostic.location.file for diagnostic in result.diagnostics} == {str(tmp_path)}
     messages = [diagnostic.message for diagnostic in result.diagnostics]
     assert any(message.startswith("the robot asked for, `zzz`,") for message in messages)

@@ -43,7 +43,7 @@ def test_listing_1(tmp_path: Path) -> None:
         "pointz": "10",
         "roll": "0.5",
     }
-    assert str(greeting.actions[2].place) == "acts/greeting.xml:16:3"
+    assert str(greeting.actions[2].location) == "acts/greeting.xml:16:3"
 
 
 def test_listing_2(tmp_path: Path) -> None:

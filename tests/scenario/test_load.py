@@ -69,10 +69,10 @@ def test_the_path_of_scenario_toml(tmp_path: Path) -> None:
 def test_arguments_take_precedence(tmp_path: Path) -> None:
     folder(tmp_path, {**FILES, "other/b.xml": act(SPEECH, "B") + "", "wm.json": '{"z": 1, "start": 0}'})
     folder(tmp_path, {"robots/r.toml": "[actions.Speech]"})
-    scenario, diagnostics = load(tmp_path, robot="r", mode="debug", places={"memory": "wm.json"})
+    scenario, diagnostics = load(tmp_path, robot="r", mode="debug", paths={"memory": "wm.json"})
     assert diagnostics == [] and (scenario.robot.name, scenario.mode) == ("r", "debug")
     assert scenario.memory == {"z": 1, "start": 0}
-    assert [f.code for f in load(tmp_path, places={"acts": "nowhere"}).diagnostics] == ["unreadable"]
+    assert [f.code for f in load(tmp_path, paths={"acts": "nowhere"}).diagnostics] == ["unreadable"]
     assert [f.code for f in load(tmp_path, mode="fast").diagnostics] == ["wrong-value"]
 
 
@@ -96,7 +96,7 @@ def test_findings_are_json(tmp_path: Path) -> None:
             "severity": "error",
             "code": "unknown-element",
             "message": result.diagnostics[0].message,
-            "place": {"file": "rules/r.xml", "line": 3, "column": 10},
+            "location": {"file": "rules/r.xml", "line": 3, "column": 10},
         }
     ]
 

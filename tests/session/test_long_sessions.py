@@ -145,13 +145,13 @@ async def test_a_console_that_watches_a_replay_has_no_more_than_it_has_seen(made
 
 PROGRAM = """
 import os, sys
-from rise_engine.server.process import serve, to_starter
+from rise_engine.server.process import serve, report_to_pipe
 from rise_engine.protocol.session_options import SessionOptions
 import msgspec
-from rise_engine.session import reading
-reading.TELL_SECONDS = 0.0
+from rise_engine.session import journal_reader
+journal_reader.PROGRESS_SECONDS = 0.0
 _, order, descriptor = sys.argv
-sys.exit(serve(msgspec.json.decode(order, type=SessionOptions), to_starter(int(descriptor))))
+sys.exit(serve(msgspec.json.decode(order, type=SessionOptions), report_to_pipe(int(descriptor))))
 """
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
-_NODES = "rise_adapters.ros2.nodes"
+_NODES = "rise_adapters.ros2.examples"
 
 
 def engine() -> None:

@@ -53,7 +53,7 @@ def test_what_a_session_begins_with(asked: list[CommandLine]) -> None:
     (it,) = asked
     assert it.settings.paths == {"memory": "pilot.json"} and it.wizard is None
     assert it.only_for_new == ["--set", "--place"]
-    assert [task["behavior"] for task in start._first_inputs(it)] == ['{"task": 2}', '{"name": "Anna"}']
+    assert [task.behavior for task in start._first_inputs(it)] == ['{"task": 2}', '{"name": "Anna"}']
     with pytest.raises(NothingStarted, match="--set task: write KEY=JSON"):
         start._first_inputs(CommandLine(sets=("task",)))
     with pytest.raises(SystemExit):

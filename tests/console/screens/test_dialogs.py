@@ -118,7 +118,7 @@ async def test_an_empty_folder_field_is_refused_before_anything_is_read() -> Non
 async def test_a_folder_without_a_scenario_is_refused(tmp_path: Path) -> None:
     client = FakeClient(demo())
     launcher = FakeLauncher(client)
-    object.__setattr__(launcher, "prepare", load_scenario)
+    object.__setattr__(launcher, "load_scenario", load_scenario)
     async with console(client=client, launcher=launcher) as it:
         screen = await settings_of(it)
         screen.query_one("#folder", TextField).value = str(tmp_path)

@@ -104,7 +104,7 @@ class Peer:
             self._things[key].publish(message)
 
     def subscribers(self, key: str) -> int:
-        return int(self._things[key].subscribers())
+        return int(self._things[key].count_subscribers())
 
     def subscribe(self, key: str, topic: str, type: str, **qos: Any) -> None:
         self._things[key] = self._transport.subscribe(
@@ -149,7 +149,7 @@ class Peer:
         self._things[key] = self._transport.client(name, type)
 
     def servers(self, key: str) -> int:
-        return int(self._things[key].servers())
+        return int(self._things[key].count_servers())
 
     def call(self, key: str, number: int, message: Message) -> None:
         self._things[key].call(message, lambda answer: say("answer", key=key, number=number, message=answer))

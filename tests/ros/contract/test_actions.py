@@ -44,7 +44,7 @@ def test_a_goal_with_feedback_status_and_result(pair: Pair) -> None:
     until(lambda: pair.near.status(key=key, goal=goal) == EXECUTING)
     pair.near.get_result(key=key, goal=goal)
     for length in (1, 2, 3):
-        assert pair.far.goal(goal=goal, does="feedback", message={"sequence": list(range(length))})
+        assert pair.far.goal(goal=goal, does="publish_feedback", message={"sequence": list(range(length))})
         assert pair.near.event("feedback", key=key, goal=goal)["message"] == {"sequence": list(range(length))}
     assert pair.near.none("result", key=key)
     assert pair.far.goal(goal=goal, does="succeed", message={"sequence": [0, 1, 1]})
@@ -88,7 +88,7 @@ def test_two_goals_at_once(pair: Pair) -> None:
     first, second = accepted(pair, key, 1), accepted(pair, key, 2)
     for goal in (first, second):
         pair.near.get_result(key=key, goal=goal)
-    pair.far.goal(goal=second, does="feedback", message={"sequence": [2]})
+    pair.far.goal(goal=second, does="publish_feedback", message={"sequence": [2]})
     assert pair.near.event("feedback", key=key)["goal"] == second
     pair.far.goal(goal=second, does="succeed", message={"sequence": [2]})
     assert pair.near.event("result", key=key)["goal"] == second
@@ -197,7 +197,7 @@ def test_an_action_is_remapped_with_all_its_parts(pair: Pair) -> None:
         pair.far.goal(goal=goal, does="execute")
         assert near.event("decided", goal=goal)["accepted"] is True
         until(lambda: near.status(key="c", goal=goal) == EXECUTING)
-        pair.far.goal(goal=goal, does="feedback", message={"sequence": [1]})
+        pair.far.goal(goal=goal, does="publish_feedback", message={"sequence": [1]})
         assert near.event("feedback", goal=goal)
         near.cancel(key="c", goal=goal)
         pair.far.event("cancel", goal=goal)

@@ -86,7 +86,7 @@ class ActionClient:
 
     def count_servers(self) -> int:
         """How many offer the action; 0 as long as any of its three services is missing: a request would vanish."""
-        counts = (self._send.servers(), self._cancel.servers(), self._result.servers())
+        counts = (self._send.count_servers(), self._cancel.count_servers(), self._result.count_servers())
         return max(counts) if all(counts) else 0
 
     def send(self, goal: bytes, fields: Message, answered: Callable[[bool], None]) -> None:

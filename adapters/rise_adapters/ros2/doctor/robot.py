@@ -98,7 +98,7 @@ class _ExpectedEndpoint:
 
     def count(self) -> int:
         """How many offer it, or take it."""
-        return int(self._handle.servers() if self._mapping.kind == "action" else self._handle.subscribers())
+        return int(self._handle.count_servers() if self._mapping.kind == "action" else self._handle.count_subscribers())
 
     def is_complete(self) -> bool:
         """Everything of it is there, and can be compared."""

@@ -18,7 +18,7 @@ class GoalReader:
     """Reads what arrives under one name; several actions of a profile may share it."""
 
     def __init__(self, specs: Sequence[ActionSpec]) -> None:
-        """`specs` have carriers, all written out, that `read_carriers` has found right."""
+        """`specs` have carriers, all written out, that `read_mappings` has found right."""
         self._actions = [_ActionPattern(spec) for spec in specs]
 
     def read(self, message: Message) -> tuple[ActionSpec, dict[str, Any]]:

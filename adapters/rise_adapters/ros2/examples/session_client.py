@@ -104,7 +104,7 @@ class SessionClient:
 
     async def memory(self, key: str, otherwise: Any = None) -> Any:
         """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""
-        await self._wait_until(self._memory.servers, "no session offers rise/get_memory")
+        await self._wait_until(self._memory.count_servers, "no session offers rise/get_memory")
         ask = partial(self._memory.call, {"request_by_key": key})
         (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")
         return json.loads(answer["value"]) if answer["found"] else otherwise

@@ -45,8 +45,8 @@ class SimulatedAction:
         fault: FaultOf,
         busy: WhenBusy,
     ) -> None:
-        """`specs` are the actions that come under this name, with their carriers (`written_out`); `fault` tells what
-        goes wrong with the next goal of an action."""
+        """`specs` are the actions that come under this name, with their carriers (`with_all_carriers`); `fault` tells
+        what goes wrong with the next goal of an action."""
         self._clock, self._print, self._fault, self._busy = clock, say, fault, busy
         self._reader = GoalReader(specs)
         self._results = _ResultMaker(transport, mapping.type, specs[0].carrier.get("error", {}))

@@ -1,7 +1,7 @@
 """How a robot profile says which ROS action or topic carries an action, and what goes into its fields
 (docs/reference/robots.md, "Carriers").
 
-`read_carriers` checks all of a profile at once and prepares it; an `ActionMapping` then makes the message of a
+`read_mappings` checks all of a profile at once and prepares it; an `ActionMapping` then makes the message of a
 goal, and reads from a result whether the robot did what it was asked for. Nothing here sends anything.
 """
 

@@ -1,5 +1,5 @@
 """One carrier: what a robot profile says about how an action travels, ready for use (docs/reference/robots.md,
-"Carriers"). `rise_adapters.ros2.carriers` reads them.
+"Carriers"). `rise_adapters.ros2.mapping` reads them.
 """
 
 from __future__ import annotations

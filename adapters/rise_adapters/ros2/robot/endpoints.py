@@ -144,7 +144,7 @@ class TopicEndpoint(_ComparedEndpoint):
         """The goal that published last: only its end takes back what was said."""
 
     def poll(self, count: int | None = None) -> bool:
-        return self.presence.update(self.publisher.subscribers() if count is None else count)
+        return self.presence.update(self.publisher.count_subscribers() if count is None else count)
 
     def publish(self, message: Message) -> None:
         """Publish what needs no answer and may be lost."""

@@ -81,7 +81,7 @@ class Publisher(Protocol):
         """Send. Raises PortError when the message does not fit its type."""
         ...
 
-    def subscribers(self) -> int:
+    def count_subscribers(self) -> int:
         """How many there are that take it."""
         ...
 
@@ -97,7 +97,7 @@ class Subscription(Closable, Protocol):
 class ServiceClient(Protocol):
     """Calls one service."""
 
-    def servers(self) -> int:
+    def count_servers(self) -> int:
         """How many offer it and could answer now; 0: a request would vanish."""
         ...
 

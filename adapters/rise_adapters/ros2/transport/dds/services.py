@@ -46,7 +46,7 @@ class DdsClient:
         self._count = 0
         self._stop_reading: Callable[[], None] | None = node.reader_thread.add(self._reader, self._on_sample)
 
-    def servers(self) -> int:
+    def count_servers(self) -> int:
         taking, answering = self._writer.matched_readers(), self._reader.get_matched_publications()
         if (taking, answering) == self._matched_handles:
             return self._count

@@ -25,7 +25,7 @@ class DdsPublisher:
     def publish(self, message: Message) -> None:
         self._writer.write(self._codec.pack(message))
 
-    def subscribers(self) -> int:
+    def count_subscribers(self) -> int:
         return len(self._writer.matched_readers())
 
     def close(self) -> None:

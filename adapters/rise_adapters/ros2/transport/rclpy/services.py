@@ -105,7 +105,7 @@ class RclpyClient:
             f"service {name} of the type {type}", node.rclpy_node.create_client, service, name, _QOS
         )
 
-    def servers(self) -> int:
+    def count_servers(self) -> int:
         if self._closed or self._node.ended() or not self._client.service_is_ready():
             return 0  # not ready: the graph may know one already, but it could not answer yet
         return max(1, int(self._node.rclpy_node.count_services(self._client.service_name)))

@@ -38,7 +38,7 @@ class RclpyPublisher:
             if not self._node.ended():
                 raise PortError(f"{self._publisher.topic_name}: not published: {first_line(error)}") from error
 
-    def subscribers(self) -> int:
+    def count_subscribers(self) -> int:
         return 0 if self._closed or self._node.ended() else int(self._publisher.get_subscription_count())
 
     def close(self) -> None:
