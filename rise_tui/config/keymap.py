@@ -9,8 +9,9 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import KeyBinding, SourceLocation
-from rise_tui.actions import key_label, unbound_key
+from rise_tui.actions import unbound_key
 from rise_tui.config.paths import USUAL_KEYS
+from rise_tui.key_labels import key_label
 
 
 class KeyFile(Struct, frozen=True):

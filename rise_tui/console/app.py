@@ -15,13 +15,14 @@ from rise_engine.protocol.registry import RegistryError
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
-from rise_tui.actions import bindings_in, use_own_keys, why_blocked
+from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.console import exit_dialogs
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
+from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from rise_engine.protocol.client import ControlVerb
-from rise_tui.actions import BY_ID, key_name, keys_of
+from rise_tui.actions import BY_ID
 from rise_tui.console.console_actions import ConsoleActions
+from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
 from rise_tui.screens.dialog import Dialog, DialogChoice
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rise_tui.actions import why_blocked
 from rise_tui.config.paths import abbreviate_home
+from rise_tui.key_labels import why_blocked
 from rise_tui.model.session_summary import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock

@@ -10,7 +10,8 @@ from textual import on
 from textual.widget import Widget
 
 from rise_engine.kernel.view import MemoryView
-from rise_tui.actions import bindings_in, why_blocked
+from rise_tui.actions import bindings_in
+from rise_tui.key_labels import why_blocked
 from rise_tui.messages import ShowNotice, SubmitTask
 from rise_tui.model.json_path import JsonPath, NoSuchPath, children, path_text, value_at, with_removed, with_replaced
 from rise_tui.model.store import Store

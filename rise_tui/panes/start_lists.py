@@ -7,7 +7,8 @@ from typing import ClassVar
 from rich.cells import cell_len
 from textual import on
 
-from rise_tui.actions import bindings_in, why_blocked
+from rise_tui.actions import bindings_in
+from rise_tui.key_labels import why_blocked
 from rise_tui.messages import RequestStart, ShowNotice, ShowSelection, SubmitTask
 from rise_tui.model.key_action import start_action
 from rise_tui.model.states import (

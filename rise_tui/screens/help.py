@@ -6,17 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import (
-    KEY_SCOPES,
-    ConsoleAction,
-    KeyScope,
-    actions_in,
-    key_label,
-    key_name,
-    key_text,
-    keys_of,
-    why_task_blocked,
-)
+from rise_tui.actions import KEY_SCOPES, ConsoleAction, KeyScope, actions_in
+from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import task_label
@@ -61,7 +52,7 @@ def help_entries(store: Store, place: KeyScope | None = None) -> Iterator[HelpEn
 
 
 def _of_action(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
-    why = action.why_unavailable(store)
+    why = why_unavailable(action, store)
     text = f"{action.help} Not now: {why}." if why else action.help
     keys = " ".join(key_label(key) for key in keys_of(action)) or key_text("palette")
     return HelpEntry(group, keys, action.title, text, bool(why))

@@ -10,7 +10,8 @@ from functools import partial
 from typing import NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, normal_topic
-from rise_tui.actions import ACTIONS, KEY_SCOPES, KeyScope, why_blocked, why_task_blocked
+from rise_tui.actions import ACTIONS, KEY_SCOPES, KeyScope
+from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.key_action import KeyAction, action_of_key, start_action
 from rise_tui.model.rule_text import ENDINGS
@@ -43,13 +44,13 @@ def palette_commands(
     own = [action for action in ACTIONS if action.scope == place]
     rest = [action for action in ACTIONS if action.scope != place and action.id != "palette"]
     for action in own:
-        why = action.why_unavailable(store)
-        yield PaletteCommand(action.title, "here", action.key_label, action.help, why, partial(run, action.id))
+        why = why_unavailable(action, store)
+        yield PaletteCommand(action.title, "here", first_key_label(action), action.help, why, partial(run, action.id))
     yield from _awaited(store, start)
     for action in rest:
         kind = "" if action.scope in ("everywhere", "console") else titles[action.scope].lower()
-        why = action.why_unavailable(store)
-        yield PaletteCommand(action.title, kind, action.key_label, action.help, why, partial(run, action.id))
+        why = why_unavailable(action, store)
+        yield PaletteCommand(action.title, kind, first_key_label(action), action.help, why, partial(run, action.id))
     yield from _startable(store, start)
 
 

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Offset, Region, Size
 
-from rise_tui.actions import key_name
+from rise_tui.key_labels import key_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import StyledLine, fixed_span, wrap

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual import events
 
-from rise_tui.actions import key_name, key_text
+from rise_tui.key_labels import key_name, key_text
 from rise_tui.messages import RunAction
 from rise_tui.model import failures
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text

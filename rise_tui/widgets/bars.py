@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from textual import events
 
 from rise_engine.scenario.fillers import filler_acts, next_filler
-from rise_tui.actions import BY_ID, ConsoleAction, keys_of
+from rise_tui.actions import BY_ID, ConsoleAction
+from rise_tui.key_labels import first_key_label, keys_of, why_unavailable
 from rise_tui.messages import RunAction
 from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.free_speech import SpeechEffect
@@ -81,7 +82,7 @@ class KeyHints(StaticLines):
         if store.input_mode == "LOCKED":
             own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
         if store.gone_reason:
-            own = [action for action in own if not action.why_unavailable(store)]  # what is left is to read
+            own = [action for action in own if not why_unavailable(action, store)]  # what is left is to read
             common = [BY_ID[id] for id in GONE_ACTIONS]
         pieces = [
             (_hint(action, store, word), action.id)
@@ -152,7 +153,7 @@ def _offer(store: Store) -> StyledLine:
     filler = next_filler_name(store)
     if since is None or filler is None or store.view.running or store.blocked_reason("start"):
         return ()
-    key = BY_ID["filler"].key_label
+    key = first_key_label(BY_ID["filler"])
     passed: StyledLine = (("   no answer for ", "plain"), (f"{passed_text(since)} s", "wait"), (":  ", "plain"))
     return (*passed, (key, "key"), (f" says {filler}", "plain"))
 
@@ -174,8 +175,8 @@ def _word(action: ConsoleAction, store: Store, width: int) -> str:
 
 
 def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
-    stop, off = action.id == "stop", bool(action.why_unavailable(store))
-    key = "F9/^G" if stop else action.key_label
+    stop, off = action.id == "stop", bool(why_unavailable(action, store))
+    key = "F9/^G" if stop else first_key_label(action)
     tone: TextRole = "muted" if off else "fault" if stop else "key"
     return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 

@@ -26,12 +26,16 @@ class MistakeLine(StaticLines, can_focus=True):
     MistakeLine.-open { display: block; }
     """
 
-    class Chosen(Message):
+    class ChooseMark(Message):
+        """This is what was wrong about the task."""
+
         def __init__(self, task: int, mark: str) -> None:
             super().__init__()
             self.task, self.mark = task, mark
 
     class EndMarking(Message):
+        """The line has closed; the keys go back to what had them."""
+
         def __init__(self, back: Widget | None) -> None:
             super().__init__()
             self.back = back
@@ -93,7 +97,7 @@ class MistakeLine(StaticLines, can_focus=True):
         event.stop()
         event.prevent_default()
         if choice is not None:
-            self.post_message(self.Chosen(self.marked, choice.mark))
+            self.post_message(self.ChooseMark(self.marked, choice.mark))
         self.close()
 
     def on_blur(self) -> None:

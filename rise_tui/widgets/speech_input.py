@@ -13,7 +13,8 @@ from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rise_tui.actions import BY_ID, key_name
+from rise_tui.actions import BY_ID
+from rise_tui.key_labels import key_name, why_unavailable
 from rise_tui.model.free_speech import (
     SpeechEffect,
     SpeechHistory,
@@ -209,7 +210,7 @@ class SpeechInput(Vertical):
             )
         if self.field.value.strip():
             return ((self.field.value, "plain"), (f"   not said; {key_name('say')} goes on", "muted"))
-        why_not = BY_ID["say"].why_unavailable(store)
+        why_not = why_unavailable(BY_ID["say"], store)
         return ((why_not or f"{key_name('say')} to type what the robot says", "muted"),)
 
     def _close(self) -> None:
@@ -236,7 +237,7 @@ class SpeechInput(Vertical):
             self.post_message(self.Speak(self.field.value, text, event.at_once))
 
     def on_click(self, event: events.Click) -> None:
-        if event.widget is self.shown and not BY_ID["say"].why_unavailable(self._store):
+        if event.widget is self.shown and not why_unavailable(BY_ID["say"], self._store):
             self.open()
 
 

@@ -25,7 +25,7 @@ from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 async def asking_to_release(it: Console) -> Dialog:
     it.client.stop("latched", ("pepper/speech",))
-    await it.until(lambda: "STOPPED" in it.screen.status_line.text)
+    await it.until(lambda: "STOPPED" in it.bars.status_line.text)
     await it.press("ctrl+r")
     await it.until(lambda: isinstance(it.app.screen, Dialog))
     dialog = it.app.screen
