@@ -263,7 +263,7 @@ class MemoryPane(ListPane):
             return PresentValue("")
 
     @on(RowEditor.SaveRow)
-    def _edited(self, event: RowEditor.SaveRow) -> None:
+    def _save_row(self, event: RowEditor.SaveRow) -> None:
         event.stop()
         self.screen.set_focus(self.row_list)
         if not event.key:

@@ -83,7 +83,7 @@ class StartListPane(ListPane):
         return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
 
     @on(RowView.CursorMoved)
-    def _moved(self, event: RowView.CursorMoved) -> None:
+    def _cursor_moved(self, event: RowView.CursorMoved) -> None:
         event.stop()
         name = event.rows.current_id
         self.post_message(ShowSelection(self.SCOPE, name))
