@@ -14,15 +14,15 @@ from rise_tui.config.keymap import KeyFile
 from rise_tui.config.settings import NothingStarted, expand_home
 
 
-def find(asked: CommandLine) -> Path:
-    """The folder of the recorded session. Raises NothingChosenError."""
+def find(options: CommandLine) -> Path:
+    """The folder of the recorded session. Raises NothingStarted."""
     try:
-        return find_session(str(expand_home(asked.replay or "")))
+        return find_session(str(expand_home(options.replay or "")))
     except SessionError as error:
         raise NothingStarted(USAGE, str(error)) from None
 
 
-def open_console(path: Path, asked: CommandLine, keys: KeyFile | None) -> int:
+def open_console(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
     """Show it until somebody leaves; returns the exit status."""
-    client = ReplayClient(path, asked.speed)
-    return on_client(client, None, process_launcher("wizard", "wizard"), "replay", asked, keys)
+    client = ReplayClient(path, options.speed)
+    return on_client(client, None, process_launcher("wizard", "wizard"), "replay", options, keys)

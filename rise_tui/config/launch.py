@@ -18,9 +18,6 @@ from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT
 from rise_engine.server.spawn import EngineStarted
 from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
 
-ALREADY_RUNNING = 3
-"""What an engine says when a session of its scenario runs already (`rise_engine.server.process`)."""
-
 
 class ScenarioProblems(Struct, frozen=True):
     """The scenario does not load."""

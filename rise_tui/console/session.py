@@ -35,7 +35,7 @@ class ConsoleSession:
     def __init__(self, client: Client, store: Store) -> None:
         self.client = client
         self.store = store
-        self.on_change: ChangeCallback = lambda topics: None
+        self.on_change: ChangeCallback = lambda parts: None
         """Called after every change of the store; the screen repaints from it, at its own pace."""
         self._task_numbers = count(1)
         self._is_closed = False

@@ -50,7 +50,7 @@ class Filter:
     """One filter, as it was typed."""
 
     def __init__(self, text: str) -> None:
-        """Raises BrokenFilter."""
+        """Raises InvalidFilter."""
         self.text = text
         self._terms: list[tuple[_Word | _Expression, bool]] = []
         """What a row must have, or, where it is false, must not have."""
@@ -71,7 +71,7 @@ class Filter:
         return bool(self._terms)
 
     def matches(self, text: str) -> bool:
-        """Whether a row with this text is to be shown. Raises BrokenFilter for an expression that takes too long."""
+        """Whether a row with this text is to be shown. Raises InvalidFilter for an expression that takes too long."""
         return all(term.found_in(text) == wanted for term, wanted in self._terms)
 
     def match_spans(self, text: str) -> list[tuple[int, int]]:

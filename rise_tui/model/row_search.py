@@ -47,7 +47,7 @@ class RowSearch:
         return self._from == 0 and self._to == len(self.ids)
 
     def step(self) -> int:
-        """Look at a few rows more; gives how many, 0 at the end. Raises BrokenFilter."""
+        """Look at a few rows more; gives how many, 0 at the end. Raises InvalidFilter."""
         if self._to < len(self.ids):
             start, end = self._to, min(self._to + ROWS_OF_STEP, len(self.ids))
             found = self._pick(start, end)
@@ -62,7 +62,7 @@ class RowSearch:
         return end - start
 
     def look_again(self) -> None:
-        """What had not ended when it was looked at, may match by now, or no longer. Raises BrokenFilter."""
+        """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
         for one in self._live:
             matching = self.matching
             place = bisect_left(matching, one)

@@ -12,7 +12,7 @@ from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_tui.model.conditions import holds, parts_of
-from rise_tui.model.rule_text import EventKeys, Truth, parse_engine_event, truth_of, wait_text
+from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import (
@@ -43,7 +43,6 @@ class WaitExplanations:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._raisers = EventKeys(store.scenario)
 
     def rows(self, rule: Rule, state: State, view: RuleView, width: int) -> list[ListRow]:
         """Each way out in the file's order, in which the engine looks at them too."""
@@ -113,7 +112,7 @@ class WaitExplanations:
 
     def _keys(self, transition: Transition) -> list[str]:
         """The keys by which the wizard can bring the event about; an act that runs already needs none."""
-        keys = list(dict.fromkeys(self._raisers.labels_for(transition.event)))
+        keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
         found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
         if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
             functions = ("startCommunicationRobotAct", "startInteractionRule")

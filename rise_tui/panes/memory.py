@@ -151,7 +151,7 @@ class MemoryPane(ListPane):
         )
 
     def _part(self, path: JsonPath) -> Any:
-        """The value of a row at this moment. Raises NoSuchPart."""
+        """The value of a row at this moment. Raises NoSuchPath."""
         entry = self.store.view.memory.get(str(path[0]))
         if entry is None:
             raise NoSuchPath(path_text(path))

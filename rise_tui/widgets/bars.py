@@ -74,8 +74,8 @@ class KeyHints(StaticLines):
     KeyHints { background: $rise-bar; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
+    def __init__(self) -> None:
+        super().__init__()
         self._places: list[tuple[int, int, str]] = []
 
     def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:

@@ -29,10 +29,6 @@ class PromptBar(Horizontal):
             super().__init__()
             self.bar = bar
 
-        @property
-        def control(self) -> PromptBar:
-            return self.bar
-
     class Edited(PromptMessage):
         """The text has changed."""
 

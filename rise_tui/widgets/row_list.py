@@ -47,15 +47,11 @@ class RowView(ScrollView, StyledLines, can_focus=True):
             super().__init__()
             self.rows = rows
 
-        @property
-        def control(self) -> RowView:
-            return self.rows
-
     class Resized(Message):
         """The width changed."""
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
-        super().__init__(id=id, classes=classes)
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
         self.cursor = -1
         self.displaced_at = float("-inf")
         """When the cursor's row last vanished, so that the cursor fell to another; monotonic."""
@@ -183,8 +179,8 @@ class RowView(ScrollView, StyledLines, can_focus=True):
 class RowList(RowView):
     """A list of rows held in memory. The cursor stays on its row when others come and go."""
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
-        super().__init__(id=id, classes=classes)
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
         self._rows: Sequence[ListRow] = ()
 
     @property

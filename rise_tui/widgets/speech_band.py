@@ -40,8 +40,8 @@ class KeyStrip(StaticLines):
     KeyStrip { height: 1; background: $surface; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
+    def __init__(self) -> None:
+        super().__init__()
         self._pieces: tuple[KeyStripPiece, ...] = ()
         self._store: Store | None = None
 

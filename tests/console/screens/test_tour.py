@@ -148,7 +148,7 @@ async def test_a_first_run_is_offered_the_tour_once(tmp_path: Path, monkeypatch:
         client = FakeClient(demo())
         client.time = 2.0
         preferences, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
-        async with console(client=client, keeper=UiState(preferences)) as it:
+        async with console(client=client, ui_state=UiState(preferences)) as it:
             if run == "first":
                 await it.until(lambda: isinstance(it.app.screen, TourScreen))
                 await it.press("escape")
@@ -164,6 +164,6 @@ async def test_no_tour_where_nothing_is_restored_or_kept(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     client = FakeClient(demo())
     client.time = 2.0
-    async with console(client=client, keeper=UiState(Preferences(), **options)) as it:
+    async with console(client=client, ui_state=UiState(Preferences(), **options)) as it:
         await it.pilot.pause(0.1)
         assert it.app.screen is it.screen
