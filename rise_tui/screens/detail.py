@@ -22,7 +22,7 @@ class DetailScreen(SingleDismissModal[str]):
     DEFAULT_CSS = """
     DetailScreen {
         align: center middle; background: transparent;
-        #box { width: 100; max-height: 80%; }
+        #box { width: 100; max-height: 80%; border-title-color: $foreground; }
         RowList { height: auto; max-height: 100%; background: $panel; }
     }
     """

@@ -30,7 +30,7 @@ class Dialog(SingleDismissModal[str]):
     DEFAULT_CSS = """
     Dialog {
         align: center middle; background: transparent;
-        #box { width: 64; max-height: 80%; }
+        #box { width: 64; max-height: 80%; border-title-color: $foreground; }
         #said { height: auto; margin: 0 0 1 0; }
         #buttons { height: 1; align-horizontal: right; }
         Button { margin: 0 0 0 2; min-width: 12; }

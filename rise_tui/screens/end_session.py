@@ -27,7 +27,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
     DEFAULT_CSS = """
     EndSessionDialog {
         align: center middle; background: transparent;
-        #box { width: 68; max-height: 90%; border: round $error; }
+        #box { width: 68; max-height: 90%; border: round $error; border-title-color: $foreground; }
         #said { height: auto; margin: 0 0 1 0; }
         #typing { height: 1; }
         #typing Label { width: auto; padding: 0 1 0 0; }

@@ -11,7 +11,7 @@ class TitledBox(Vertical):
     DEFAULT_CSS = """
     TitledBox {
         height: auto; max-width: 96%; padding: 0 1; background: $panel;
-        border: round $primary; border-title-color: $foreground; border-title-style: bold;
+        border: round $primary; border-title-style: bold;
     }
     """
 

@@ -112,7 +112,7 @@ def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_mea
         ({"participant": "P08"}, "running already, without --participant; for the other one"),
         ({"condition": "loud"}, "running already, without --condition"),
         ({"new": True}, "to begin a new session"),
-        ({"begins": ["--set", "--place"]}, "--set and --place can only be said of a session that begins"),
+        ({"only_for_new": ["--set", "--place"]}, "--set and --place can only be said of a session that begins"),
     ):
         with pytest.raises(NothingStarted, match=said):
             choose_session.check_matches("a", about(), **wanted)  # type: ignore[arg-type]
@@ -181,7 +181,7 @@ def test_without_a_terminal_the_options_are_named() -> None:
 
 def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
     typist = Typist(["1"])
-    choose_session.choose_session({"a": about("\x1b[2Jevil"), "b": about()}, typist)
+    choose_session.choose_session({"a": about(title="\x1b[2Jevil"), "b": about()}, typist)
     choose_session.choose_recovery([("/s/\x1bx", "\x9b31m")], typist := Typist(["n"]))
     assert not any("\x1b" in line or "\x9b" in line for line in typist.said)
 

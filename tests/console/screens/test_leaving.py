@@ -35,7 +35,7 @@ async def asked_to_end(it: Console) -> str:
     await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
     question = it.app.screen
     assert isinstance(question, EndSessionDialog)
-    return "\n".join([str(question.query_one("#box").border_title), *question._said])
+    return "\n".join([str(question.query_one("#box").border_title), *question._lines])
 
 
 def begun(client: FakeClient, participant: str, condition: str = "") -> FakeClient:

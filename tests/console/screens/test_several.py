@@ -29,7 +29,7 @@ async def opened(it: Console, key: str = "f8") -> str:
     await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
     dialog = it.app.screen
     assert isinstance(dialog, Dialog)
-    return "\n".join([*dialog._said, *(str(button.label) for button in dialog.query("Button").results())])  # type: ignore[attr-defined]
+    return "\n".join([*dialog._lines, *(str(button.label) for button in dialog.query("Button").results())])  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow

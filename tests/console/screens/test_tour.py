@@ -157,7 +157,7 @@ async def test_a_first_run_is_offered_the_tour_once(tmp_path: Path, monkeypatch:
             assert it.app.screen is it.screen
 
 
-@pytest.mark.parametrize("options", [{"fresh": True}, {"keeps": False}])
+@pytest.mark.parametrize("options", [{"fresh": True}, {"keeps_changes": False}])
 async def test_no_tour_where_nothing_is_restored_or_kept(
     options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
