@@ -34,9 +34,9 @@ class KeyFile(Struct, frozen=True):
                 "key-twice",
                 f"`{key_label(key)}` is given to `{action}` here, and {_meaning(keys[key])} in the scenario "
                 f"({keys[key].location})",
-                place,
+                location,
             )
-            for (action, key), place in self.locations.items()
+            for (action, key), location in self.locations.items()
             if key in keys
         ]
 

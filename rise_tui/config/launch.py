@@ -91,12 +91,12 @@ def list_robots(folder: str) -> list[str]:
 
 
 class ScenarioSummary(Struct, frozen=True):
-    """What the scenario in a folder says about robot, mode and places, without reading the rest of it."""
+    """What the scenario in a folder says about robot, mode and paths, without reading the rest of it."""
 
     robots: list[str]
     robot: str
     mode: str
-    places: Mapping[str, str]
+    paths: Mapping[str, str]
 
 
 def read_summary(folder: str) -> ScenarioSummary | None:
@@ -116,10 +116,10 @@ def read_summary(folder: str) -> ScenarioSummary | None:
         return value if isinstance(value, str) and value else otherwise
 
     robot = text("robot", DEFAULT_ROBOT)
-    places = {place: text(place, usual) for place, usual in DEFAULT_PATHS.items()}
+    paths = {kind: text(kind, usual) for kind, usual in DEFAULT_PATHS.items()}
     return ScenarioSummary(
         names if robot in names else [*names, robot],
         robot,
         "real" if text("mode", "") == "real" else "debug",
-        places,
+        paths,
     )

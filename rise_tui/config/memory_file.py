@@ -121,7 +121,7 @@ def _value_edits(text: str, at: int, old: Any, new: Any) -> list[_Edit]:
         return _object_edits(text, old, new)
     if isinstance(old, JsonArray) and isinstance(new, list | tuple) and len(old) == len(new):
         pairs = zip(old.items_at, old, new, strict=True)
-        return [edit for place, one, other in pairs for edit in _value_edits(text, place, one, other)]
+        return [edit for offset, one, other in pairs for edit in _value_edits(text, offset, one, other)]
     return [_Edit(at, _end(text, at), _dumps(new))]
 
 

@@ -360,8 +360,8 @@ class ConsoleScreen(Screen[None]):
 
     def _focus_back(self, widget: Widget | None) -> None:
         """To what had the focus before a line was opened, if it can still be seen."""
-        there = widget is not None and widget.is_attached and widget.display and widget.visible
-        self.set_focus(widget if there else self.pane_layout.panes["acts"].row_view)
+        is_visible = widget is not None and widget.is_attached and widget.display and widget.visible
+        self.set_focus(widget if is_visible else self.pane_layout.panes["acts"].row_view)
 
     @on(NoteLine.SaveNote)
     def _save_note(self, event: NoteLine.SaveNote) -> None:

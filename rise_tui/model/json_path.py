@@ -33,9 +33,9 @@ def value_at(value: Any, path: JsonPath) -> Any:
     for step in path:
         fits = isinstance(value, dict if isinstance(step, str) else (list, tuple))
         try:
-            value = value[step] if fits else _no_such(path)
+            value = value[step] if fits else _raise_no_such(path)
         except (KeyError, IndexError):
-            _no_such(path)
+            _raise_no_such(path)
     return value
 
 
@@ -58,5 +58,5 @@ def with_removed(value: Any, path: JsonPath) -> Any:
     return with_replaced(value, path[:-1], copied)
 
 
-def _no_such(path: JsonPath) -> Any:
+def _raise_no_such(path: JsonPath) -> Any:
     raise NoSuchPath(path_text(path))

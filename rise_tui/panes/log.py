@@ -38,7 +38,7 @@ LETTERS = {
 """What the letters do over the details of a task, and the action of each."""
 SLICE_SECONDS = 0.004
 """For so long the log is searched in one turn of the loop."""
-SHOWN_EVERY = 0.2
+PAINT_SECONDS = 0.2
 """Seconds between two paintings while a search goes on."""
 
 
@@ -64,7 +64,7 @@ class LogPane(Pane):
         self._saving = False
         self._restarts = store.attach_count, store.trim_count
         """Of what is shown: with other numbers, the lists of the store are others."""
-        self._later = 0, 0
+        self._checked_counts = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
         self._unhandled: set[int] = set()
         """Tasks whose event nobody took."""
@@ -73,7 +73,7 @@ class LogPane(Pane):
     def row_view(self) -> TaskLog:
         return self.task_log
 
-    def _find(self, row: int) -> TaskView | None:
+    def _task_at(self, row: int) -> TaskView | None:
         return self.store.log.task_at(row, self.store.view)
 
     @property
@@ -91,7 +91,7 @@ class LogPane(Pane):
 
     def make_line(self, row: int, width: int) -> StyledLine:
         """One row, with what the filter finds in it marked."""
-        task = self._find(row)
+        task = self._task_at(row)
         if task is None:
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
             return ((f" {what} is in the journal only", "muted"),)
@@ -105,14 +105,14 @@ class LogPane(Pane):
 
     def _line_key(self, row: int) -> object:
         """All that a row's line depends on, besides its width."""
-        task = self._find(row)
+        task = self._task_at(row)
         if task is None:
             return row
         return row, task.status, task.reason, task.mark, task.started, task.ended, task.id in self._unhandled
 
     def _searched_text(self, row: int) -> str | None:
         """What a filter looks at; None for a row that is in the journal only."""
-        task = self._find(row)
+        task = self._task_at(row)
         return search_text(task, self._state_label(task)) if task is not None else None
 
     def _state_label(self, task: TaskView) -> StateLabel:
@@ -164,13 +164,13 @@ class LogPane(Pane):
         if len(self._unhandled) != len(missed) or restart:
             self._unhandled = set(missed)
         if self._search is not None:
-            for one in (*missed[self._later[0] :], *marks[self._later[1] :]):
+            for one in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
                 self._search.expect_change(row_of(one))
             try:
                 self._search.look_again()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
-        self._later = len(missed), len(marks)
+        self._checked_counts = len(missed), len(marks)
 
     def _search_on(self) -> int:
         """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
@@ -180,7 +180,7 @@ class LogPane(Pane):
                 looked = self._search.step()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
-        if self._slicer.busy and (not looked or monotonic() - self._painted > SHOWN_EVERY):
+        if self._slicer.busy and (not looked or monotonic() - self._painted > PAINT_SECONDS):
             self._show()  # else whoever repaints does it
         return looked
 
@@ -194,7 +194,7 @@ class LogPane(Pane):
         self.show_title()
 
     def _is_live(self, id: int) -> bool:
-        task = self._find(id)
+        task = self._task_at(id)
         return task is not None and task.status not in FINAL
 
     @on(RowView.CursorMoved)
@@ -212,7 +212,7 @@ class LogPane(Pane):
 
     @property
     def selected_task(self) -> TaskView | None:
-        return self._find(int(self.task_log.current_id)) if self.task_log.current_id else None
+        return self._task_at(int(self.task_log.current_id)) if self.task_log.current_id else None
 
     # --- actions ------------------------------------------------------------------------------------------------------
 
@@ -257,11 +257,11 @@ class LogPane(Pane):
     def leave_transient(self) -> bool:
         for bar in (self.time_bar, self.save_bar):
             if bar.is_open:
-                self._close(bar)
+                self._close_bar(bar)
                 return True
         return super().leave_transient()
 
-    def _close(self, bar: PromptBar) -> None:
+    def _close_bar(self, bar: PromptBar) -> None:
         bar.close()
         self.screen.set_focus(self.row_view)
 
@@ -269,7 +269,7 @@ class LogPane(Pane):
     def _prompt_cancelled(self, event: PromptBar.Cancelled) -> None:
         if event.bar is not self.filter_bar:
             event.stop()
-            self._close(event.bar)
+            self._close_bar(event.bar)
 
     @on(PromptBar.Accepted)
     def _prompt_accepted(self, event: PromptBar.Accepted) -> None:
@@ -280,12 +280,12 @@ class LogPane(Pane):
             self._save(event.bar.text)
             return
         try:
-            when = parse_moment(event.bar.text, self.store.now())
+            moment = parse_moment(event.bar.text, self.store.now())
         except InvalidTime as why:
             self.post_message(ShowNotice(str(why)))
             return
-        self._close(event.bar)
-        self.go_to_time(when)
+        self._close_bar(event.bar)
+        self.go_to_time(moment)
 
     def _save(self, name: str) -> None:
         """Write the rows as they are shown now; the name can be bettered until it could be used."""
@@ -298,28 +298,28 @@ class LogPane(Pane):
             saved = await save_rows(self.store, name, self.task_log.ids)
         finally:
             self._saving = False
-        self.post_message(ShowNotice(saved.said))
+        self.post_message(ShowNotice(saved.notice))
         if saved.written and self.save_bar.is_open:
-            self._close(self.save_bar)
+            self._close_bar(self.save_bar)
 
-    def go_to_time(self, when: float | None) -> None:
+    def go_to_time(self, moment: float | None) -> None:
         """The row that was submitted nearest to this session time; None: follow the newest."""
         ids = self.task_log.ids
-        if when is None or not ids:
+        if moment is None or not ids:
             self.task_log.follow_newest()
             return
 
         def submitted(id: int) -> float:
-            task = self._find(id)
+            task = self._task_at(id)
             return task.submitted if task is not None else float("-inf")
 
-        after = bisect_left(ids, when, key=submitted)
+        after = bisect_left(ids, moment, key=submitted)
         near = [index for index in (after - 1, after) if 0 <= index < len(ids)]
-        index = min(near, key=lambda index: abs(submitted(ids[index]) - when))
+        index = min(near, key=lambda index: abs(submitted(ids[index]) - moment))
         self.task_log.go_to(index)
         self.show_title()
         found = submitted(ids[index])
-        said = f"the row nearest to {format_clock(when)} is at {format_clock(found, tenths=True)}"
+        said = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
         self.post_message(
             ShowNotice(f"{said}; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else said)
         )

@@ -35,30 +35,30 @@ class SchedulerPane(ListPane):
         view = self.store.view
         running = [view.tasks[id] for id in view.running if id in view.tasks]
         waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
-        expected = estimate_starts(map(self._turn, running), [self._turn(task) for task in waiting])
-        rows = [self._row(task, "now", self._left(task), width) for task in running]
+        expected = estimate_starts(map(self._queued_task, running), [self._queued_task(task) for task in waiting])
+        rows = [self._row(task, "now", self._time_left(task), width) for task in running]
         for place, (task, at) in enumerate(zip(waiting, expected, strict=True)):
-            rows.append(self._row(task, "next" if place == 0 else f"{place + 1}.", self._until(at, place), width))
+            rows.append(self._row(task, "next" if place == 0 else f"{place + 1}.", self._time_until(at, place), width))
         return rows
 
-    def _turn(self, task: TaskView) -> QueuedTask:
+    def _queued_task(self, task: TaskView) -> QueuedTask:
         elapsed = self.store.now() - task.started if task.started is not None else 0.0
         return QueuedTask(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
 
     def _typical(self, task: TaskView) -> float | None:
         return None if task.function == "say" else self.store.typical_seconds(task.behavior)
 
-    def _left(self, task: TaskView) -> StyledSpan:
+    def _time_left(self, task: TaskView) -> StyledSpan:
         """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
-        turn = self._turn(task)
-        if turn.typical_seconds is None or turn.seconds_left is None:
-            return f"for {format_duration(turn.elapsed_seconds)}", "plain"
-        of = f"{format_seconds(turn.elapsed_seconds)} of {format_duration(turn.typical_seconds)}"
-        if turn.seconds_left >= 0:
-            return f"{of}, {format_duration(turn.seconds_left)} left", "plain"
-        return f"{of}, {format_duration(-turn.seconds_left)} over", "wait"
+        queued = self._queued_task(task)
+        if queued.typical_seconds is None or queued.seconds_left is None:
+            return f"for {format_duration(queued.elapsed_seconds)}", "plain"
+        of = f"{format_seconds(queued.elapsed_seconds)} of {format_duration(queued.typical_seconds)}"
+        if queued.seconds_left >= 0:
+            return f"{of}, {format_duration(queued.seconds_left)} left", "plain"
+        return f"{of}, {format_duration(-queued.seconds_left)} over", "wait"
 
-    def _until(self, at: float | None, place: int) -> StyledSpan:
+    def _time_until(self, at: float | None, place: int) -> StyledSpan:
         """For a waiting task: when it will probably start."""
         if at is None:
             return "not known", "muted"
@@ -67,7 +67,7 @@ class SchedulerPane(ListPane):
         return f"in ~{at:.0f} s" if at < 90 else f"in ~{at / 60:.0f} min", "muted"
 
     def _row(self, task: TaskView, place: str, when: StyledSpan, width: int) -> ListRow:
-        glyph, word, tone = SENT if self._asked(task.id) else task_state(task)
+        glyph, word, tone = SENT if self._is_change_sent(task.id) else task_state(task)
         now = task.started is not None
         lead = fixed_span(f" {place:<4}" if not place[0].isdigit() else f" {place:>4}", 6, "accent" if now else "muted")
         act = self.store.scenario.acts.get(task.behavior) if task.function != "say" else None
@@ -90,9 +90,9 @@ class SchedulerPane(ListPane):
             line = (*line, ("  ", "plain"), fixed_span(task.source, source, "muted"))
         return ListRow(str(task.id), line, full=f"{place} {said} {word} {task.source}")
 
-    def _asked(self, id: int) -> bool:
-        asked = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
-        return any(sent.behavior.split(" ")[0] == str(id) for sent in asked)
+    def _is_change_sent(self, id: int) -> bool:
+        changes = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
+        return any(sent.behavior.split(" ")[0] == str(id) for sent in changes)
 
     def carry_out(self, action: str) -> None:
         if not self.row_list.current_id:
@@ -100,7 +100,7 @@ class SchedulerPane(ListPane):
             return
         task, waiting = int(self.row_list.current_id), self.store.view.waiting
         if action == "scheduler.details":
-            self._details(task)
+            self._open_details(task)
         elif action == "scheduler.cancel":
             self.post_message(SubmitTask("cancelTask", str(task)))
         elif task not in waiting:
@@ -115,7 +115,7 @@ class SchedulerPane(ListPane):
                     ShowNotice("it is the last one already" if place > here else "it starts next already")
                 )
 
-    def _details(self, id: int) -> None:
+    def _open_details(self, id: int) -> None:
         def rows(width: int) -> list[ListRow]:
             task = self.store.view.tasks.get(id)
             return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []

@@ -25,7 +25,7 @@ from rise_tui.screens.end_session import end_session_dialog
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.titled_box import TitledBox
 
-PLACES = ("acts", "rules", "memory")
+PATH_KINDS = ("acts", "rules", "memory")
 MODES = ("debug", "real")
 
 
@@ -111,8 +111,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
         self._settings, self._store, self._launcher = settings, store, launcher
         names = list_robots(settings.folder)
-        places = {place: settings.paths.get(place) or scenario.paths.get(place, "") for place in PLACES}
-        self._current = ScenarioSummary(names if robot in names else [*names, robot], robot, mode, places)
+        paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}
+        self._current = ScenarioSummary(names if robot in names else [*names, robot], robot, mode, paths)
         """What runs now."""
         self._in_file = self._current
         """What the fields said before anybody changed them, for the folder that is in its field."""
@@ -125,8 +125,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     def compose(self) -> ComposeResult:
         with TitledBox("Settings", "tab: next · ← →: choose · esc leaves, and nothing changes"):
             yield from self._row("folder", TextField(self._settings.folder, id="folder", select_on_focus=False))
-            for place in PLACES:
-                yield from self._row(place, TextField(self._current.places[place], id=place, select_on_focus=False))
+            for kind in PATH_KINDS:
+                yield from self._row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
             yield from self._row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
             yield from self._row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
             yield from self._row(
@@ -174,8 +174,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         pairs = [("folder", self._settings.folder, self._folder)]
         if self._is_running_folder(self._folder):
             pairs = []
-        fields = {place: self.query_one(f"#{place}", TextField).value.strip() for place in PLACES}
-        pairs += [(place, self._current.places[place], fields[place]) for place in PLACES]
+        fields = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
+        pairs += [(kind, self._current.paths[kind], fields[kind]) for kind in PATH_KINDS]
         pairs += [("robot", self._current.robot, chosen.robot or ""), ("mode", self._current.mode, chosen.mode or "")]
         return [(what, clean(before), clean(after)) for what, before, after in pairs if before != after]
 
@@ -187,19 +187,17 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
     def chosen(self) -> SessionOptions:
-        """What the fields say: exactly what is shown runs. Places as the scenario has them stay the scenario's."""
+        """What the fields say: exactly what is shown runs. Paths as the scenario has them stay the scenario's."""
         folder = self._folder
-        places = {place: self.query_one(f"#{place}", TextField).value.strip() for place in PLACES}
+        paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
         before = self._settings.paths if self._is_running_folder(folder) else {}
-        places = {
-            place: value for place, value in places.items() if value != self._in_file.places[place] or place in before
-        }
+        paths = {kind: value for kind, value in paths.items() if value != self._in_file.paths[kind] or kind in before}
         return replace(
             self._settings,
             folder=str(expand_home(folder)),
             robot=self.query_one("#robot", ChoiceField).value,
             mode=self.query_one("#mode", ChoiceField).value,
-            paths={place: value for place, value in places.items() if value},
+            paths={kind: value for kind, value in paths.items() if value},
             participant=self.query_one("#participant", TextField).value.strip(),
             condition=self.query_one("#condition", TextField).value.strip(),
             seed=None,
@@ -218,14 +216,14 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         return self._current if self._is_running_folder(folder) else read_summary(folder)
 
     def _fill_fields(self, folder: str, found: ScenarioSummary | None) -> None:
-        """Another scenario has its own places, robot and mode."""
+        """Another scenario has its own paths, robot and mode."""
         if folder != self._folder:
             return  # it has changed again
         self._folder_read = folder
         if found is not None:
             self._in_file = found
-            for place in PLACES:
-                self.query_one(f"#{place}", TextField).value = found.places[place]
+            for kind in PATH_KINDS:
+                self.query_one(f"#{kind}", TextField).value = found.paths[kind]
             self.query_one("#robot", ChoiceField).set_words(found.robots, found.robot)
             self.query_one("#mode", ChoiceField).set_words(MODES, found.mode)
         if self._apply_next:

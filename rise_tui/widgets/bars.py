@@ -52,16 +52,18 @@ class NoticeLine(StaticLines):
     def draw(self, store: Store) -> None:
         notice, width = store.notice, self.size.width
         if notice is None:
-            self._lay(crop(_offer(store), width))
+            self._show_lines(crop(_filler_offer(store), width))
             return
         glyph, tone = NOTICE_GLYPHS[notice.level]
         pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
         if len(pieces) > NOTICE_LINES:
             pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
         leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
-        self._lay(*(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False)))
+        self._show_lines(
+            *(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False))
+        )
 
-    def _lay(self, *lines: StyledLine) -> None:
+    def _show_lines(self, *lines: StyledLine) -> None:
         if len(lines) != max(1, len(self.lines)):
             self.styles.height = len(lines)
         self.show(*lines)
@@ -76,7 +78,7 @@ class KeyHints(StaticLines):
 
     def __init__(self) -> None:
         super().__init__()
-        self._places: list[tuple[int, int, str]] = []
+        self._targets: list[tuple[int, int, str]] = []
 
     def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:
         if store.input_mode == "LOCKED":
@@ -87,20 +89,20 @@ class KeyHints(StaticLines):
         pieces = [
             (_hint(action, store, word), action.id)
             for action in dict.fromkeys((*common[:1], *own, *common[1:]))
-            if keys_of(action) and (word := _word(action, store, self.size.width))
+            if keys_of(action) and (word := _hint_word(action, store, self.size.width))
         ]
-        self._lay(pieces)
+        self._show_pieces(pieces)
 
     def draw_typing(self, store: Store, enter: str) -> None:
         """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
         if store.input_mode == "LOCKED":
             self.draw((), (), store)
             return
-        self._lay(
+        self._show_pieces(
             [
-                (_stop(store), "stop"),
-                (_keyed("enter", enter), ""),
-                (_keyed("esc", "leave"), ""),
+                (_stop_hint(store), "stop"),
+                (_key_and_text("enter", enter), ""),
+                (_key_and_text("esc", "leave"), ""),
             ]
         )
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
@@ -114,17 +116,21 @@ class KeyHints(StaticLines):
         queued, at_once = (fit(text, min(len(text), room)) for text in effect)
         if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):
             at_once = "interrupts it"
-        now = _keyed("^J", at_once) if at_once and at_once != queued else []
-        said: list[StyledSpan] = (
-            [(f" {why_not} ", "wait")] if why_not else [*_keyed("enter", queued or "says it"), *now]
+        now = _key_and_text("^J", at_once) if at_once and at_once != queued else []
+        speech_hint: list[StyledSpan] = (
+            [(f" {why_not} ", "wait")] if why_not else [*_key_and_text("enter", queued or "says it"), *now]
         )
-        rest = [_keyed("tab", "complete"), _keyed("↑↓", "earlier"), _keyed("esc", "keep it for later")]
-        self._lay([(_stop(store), "stop"), (said, ""), *((piece, "") for piece in rest)])
+        rest = [
+            _key_and_text("tab", "complete"),
+            _key_and_text("↑↓", "earlier"),
+            _key_and_text("esc", "keep it for later"),
+        ]
+        self._show_pieces([(_stop_hint(store), "stop"), (speech_hint, ""), *((piece, "") for piece in rest)])
 
-    def _lay(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
+    def _show_pieces(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
         """As many as there is room for, and help always; those with an action's id can be clicked."""
         spans: list[StyledSpan] = []
-        self._places.clear()
+        self._targets.clear()
         kept = sum(line_width(piece) for piece, action in pieces if action == "help")
         for piece, action in pieces:
             start, end = line_width(spans), line_width(spans) + line_width(piece)
@@ -132,12 +138,12 @@ class KeyHints(StaticLines):
             if end + kept > self.size.width:
                 continue
             if action:
-                self._places.append((start, end - 1, action))
+                self._targets.append((start, end - 1, action))
             spans += piece
         self.show(tuple(spans))
 
     def on_click(self, event: events.Click) -> None:
-        for start, end, action in self._places:
+        for start, end, action in self._targets:
             if start <= event.x < end:
                 self.post_message(RunAction(action))
 
@@ -147,7 +153,7 @@ def next_filler_name(store: Store) -> str | None:
     return next_filler(store.scenario, store.view.latest_act_of(filler_acts(store.scenario)))
 
 
-def _offer(store: Store) -> StyledLine:
+def _filler_offer(store: Store) -> StyledLine:
     """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
     since = filler_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
     filler = next_filler_name(store)
@@ -158,7 +164,7 @@ def _offer(store: Store) -> StyledLine:
     return (*passed, (key, "key"), (f" says {filler}", "plain"))
 
 
-def _word(action: ConsoleAction, store: Store, width: int) -> str:
+def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
     """What the hint line says about an action; empty when it would mean nothing in this session."""
     if action.id == "filler":
         filler = next_filler_name(store) or ""
@@ -181,9 +187,9 @@ def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
     return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 
 
-def _stop(store: Store) -> list[StyledSpan]:
+def _stop_hint(store: Store) -> list[StyledSpan]:
     return _hint(BY_ID["stop"], store, BY_ID["stop"].hint)
 
 
-def _keyed(key: str, what: str) -> list[StyledSpan]:
+def _key_and_text(key: str, what: str) -> list[StyledSpan]:
     return [(f" {key}", "key"), (f" {what} ", "plain")]

@@ -74,9 +74,9 @@ class RowEditor(Vertical):
         self._editing = ""
         self._offered = ""
         self._before = PresentValue("")
-        self._seen: PresentValue | None = None
+        self._shown_conflict: PresentValue | None = None
         """Another value than the one that was to be edited, which Enter was told about."""
-        self._look: Callable[[str], PresentValue] = lambda key: PresentValue("")
+        self._value_of: Callable[[str], PresentValue] = lambda key: PresentValue("")
 
     @property
     def is_open(self) -> bool:
@@ -103,7 +103,7 @@ class RowEditor(Vertical):
         editing: str,
         key: str,
         value: str,
-        look: Callable[[str], PresentValue],
+        value_of: Callable[[str], PresentValue],
         *,
         y: int,
         key_width: int,
@@ -111,10 +111,10 @@ class RowEditor(Vertical):
     ) -> None:
         """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list.
 
-        `look` gives what a key has at that moment; for a part of a value, its present state.
+        `value_of` gives what a key has at that moment; for a part of a value, its present state.
         """
-        self._editing, self._offered, self._look = editing, key, look
-        self._before, self._seen = look(editing) if editing else PresentValue(""), None
+        self._editing, self._offered, self._value_of = editing, key, value_of
+        self._before, self._shown_conflict = value_of(editing) if editing else PresentValue(""), None
         self.styles.offset = (0, y)
         self._key.styles.width, self._value.styles.width = key_width, max(6, value_width)
         self._key.disabled = bool(editing)
@@ -122,61 +122,61 @@ class RowEditor(Vertical):
         self.remove_class("-conflict")
         self.add_class("-open")
         (self._value if key else self._key).focus()
-        self._show()
+        self._draw()
 
     def check(self) -> None:
         """The memory may have changed while the editor is open."""
-        self._show()
+        self._draw()
 
     @property
     def _key_meant(self) -> str:
         typed = self._key.value
         return self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
 
-    def _now(self) -> PresentValue | None:
+    def _conflicting_value(self) -> PresentValue | None:
         """What the key has now, when that is not what was to be edited; None when nothing is in the way."""
         key = self._key_meant
         if not key:
             return None
-        now = self._look(key)
+        now = self._value_of(key)
         return None if now.text == self._before.text else now
 
-    def _show(self) -> None:
+    def _draw(self) -> None:
         _, kind, remark = parse_typed_value(self._value.value)
-        self._type.show(_remarked(kind, remark, self._type.size.width) if remark else ((kind, "accent"),))
-        now = self._now()
+        self._type.show(_type_line(kind, remark, self._type.size.width) if remark else ((kind, "accent"),))
+        now = self._conflicting_value()
         self.set_class(now is not None, "-conflict")
         if now is None:
-            self._seen = None
+            self._shown_conflict = None
             return
         says = f"is now {now.text}" if now.text else "is deleted now"
         who = f" by {now.source}" if now.source and now.text else ""
         was = f"was {self._before.text}, {says}" if self._before.text else f"there is one already: {says[7:]}"
-        told = "enter again: yours" if now == self._seen else "enter twice: yours"
+        hint = "enter again: yours" if now == self._shown_conflict else "enter twice: yours"
         width = self._conflict.size.width or self.size.width - 2
-        self._conflict.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((told, "key"),), max(1, width)))
+        self._conflict.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((hint, "key"),), max(1, width)))
 
     @on(StaticLines.DrawAgain)
     def _resized(self, event: StaticLines.DrawAgain) -> None:
         event.stop()
-        self._show()
+        self._draw()
 
     @on(Input.Changed)
-    def _typed(self, event: Input.Changed) -> None:
+    def _draw_changed(self, event: Input.Changed) -> None:
         event.stop()
-        self._show()
+        self._draw()
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _accept(self, event: Input.Submitted) -> None:
         event.stop()
         key = self._key_meant
         if event.input is self._key or not key:
             (self._value if key else self._key).focus()
             return
-        now = self._now()
-        if now is not None and now != self._seen:
-            self._seen = now
-            self._show()
+        now = self._conflicting_value()
+        if now is not None and now != self._shown_conflict:
+            self._shown_conflict = now
+            self._draw()
             return
         self._close(key, parse_typed_value(self._value.value)[0])
 
@@ -191,7 +191,7 @@ class RowEditor(Vertical):
         self.post_message(self.SaveRow(key, value))
 
 
-def _remarked(kind: str, remark: str, width: int) -> StyledLine:
+def _type_line(kind: str, remark: str, width: int) -> StyledLine:
     """The type and why it is not what it looks like, in as many words as there is room for."""
     ways: tuple[StyledLine, ...] = (
         ((kind, "accent"), (f"  {remark}", "wait")),

@@ -14,7 +14,7 @@ from rise_tui.widgets.static_lines import StaticLines
 
 WIDE = 100
 """Cells from which on the choices stand apart; below it the name of what was done needs the room."""
-SECONDS = 4.0
+OPEN_SECONDS = 4.0
 """How long the line waits for a letter."""
 
 
@@ -61,7 +61,7 @@ class MistakeLine(StaticLines, can_focus=True):
         self.screen.set_focus(self)
         if self._timer is not None:
             self._timer.stop()
-        self._timer = self.set_timer(SECONDS, self.close)
+        self._timer = self.set_timer(OPEN_SECONDS, self.close)
 
     def close(self) -> None:
         """Give the keys back."""

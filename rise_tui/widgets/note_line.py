@@ -37,16 +37,16 @@ class NoteLine(TextField):
     def is_open(self) -> bool:
         return self.has_class("-open")
 
-    def open(self, kept: str) -> None:
+    def open(self, text: str) -> None:
         """Begin, with what was not taken the last time."""
         if not self.is_open:
             self._back = self.screen.focused
-            self.value = kept
+            self.value = text
             self.add_class("-open")
         self.screen.set_focus(self)
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
         self._close(self.value.strip())
 

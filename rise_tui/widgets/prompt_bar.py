@@ -66,13 +66,13 @@ class PromptBar(Horizontal):
         self.remove_class("-open")
 
     @on(Input.Changed)
-    def _typed(self, event: Input.Changed) -> None:
+    def _input_changed(self, event: Input.Changed) -> None:
         event.stop()
         if self.is_open:
             self.post_message(self.Edited(self))
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
         self.post_message(self.Accepted(self))
 
