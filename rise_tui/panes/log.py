@@ -52,7 +52,7 @@ class LogPane(Pane):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self.task_log = TaskLog(self.make_line, self._line_key, id="log-rows")
+        self.task_log = TaskLog(self.make_line, id="log-rows")
         self.time_bar = PromptBar("go to ", EXAMPLES)
         self.save_bar = PromptBar("save as ", "name.tsv or name.jsonl")
         self._search: RowSearch | None = None
@@ -102,13 +102,6 @@ class LogPane(Pane):
             return highlight_matches(line, self.filter.match_spans(plain_text(line)))
         except InvalidFilter:
             return line  # the search over what this row is made of says so
-
-    def _line_key(self, row: int) -> object:
-        """All that a row's line depends on, besides its width."""
-        task = self._task_at(row)
-        if task is None:
-            return row
-        return row, task.status, task.reason, task.mark, task.started, task.ended, task.id in self._unhandled
 
     def _searched_text(self, row: int) -> str | None:
         """What a filter looks at; None for a row that is in the journal only."""

@@ -58,7 +58,6 @@ class RulePane(ListPane):
         self._layout_made: tuple[Rule, GraphLayout] | None = None
         self._usual_count: tuple[Rule, int, int] | None = None
         """The rule and the width for which it was counted, and the rows that the reasons of most states need."""
-        self._drawn: tuple[GraphLayout, GraphPosition, str] | None = None
         self._in_view: tuple[str, str | None] | None = None
         """The rule and state that was last brought into view; after that the wizard may scroll."""
 
@@ -137,15 +136,13 @@ class RulePane(ListPane):
     # --- the graph --------------------------------------------------------------------------------------------------
 
     def _show_graph(self, rule: Rule, view: RuleView, width: int) -> None:
-        """Draw it when its marks, its width or the filter have changed; only rows that differ are repainted."""
+        """Lay it out when the rule or the width is another; only rows that differ are repainted."""
         if self._layout_made is None or self._layout_made[0] is not rule or self._layout_made[1].width != width:
             self._layout_made = rule, lay_out_graph(rule, width)
         layout = self._layout_made[1]
         last = (view.previous, view.transition) if view.previous is not None and view.transition is not None else None
         now = GraphPosition(view.state if view.running else None, last if view.status else None)
-        if (layout, now, self.filter_text) != self._drawn:
-            self._drawn = layout, now, self.filter_text
-            self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
+        self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
 
     def _bring_into_view(self) -> None:
         """Scroll only when the present state, or what may follow right below it, would be out of sight."""

@@ -64,9 +64,6 @@ class StyledLines(Widget):
         self._styles_by_background = None
         super().notify_style_update()
 
-    def style_for(self, tone: TextRole) -> Style:
-        return self._styles_on("")[tone].style
-
     def _styles_on(self, ground: str) -> dict[TextRole, ResolvedStyle]:
         """How each tone looks on the background that a theme variable names; empty: the widget's own."""
         known = self._styles_by_background

@@ -69,8 +69,8 @@ class RowEditor(Vertical):
         super().__init__()
         self._key = TextField(placeholder="key", classes="key", select_on_focus=False)
         self._value = TextField(placeholder="value", classes="value")
-        self._type = StaticLines()
-        self._conflict = StaticLines(id="conflict")
+        self.type_line = StaticLines()
+        self.conflict_line = StaticLines(id="conflict")
         self._editing = ""
         self._offered = ""
         self._before = PresentValue("")
@@ -82,21 +82,12 @@ class RowEditor(Vertical):
     def is_open(self) -> bool:
         return self.has_class("-open")
 
-    @property
-    def type_shown(self) -> str:
-        return self._type.text
-
-    @property
-    def conflict_shown(self) -> str:
-        """What the second row says; empty while there is none."""
-        return self._conflict.text if self.has_class("-conflict") else ""
-
     def compose(self) -> ComposeResult:
         with Horizontal():
             yield self._key
             yield self._value
-            yield self._type
-        yield self._conflict
+            yield self.type_line
+        yield self.conflict_line
 
     def open(
         self,
@@ -143,18 +134,19 @@ class RowEditor(Vertical):
 
     def _draw(self) -> None:
         _, kind, remark = parse_typed_value(self._value.value)
-        self._type.show(_type_line(kind, remark, self._type.size.width) if remark else ((kind, "accent"),))
+        self.type_line.show(_type_line(kind, remark, self.type_line.size.width) if remark else ((kind, "accent"),))
         now = self._conflicting_value()
         self.set_class(now is not None, "-conflict")
         if now is None:
             self._shown_conflict = None
+            self.conflict_line.show()
             return
         says = f"is now {now.text}" if now.text else "is deleted now"
         who = f" by {now.source}" if now.source and now.text else ""
         was = f"was {self._before.text}, {says}" if self._before.text else f"there is one already: {says[7:]}"
         hint = "enter again: yours" if now == self._shown_conflict else "enter twice: yours"
-        width = self._conflict.size.width or self.size.width - 2
-        self._conflict.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((hint, "key"),), max(1, width)))
+        width = self.conflict_line.size.width or self.size.width - 2
+        self.conflict_line.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((hint, "key"),), max(1, width)))
 
     @on(StaticLines.DrawAgain)
     def _resized(self, event: StaticLines.DrawAgain) -> None:

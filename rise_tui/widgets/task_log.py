@@ -13,9 +13,6 @@ from textual.strip import Strip
 from rise_tui.rendering.text import ListRow, StyledLine
 from rise_tui.widgets.row_list import RowView
 
-KEPT = 500
-"""Rows that are kept as painted."""
-
 
 class TaskLog(RowView):
     """A window on a list of rows (see `model.log_rows`)."""
@@ -23,18 +20,16 @@ class TaskLog(RowView):
     class FollowChanged(Message):
         """It follows, or has stopped following, the newest task."""
 
-    def __init__(
-        self, make_line: Callable[[int, int], StyledLine], line_key: Callable[[int], object], *, id: str | None = None
-    ) -> None:
-        """`make_line`: what a row says in so many cells. `line_key`: all that this depends on, to be compared."""
+    def __init__(self, make_line: Callable[[int, int], StyledLine], *, id: str | None = None) -> None:
+        """`make_line`: what a row says in so many cells."""
         super().__init__(id=id)
-        self._make_line, self._line_key = make_line, line_key
+        self._make_line = make_line
         self.following = True
         self._ids: Sequence[int] = ()
         self._shown = 0
         self._seen = 0
-        self._painted: dict[int, tuple[object, StyledLine]] = {}
-        """The rows as they were painted, by index: what they were made of, and the line."""
+        self._lines: dict[int, StyledLine] = {}
+        """The lines that were in view at the last `show`, by index."""
 
     @property
     def count(self) -> int:
@@ -57,17 +52,11 @@ class TaskLog(RowView):
         index = y + self.scroll_offset.y
         if not 0 <= index < self._shown:
             return self.to_strip((), self.line_width)
-        painted = self._painted.get(index)
-        if painted is None:
-            if len(self._painted) > KEPT:  # scrolled through for a while, and nothing new came
-                self._painted.clear()
-            width = self.row_width
-            row = self._ids[index]
-            painted = self._painted[index] = (width, self._line_key(row)), self._make_line(row, width)
-        return self.to_strip(painted[1], self.line_width, self.background_of(index))
+        line = self._lines.get(index) or self._make_line(self._ids[index], self.row_width)
+        return self.to_strip(line, self.line_width, self.background_of(index))
 
     def on_resize(self, event: events.Resize) -> None:
-        self._painted.clear()
+        self._lines.clear()
 
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
         """Show these rows, ascending. A list that was shown before has only grown at its end, unless `restart`.
@@ -95,24 +84,20 @@ class TaskLog(RowView):
         self._seen = max(0, self._shown - unseen)
         if not self.following and first is not None:
             self.scroll_to(y=bisect_left(ids, first), animate=False)
-        self._painted.clear()
+        self._lines.clear()
         self.refresh()
 
     def _repaint_changed(self, *, scrolled: bool) -> None:
-        """Only rows that look different cost anything; those are made when they are painted, a few at a time.
-
-        `scrolled`: all of them are painted anyway.
-        """
-        top, width = self.scroll_offset.y, self.row_width  # which takes longer to find out than all else about a row
-        before, self._painted = self._painted, {}
-        gone = [index for index in before if index >= self._shown]
+        """Only rows that look different reach the terminal. `scrolled`: all of them are painted anyway."""
+        top, width = self.scroll_offset.y, self.row_width
+        before, self._lines = self._lines, {}
         for index in range(top, min(self._shown, top + self.size.height)):
-            if index in before and before[index][0] == (width, self._line_key(self._ids[index])):
-                self._painted[index] = before[index]
-            elif not scrolled:
+            line = self._lines[index] = self._make_line(self._ids[index], width)
+            if not scrolled and before.get(index) != line:
                 self.refresh_line(index)
-        for index in gone:
-            self.refresh_line(index)
+        for index in before:
+            if index >= self._shown:
+                self.refresh_line(index)
 
     def action_edge(self, direction: int) -> None:
         if direction > 0:

@@ -242,7 +242,7 @@ async def test_a_value_is_edited_in_its_place_and_its_type_shows_while_typing(
         assert isinstance(it.app.focused, Input)
         assert it.app.focused.value == "2" and it.app.focused.region.y == pane.row_list.region.y
         it.app.focused.value = typed
-        await it.until(lambda: pane.editor.type_shown == kind)
+        await it.until(lambda: pane.editor.type_line.text == kind)
         await it.press("enter")
         await it.sent("assignValue", json.dumps({"task": value}))
         assert pane.row_list.has_focus
@@ -256,7 +256,7 @@ async def test_broken_json_is_a_string_and_says_so() -> None:
         it.app.focused.value = '{"a": '
         pane = it.pane("memory")
         assert isinstance(pane, MemoryPane)
-        await it.until(lambda: "string  not JSON" in pane.editor.type_shown)
+        await it.until(lambda: "string  not JSON" in pane.editor.type_line.text)
 
 
 async def test_a_change_by_somebody_else_shows_while_editing() -> None:
@@ -266,7 +266,7 @@ async def test_a_change_by_somebody_else_shows_while_editing() -> None:
         it.client.emit(MemoryRecord(0, 0.0, "", "task", 3, 2, "rule:Main"))
         pane = it.pane("memory")
         assert isinstance(pane, MemoryPane)
-        await it.until(lambda: "is now 3 by rule:Main" in pane.editor.conflict_shown)
+        await it.until(lambda: "is now 3 by rule:Main" in pane.editor.conflict_line.text)
 
 
 async def test_esc_leaves_the_editor_and_sends_nothing() -> None:

@@ -153,8 +153,8 @@ async def test_the_remark_about_json_is_never_cut() -> None:
             pane = it.pane("memory")
             assert isinstance(pane, MemoryPane)
             await it.press("home", "enter", "left_curly_bracket")
-            await it.until(lambda pane=pane: "not JSON" in pane.editor.type_shown)  # type: ignore[misc]
-            assert len(pane.editor.type_shown) <= pane.editor._type.size.width
+            await it.until(lambda pane=pane: "not JSON" in pane.editor.type_line.text)  # type: ignore[misc]
+            assert len(pane.editor.type_line.text) <= pane.editor.type_line.size.width
 
 
 async def test_the_end_of_a_state_stays_in_the_list_of_rules() -> None:
