@@ -83,7 +83,9 @@ class ConsoleBars:
     def draw_hints(self) -> None:
         """What keys do now, by what has the focus."""
         focused, store = self._panes.screen.focused, self._store
-        if isinstance(focused, SpeechField):
+        if store.input_mode == "LOCKED":
+            self.key_hints.draw((), (), store)
+        elif isinstance(focused, SpeechField):
             self.key_hints.draw_saying(store, self.speech_input.effect, why_blocked(store, "start"))
         elif isinstance(focused, Input):
             self.key_hints.draw_typing(store, "add the note" if isinstance(focused, NoteLine) else "take")

@@ -95,9 +95,6 @@ class KeyHints(StaticLines):
 
     def draw_typing(self, store: Store, enter: str) -> None:
         """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
-        if store.input_mode == "LOCKED":
-            self.draw((), (), store)
-            return
         self._show_pieces(
             [
                 (_stop_hint(store), "stop"),
@@ -109,9 +106,6 @@ class KeyHints(StaticLines):
 
     def draw_saying(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
         """While free speech is typed: what each of the two keys that say it would do."""
-        if store.input_mode == "LOCKED":
-            self.draw((), (), store)
-            return
         room = max(12, (self.size.width - 44) // 2)
         queued, at_once = (fit(text, min(len(text), room)) for text in effect)
         if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):

@@ -6,6 +6,7 @@ When the value changes meanwhile, a second row says so, and Enter must be presse
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from textual import events, on
@@ -57,13 +58,12 @@ class RowEditor(Vertical):
     }
     """
 
+    @dataclass
     class SaveRow(Message):
         """The editor was closed; `key` is empty when nothing is to change."""
 
-        def __init__(self, key: str, value: Any) -> None:
-            super().__init__()
-            self.key = key
-            self.value = value
+        key: str
+        value: Any
 
     def __init__(self) -> None:
         super().__init__()

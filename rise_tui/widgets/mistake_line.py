@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from textual import events
 from textual.message import Message
 from textual.timer import Timer
@@ -26,20 +28,19 @@ class MistakeLine(StaticLines, can_focus=True):
     MistakeLine.-open { display: block; }
     """
 
+    @dataclass
     class ChooseMark(Message):
         """This is what was wrong about the task."""
 
-        def __init__(self, task: int, mark: str) -> None:
-            super().__init__()
-            self.task, self.mark = task, mark
+        task: int
+        mark: str
 
+    @dataclass
     class EndMarking(Message):
         """The line has closed; the keys go back to what had them."""
 
-        def __init__(self, back: Widget | None) -> None:
-            super().__init__()
-            self.back = back
-            """What had the focus before."""
+        back: Widget | None
+        """What had the focus before."""
 
     def __init__(self) -> None:
         super().__init__(id="mistake")

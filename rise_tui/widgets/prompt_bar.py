@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from textual import events, on
 from textual.containers import Horizontal
 from textual.message import Message
@@ -22,12 +24,11 @@ class PromptBar(Horizontal):
     }
     """
 
+    @dataclass
     class PromptMessage(Message):
         """Something has happened in a bar."""
 
-        def __init__(self, bar: PromptBar) -> None:
-            super().__init__()
-            self.bar = bar
+        bar: PromptBar
 
     class Edited(PromptMessage):
         """The text has changed."""

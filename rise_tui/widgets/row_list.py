@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from time import monotonic
 from typing import ClassVar
 
@@ -40,12 +41,11 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         Binding("end", "edge(1)", show=False),
     ]
 
+    @dataclass
     class CursorMoved(Message):
         """The wizard moved the cursor."""
 
-        def __init__(self, rows: RowView) -> None:
-            super().__init__()
-            self.rows = rows
+        rows: RowView
 
     class Resized(Message):
         """The width changed."""

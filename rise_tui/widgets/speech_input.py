@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from textual import events, on
@@ -49,12 +50,11 @@ class SpeechField(TextField):
         Binding("escape", "leave", show=False),
     ]
 
+    @dataclass
     class SubmitSpeech(Message):
         """To be said: in its turn, or at once."""
 
-        def __init__(self, at_once: bool) -> None:
-            super().__init__()
-            self.at_once = at_once
+        at_once: bool
 
     class Postpone(Message):
         """Not now; what was typed stays for later."""
@@ -114,19 +114,19 @@ class SpeechInput(Vertical):
     }
     """
 
+    @dataclass
     class Speak(Message):
         """Say this: `typed` as it stands in the field, `text` with the memory's values."""
 
-        def __init__(self, typed: str, text: str, at_once: bool) -> None:
-            super().__init__()
-            self.typed, self.text, self.at_once = typed, text, at_once
+        typed: str
+        text: str
+        at_once: bool
 
+    @dataclass
     class ReturnFocus(Message):
         """Nothing is typed any more; `back` had the focus before."""
 
-        def __init__(self, back: Widget | None) -> None:
-            super().__init__()
-            self.back = back
+        back: Widget | None
 
     def __init__(self, store: Store) -> None:
         super().__init__(id="say")

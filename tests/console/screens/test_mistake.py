@@ -115,7 +115,7 @@ async def test_any_other_key_closes_it_and_does_what_it_always_does() -> None:
 
 
 async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(line, "SECONDS", 0.2)
+    monkeypatch.setattr(line, "OPEN_SECONDS", 0.2)
     async with console() as it:
         it.client.act("Greet")
         await it.press("exclamation_mark")

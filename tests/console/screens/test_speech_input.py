@@ -235,7 +235,7 @@ async def test_a_pasted_text_with_a_line_end_is_not_said() -> None:
         for key in ("a", "b", "enter"):
             it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
         it.bars.speech_input.field.value = "ab"
-        it.bars.speech_input.field.post_message(SpeechField.Entered(at_once=False))
+        it.bars.speech_input.field.post_message(SpeechField.SubmitSpeech(at_once=False))
         await it.until(lambda: "faster than anybody types" in it.notice)
         assert it.client.asked() == [] and it.bars.speech_input.field.value == "ab"
 
