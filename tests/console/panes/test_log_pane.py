@@ -83,7 +83,7 @@ async def test_what_was_found_is_marked_not_only_by_colour() -> None:
         pane.set_filter("topic2")
         await it.until(lambda: log.count == 1)
         assert [text for text, tone in log.row_at(0).line if tone == "match"] == ["topic2"]
-        style = log._styles_on("")["match"].style
+        style = log.styles_on("")["match"]
         assert style.bold and style.underline
 
 
