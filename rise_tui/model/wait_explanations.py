@@ -62,10 +62,15 @@ class WaitExplanations:
     def changes_with_time(self, state: State) -> bool:
         """Whether what is said changes by the clock alone."""
         for transition in state.transitions:
-            found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+            found = self._engine_event(transition)
             if transition.after is not None or (found is not None and self._store.act(found[0]).running):
                 return True
         return False
+
+    def _engine_event(self, transition: Transition) -> tuple[str, str] | None:
+        """The act or rule whose end is awaited, and which end."""
+        event = transition.event
+        return parse_engine_event(self._store.scenario, event) if event is not None else None
 
     def _transition_rows(
         self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
@@ -94,7 +99,7 @@ class WaitExplanations:
             if left <= 0:
                 return (("  the time is up", "wait"),)
             return ((f"  {format_seconds(left) if left >= 60 else f'{left} s'} left", "plain"),)
-        found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        found = self._engine_event(transition)
         if found is None:
             return ()
         name, _ = found
@@ -113,7 +118,7 @@ class WaitExplanations:
     def _keys(self, transition: Transition) -> list[str]:
         """The keys by which the wizard can bring the event about; an act that runs already needs none."""
         keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
-        found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        found = self._engine_event(transition)
         if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
             functions = ("startCommunicationRobotAct", "startInteractionRule")
             binding = next((key for one in functions if (key := self._store.key_of(one, found[0])) is not None), None)

@@ -76,11 +76,6 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         return self.row_at(self.cursor).id if 0 <= self.cursor < self.count else ""
 
     @property
-    def line_width(self) -> int:
-        """Cells of a painted line."""
-        return self.size.width
-
-    @property
     def row_width(self) -> int:
         """Cells of one row, without the scrollbar."""
         return self.scrollable_content_region.width
@@ -90,13 +85,9 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         """Also before the scrollbar of a list that has just become longer is laid out."""
         return True
 
-    def set_content_size(self, size: Size) -> None:
-        """Give the content its size: so many cells wide, so many rows."""
-        self.virtual_size = size
-
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
-        width = self.line_width
+        width = self.size.width
         if not 0 <= index < self.count:
             return self.to_strip((), width)
         return self.to_strip(self.row_at(index).line, width, self.background_of(index))
@@ -202,7 +193,7 @@ class RowList(RowView):
         self.cursor = self._find(current, before)
         if current and self.current_id != current:
             self.displaced_at = monotonic()
-        self.set_content_size(Size(self.row_width, len(rows)))
+        self.virtual_size = Size(self.row_width, len(rows))
         for index in range(max(len(old), len(rows))):
             if index >= len(old) or index >= len(rows) or old[index].line != rows[index].line:
                 self._refresh_row(index)

@@ -51,9 +51,9 @@ class TaskLog(RowView):
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
         if not 0 <= index < self._shown:
-            return self.to_strip((), self.line_width)
+            return self.to_strip((), self.size.width)
         line = self._lines.get(index) or self._make_line(self._ids[index], self.row_width)
-        return self.to_strip(line, self.line_width, self.background_of(index))
+        return self.to_strip(line, self.size.width, self.background_of(index))
 
     def on_resize(self, event: events.Resize) -> None:
         self._lines.clear()
@@ -67,7 +67,7 @@ class TaskLog(RowView):
             self._change(ids)
         else:
             self._shown = len(ids)
-            self.set_content_size(Size(self.row_width, self._shown))
+            self.virtual_size = Size(self.row_width, self._shown)
         top = self.scroll_offset.y
         if self.following:
             self._to_end()
@@ -80,7 +80,7 @@ class TaskLog(RowView):
         first = old[top] if 0 <= top < min(self._shown, len(old)) else None
         self._ids, self._shown = ids, len(ids)
         self.cursor = -1 if selected is None else min(bisect_left(ids, selected), self._shown - 1)
-        self.set_content_size(Size(self.row_width, self._shown))
+        self.virtual_size = Size(self.row_width, self._shown)
         self._seen = max(0, self._shown - unseen)
         if not self.following and first is not None:
             self.scroll_to(y=bisect_left(ids, first), animate=False)
