@@ -65,21 +65,21 @@ class RowSearch:
         """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
         for one in self._live:
             matching = self.matching
-            place = bisect_left(matching, one)
-            there = place < len(matching) and matching[place] == one
+            index = bisect_left(matching, one)
+            there = index < len(matching) and matching[index] == one
             if self._matches(one) == there:
                 continue
             self._matching = list(matching)
             if there:
-                del self._matching[place]
+                del self._matching[index]
             else:
                 insort(self._matching, one)
         self._live = [one for one in self._live if self._is_live(one)]
 
     def expect_change(self, id: int) -> None:
         """This row has changed, although its task had ended."""
-        place = bisect_left(self.ids, id)
-        if self._from <= place < self._to and id not in self._live:
+        index = bisect_left(self.ids, id)
+        if self._from <= index < self._to and id not in self._live:
             self._live.append(id)
 
     def _pick(self, start: int, end: int) -> list[int]:

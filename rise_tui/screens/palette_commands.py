@@ -105,7 +105,7 @@ class PaletteHit(NamedTuple):
     """A command that fits, and where in its title."""
 
     command: PaletteCommand
-    places: Sequence[tuple[int, int]] = ()
+    spans: Sequence[tuple[int, int]] = ()
 
 
 def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[PaletteHit]:
@@ -117,9 +117,9 @@ def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[P
         ranked: list[tuple[tuple[int, ...], PaletteHit]] = []
         for command in all_of_them:
             if wanted.matches(named := f"{command.title}  {command.kind}"):
-                places = [span for span in wanted.match_spans(named) if span[1] <= len(command.title)]
-                start, end = (places[0][0], places[-1][1]) if places else (len(named), len(named))
-                ranked.append(((0, len(places) or 1, end - start, start), PaletteHit(command, places)))
+                spans = [span for span in wanted.match_spans(named) if span[1] <= len(command.title)]
+                start, end = (spans[0][0], spans[-1][1]) if spans else (len(named), len(named))
+                ranked.append(((0, len(spans) or 1, end - start, start), PaletteHit(command, spans)))
             elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
                 ranked.append(((1,), PaletteHit(command)))
         return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]
