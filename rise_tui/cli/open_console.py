@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from pathlib import Path
 
 import click
 
+from rise_engine.client.replay import ReplayClient
 from rise_engine.client.socket import SocketClient
 from rise_engine.protocol.client import Client
 from rise_engine.protocol.registry import RegistryError, ask_summary
@@ -34,6 +36,12 @@ def on_session(
         remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
     notice = "; ".join(filter(None, (notice, remark)))
     return on_client(client, settings, process_launcher(wizard, options.role), wizard, options, keys, notice)
+
+
+def on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
+    """A console on the record of a session; returns the exit status."""
+    client = ReplayClient(path, options.speed)
+    return on_client(client, None, process_launcher("wizard", "wizard"), "replay", options, keys)
 
 
 def on_client(

@@ -20,7 +20,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.registry import RegistryError, ask_summary, running_names, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineProcess, EngineRefused, start_engine
-from rise_engine.session.folder import find_unfinished, participant_text
+from rise_engine.session.folder import SessionError, find_session, find_unfinished, participant_text
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.running import reached_elsewhere, running_session
@@ -28,7 +28,7 @@ from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
 from rise_tui.config.paths import key_file_path
-from rise_tui.config.settings import NothingStarted, engine_options, scenario_path, why_no_scenario
+from rise_tui.config.settings import NothingStarted, engine_options, expand_home, scenario_path, why_no_scenario
 
 if TYPE_CHECKING:
     from rise_tui.config.keymap import KeyFile
@@ -235,8 +235,12 @@ def _open(name: str, settings: SessionOptions | None, options: CommandLine, keys
 
 
 def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    from rise_tui.cli import replay
-
-    path = replay.find(options)
+    """The record of a session."""
+    try:
+        path = find_session(str(expand_home(options.replay or "")))
+    except SessionError as error:
+        _refuse_start(str(error))
     _need_terminal()
-    sys.exit(replay.open_console(path, options, keys))
+    from rise_tui.cli import open_console  # as above
+
+    sys.exit(open_console.on_replay(path, options, keys))
