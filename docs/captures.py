@@ -74,7 +74,7 @@ async def capture(
         for key in keys:
             await pilot.press(key)
             await pilot.pause(0.1)
-        await until(lambda: wait in console.console_screen.alarm_bar.text if console.console_screen else False)
+        await until(lambda: wait in console.console_screen.bars.alarm_bar.text if console.console_screen else False)
         await pilot.pause(0.3)
         console.save_screenshot(f"{name}.svg", path=str(IMAGES))
         assert console.console_screen is not None

@@ -1,8 +1,11 @@
-"""The one home of every action (console.md 6.1): bindings, hints, help and palette are all made from this table."""
+"""The one home of every action (console.md 6.1): bindings, hints, help and palette are all made from this table.
+
+How its keys and reasons read is in `key_labels`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
@@ -10,8 +13,7 @@ from textual.binding import Binding
 
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.scenario.fillers import filler_acts
-from rise_engine.scenario.keys import PUNCTUATION
-from rise_tui.model.blocked import Deed, blocked_text
+from rise_tui.model.blocked import BlockedReason
 from rise_tui.model.store import Store
 
 KeyScope: TypeAlias = Literal["everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log"]
@@ -29,23 +31,12 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("log", "Task log"),
 )
 
-KEY_LABELS = {
-    **{name: character for character, name in PUNCTUATION.items()},
-    "delete": "del",
-    "insert": "ins",
-    "escape": "esc",
-    "backspace": "bksp",
-    "shift+tab": "⇧tab",
-    "shift+up": "⇧↑",
-    "shift+down": "⇧↓",
-    "left": "←",
-    "right": "→",
-    "space": "space",
-}
+Obstacle: TypeAlias = BlockedReason | str | None
+"""What stands in the way of an action: a reason of the model, a sentence, or (None, empty) nothing."""
 
 
-def always_available(store: Store) -> str:
-    return ""
+def never_blocked(store: Store) -> Obstacle:
+    return None
 
 
 class ConsoleAction(Struct, frozen=True):
@@ -59,133 +50,81 @@ class ConsoleAction(Struct, frozen=True):
     help: str
     hint: str = ""
     """One or two words for the hint line; empty: not shown there."""
-    why_unavailable: Callable[[Store], str] = always_available
-    """Why it cannot be used now, or empty."""
-
-    @property
-    def key_label(self) -> str:
-        """The key to show where there is room for one."""
-        keys = keys_of(self)
-        return key_label(keys[0]) if keys else ""
+    obstacle: Callable[[Store], Obstacle] = never_blocked
+    """Why it cannot be used now; `key_labels.why_unavailable` makes the sentence."""
 
 
-_own_keys: dict[str, tuple[str, ...]] = {}
+# Obstacles, named by what an action needs.
 
 
-def use_own_keys(own: Mapping[str, tuple[str, ...]]) -> None:
-    """From now on the user's own keys are shown for these actions; the app binds them (`App.set_keymap`)."""
-    _own_keys.clear()
-    _own_keys.update(own)
-
-
-def keys_of(action: ConsoleAction) -> tuple[str, ...]:
-    """The keys that an action has for this user; whatever shows a key asks here."""
-    return _own_keys.get(action.id, action.keys)
-
-
-def key_text(id: str) -> str:
-    """The key of an action as it is printed, for sentences: `F9`; `:` and its title when it has none."""
-    return BY_ID[id].key_label or f": {BY_ID[id].title}"
-
-
-def key_name(id: str) -> str:
-    """The same for a sentence that tells what to press: `ctrl+x`, `F9`."""
-    keys = keys_of(BY_ID[id])
-    return keys[0] if keys and keys[0].startswith("ctrl+") else key_text(id)
-
-
-def key_label(key: str) -> str:
-    """A key as it is printed: `F9`, `^G`, `?`."""
-    if key in KEY_LABELS:
-        return KEY_LABELS[key]
-    if key.startswith("ctrl+"):
-        return f"^{key[5:].upper()}"
-    return key.upper() if key.startswith("f") and key[1:].isdigit() else key
-
-
-def why_blocked(store: Store, deed: Deed) -> str:
-    """What stands in the way of such a deed, as a sentence with the user's own keys; empty when nothing does."""
-    return blocked_text(store.blocked_reason(deed), key_name)
-
-
-def why_task_blocked(store: Store, function: str) -> str:
-    """The same for a task with this function."""
-    return blocked_text(store.task_blocked(function), key_name)
-
-
-def _stoppable(store: Store) -> str:
+def _stoppable(store: Store) -> Obstacle:
     """Stopping needs no control, and is tried even when the connection is cut."""
-    return store.gone_reason and why_blocked(store, "reach")
+    return store.blocked_reason("reach") if store.gone_reason else None
 
 
-def _acting(store: Store) -> str:
-    return why_blocked(store, "change")
+def _change(store: Store) -> Obstacle:
+    return store.blocked_reason("change")
 
 
-def _telling(store: Store) -> str:
-    return why_blocked(store, "remark")
+def _remark(store: Store) -> Obstacle:
+    return store.blocked_reason("remark")
 
 
-def _controllable(store: Store) -> str:
+def _controllable(store: Store) -> Obstacle:
     """Any wizard can do something about control; an observer never."""
-    return _telling(store) or ("this console only watches (--observe)" if store.hello.role == "observer" else "")
+    observes = store.hello.role == "observer"
+    return _remark(store) or ("this console only watches (--observe)" if observes else None)
 
 
-def _live(store: Store) -> str:
-    return why_blocked(store, "start")
+def _start(store: Store) -> Obstacle:
+    return store.blocked_reason("start")
 
 
-def _own_console(store: Store) -> str:
+def _own_console(store: Store) -> Obstacle:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
-    return (store.gone_reason and why_blocked(store, "reach")) or ("this is a replay" if store.hello.replay else "")
+    return _stoppable(store) or ("this is a replay" if store.hello.replay else None)
 
 
-def _sayable(store: Store) -> str:
-    return _acting(store) or why_not_speak(store.scenario)
+def _sayable(store: Store) -> Obstacle:
+    return _change(store) or why_not_speak(store.scenario)
 
 
-def _fillable(store: Store) -> str:
-    return _live(store) or ("" if filler_acts(store.scenario) else "this scenario has no filler")
+def _fillable(store: Store) -> Obstacle:
+    return _start(store) or (None if filler_acts(store.scenario) else "this scenario has no filler")
 
 
-def _markable(store: Store) -> str:
-    return _telling(store) or ("" if store.view.tasks else "nothing has been started yet")
+def _markable(store: Store) -> Obstacle:
+    return _remark(store) or (None if store.view.tasks else "nothing has been started yet")
 
 
-def _failed(store: Store) -> str:
-    return _acting(store) or ("" if store.view.failed else "no act has failed")
+def _logged(store: Store) -> Obstacle:
+    return None if store.log.all else "there is no row yet"
 
 
-def _repeatable(store: Store) -> str:
-    return _failed(store) or _live(store)
-
-
-def _releasable(store: Store) -> str:
-    return _acting(store) or ("" if store.key_state == "STOPPED" else "nothing is stopped")
-
-
-def _some(what: str, found: Callable[[Store], object]) -> Callable[[Store], str]:
-    return lambda store: _acting(store) or ("" if found(store) else what)
-
-
-def _start_values(store: Store) -> str:
-    return _acting(store) or ("" if store.scenario.folder else "this session's scenario has no folder")
-
-
-def _logged(store: Store) -> str:
-    return "" if store.log.all else "there is no row yet"
-
-
-def _savable(store: Store) -> str:
+def _savable(store: Store) -> Obstacle:
     """Whoever has the address of a page writes nothing on the machine that serves it."""
     return "this console is in a browser, which writes no files" if store.in_browser else _logged(store)
 
 
-_memory = _some("the memory is empty", lambda store: store.view.memory)
-_queue = _some("nothing runs or waits", lambda store: store.view.running or store.view.waiting)
-_waiting = _some("fewer than two tasks wait", lambda store: len(store.view.waiting) > 1)
-_acts = _some("no act runs or waits", lambda store: store.view.running or store.view.waiting)
-_rules = _some("no rule runs", lambda store: store.view.running_rules())
+def _needs(what: str, found: Callable[[Store], object]) -> Callable[[Store], Obstacle]:
+    """An obstacle with the sentence `what` while `found` finds nothing; before that, whatever blocks every change."""
+    return lambda store: _change(store) or (None if found(store) else what)
+
+
+_failed = _needs("no act has failed", lambda store: store.view.failed)
+_releasable = _needs("nothing is stopped", lambda store: store.key_state == "STOPPED")
+_start_values = _needs("this session's scenario has no folder", lambda store: store.scenario.folder)
+_memory = _needs("the memory is empty", lambda store: store.view.memory)
+_queue = _needs("nothing runs or waits", lambda store: store.view.running or store.view.waiting)
+_waiting = _needs("fewer than two tasks wait", lambda store: len(store.view.waiting) > 1)
+_acts = _needs("no act runs or waits", lambda store: store.view.running or store.view.waiting)
+_undo = _needs("nothing to undo", lambda store: store.undo_stack)
+_rules = _needs("no rule runs", lambda store: store.view.running_rules())
+
+
+def _repeatable(store: Store) -> Obstacle:
+    return _failed(store) or _start(store)
+
 
 ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("stop", "Stop everything", ("f9", "ctrl+g"), "everywhere",
@@ -196,7 +135,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "When the engine has gone: start it again and go on with the session."),
     ConsoleAction("cue", "Mark the participant's cue", ("space",), "console",
            "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
-           "cue", _acting),
+           "cue", _change),
     ConsoleAction("filler", "Say the next filler", ("comma",), "console",
            "Starts the next of the scenario's fillers, in turn, to bridge the time until you have an answer.",
            "filler", _fillable),
@@ -224,7 +163,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "control", _controllable),
     ConsoleAction("note", "Add a note", ("ctrl+o",), "console",
            "A remark for the record, with the time and your name. Those who only watch can add notes too.",
-           "note", _telling),
+           "note", _remark),
     ConsoleAction("palette", "Command palette", ("colon", "ctrl+p"), "console",
            "Find any command, act or rule by name.", "command"),
     ConsoleAction("help", "Help and keys", ("question_mark",), "console",
@@ -242,7 +181,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("filter", "Filter", ("slash",), "console",
            "Shows only rows with this text, in the focused list. Esc clears it.", "find"),
     ConsoleAction("settings", "Settings", (), "console",
-           "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "", _acting),
+           "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "", _change),
     ConsoleAction("release", "Release the stop", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again.",
            "release", _releasable),
@@ -252,22 +191,22 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
     ConsoleAction("redraw", "Paint the screen anew", (), "console",
            "When something else has written over the console, or the terminal has lost a part of it."),
-    ConsoleAction("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _live),
+    ConsoleAction("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _start),
     ConsoleAction("acts.stop", "Stop the act", ("delete", "backspace"), "acts",
            "Stops the selected act, running or waiting.", "stop", _acts),
-    ConsoleAction("rules.start", "Start the rule", ("enter",), "rules", "Starts the selected rule.", "start", _live),
+    ConsoleAction("rules.start", "Start the rule", ("enter",), "rules", "Starts the selected rule.", "start", _start),
     ConsoleAction("rules.stop", "Stop the rule", ("delete", "backspace"), "rules",
            "Stops the selected rule; acts that it started go on.", "stop", _rules),
     ConsoleAction("memory.edit", "Change the value", ("enter",), "memory",
            "Edits the selected value in its place. The type is detected while you type: JSON has its own type, "
            "anything else is a string; \"5\" in quotes is a string too.", "edit", _memory),
     ConsoleAction("memory.add", "Add a key", ("insert",), "memory",
-           "Adds a key; right after a deletion it offers what was deleted.", "add", _acting),
+           "Adds a key; right after a deletion it offers what was deleted.", "add", _change),
     ConsoleAction("memory.delete", "Delete the key", ("delete", "backspace"), "memory",
            "Deletes the selected key, or the selected part of a value; undo brings it back.", "delete", _memory),
     ConsoleAction("memory.undo", "Undo the last change", ("ctrl+u",), "memory",
            "Takes back the last change of the memory by this console, then the one before it. When somebody else has "
-           "changed the value since, it asks first.", "undo", _some("nothing to undo", lambda store: store.undo_stack)),
+           "changed the value since, it asks first.", "undo", _undo),
     ConsoleAction("memory.unfold", "Unfold, or show in full", ("right",), "memory",
            "Shows the parts of an object or an array as rows of their own; any other value in full.", "unfold"),
     ConsoleAction("memory.fold", "Fold", ("left",), "memory", "Puts the parts of an object or an array away again."),
@@ -275,7 +214,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Writes the memory as it is now into the scenario's memory file, after asking. Later sessions begin with "
            "it.", "", _start_values),
     ConsoleAction("rule.raise", "Raise the event", ("enter",), "rule",
-           "Raises the event that the selected transition waits for.", "raise event", _live),
+           "Raises the event that the selected transition waits for.", "raise event", _start),
     ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
     ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",
@@ -310,15 +249,15 @@ ACTIONS: tuple[ConsoleAction, ...] = (
 BY_ID = {action.id: action for action in ACTIONS}
 
 
-def actions_in(place: KeyScope) -> Iterator[ConsoleAction]:
-    return (action for action in ACTIONS if action.scope == place)
+def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:
+    return (action for action in ACTIONS if action.scope == scope)
 
 
-def bindings_in(place: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """The key bindings of one place, as Textual takes them; each has its action's id, so that it can be remapped."""
+def bindings_in(scope: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
+    """The key bindings of one scope, as Textual takes them; each has its action's id, so that it can be remapped."""
     return [
-        Binding(_bound(action), f"do('{action.id}')", action.title, id=action.id, priority=place == "everywhere")
-        for action in actions_in(place)
+        Binding(_bound(action), f"do('{action.id}')", action.title, id=action.id, priority=scope == "everywhere")
+        for action in actions_in(scope)
     ]
 
 

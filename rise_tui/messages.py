@@ -2,56 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from textual.message import Message
 
 from rise_tui.model.key_action import KeyAction
 
 
+@dataclass
 class SubmitTask(Message):
-    """A task for the engine, at once."""
+    """Give a task to the engine, at once."""
 
-    def __init__(self, function: str, behavior: str) -> None:
-        super().__init__()
-        self.function = function
-        self.behavior = behavior
+    function: str
+    behavior: str
 
 
+@dataclass
 class RequestStart(Message):
-    """A start by Enter on a row: subject to the same care as a key of the scenario."""
+    """Start something, by Enter on a row or a click: with the same care as by a key of the scenario."""
 
-    def __init__(self, action: KeyAction) -> None:
-        super().__init__()
-        self.action = action
+    action: KeyAction
 
 
+@dataclass
 class RunAction(Message):
-    """A hint was clicked."""
+    """Carry out an action of the registry: a hint was clicked."""
 
-    def __init__(self, action: str) -> None:
-        super().__init__()
-        self.action = action
+    action: str
 
 
+@dataclass
 class FocusPane(Message):
-    """A tab was clicked."""
+    """Bring a pane to the front: its tab was clicked."""
 
-    def __init__(self, pane: str) -> None:
-        super().__init__()
-        self.pane = pane
+    pane: str
 
 
+@dataclass
 class ShowNotice(Message):
-    """Something to say to the wizard."""
+    """Tell the wizard something."""
 
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.text = text
+    text: str
 
 
+@dataclass
 class ShowSelection(Message):
-    """The wizard selected another act or rule."""
+    """Show another act or rule in its pane: the wizard has selected it."""
 
-    def __init__(self, pane: str, name: str) -> None:
-        super().__init__()
-        self.pane = pane
-        self.name = name
+    pane: str
+    name: str

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from rise_engine.exit_status import USAGE
+from rise_engine.protocol.messages import SessionSummary
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.config.settings import NothingStarted
 from rise_tui.model.control import short_name
@@ -20,34 +21,13 @@ NARROWEST_WIDTH = 79
 """Cells that a line may take on every terminal that consoles are made for."""
 
 
-class RunningSession(Protocol):
-    """What a running session says about itself (`rise_engine.protocol.messages.SessionSummary`)."""
-
-    @property
-    def title(self) -> str: ...
-    @property
-    def mode(self) -> str: ...
-    @property
-    def robot(self) -> str: ...
-    @property
-    def participant(self) -> str: ...
-    @property
-    def condition(self) -> str: ...
-    @property
-    def t(self) -> float: ...
-    @property
-    def control(self) -> str | None: ...
-    @property
-    def clients(self) -> Sequence[str]: ...
-
-
 class Prompter(Protocol):
     """Somebody to ask."""
 
     @property
     def interactive(self) -> bool: ...
 
-    def say(self, line: str) -> None: ...
+    def print_line(self, line: str) -> None: ...
 
     def ask(self, question: str) -> str | None:
         """None when nobody answers any more."""
@@ -55,19 +35,19 @@ class Prompter(Protocol):
 
 
 def choose_session(
-    found: Mapping[str, RunningSession | None], terminal: Prompter, left_over: Callable[[], Sequence[str]] = tuple
+    found: Mapping[str, SessionSummary | None], terminal: Prompter, list_unfinished: Callable[[], Sequence[str]] = tuple
 ) -> str:
     """The name of the running session that is meant: the only one, or the one that is chosen by its number.
 
     A session whose description is None does not answer; it is shown, because it may be that which somebody looks for.
-    `left_over` tells of sessions that did not end. Raises NothingChosenError.
+    `list_unfinished`: lines about sessions that did not end. Raises NothingStarted.
     """
     if not found:
         raise NothingStarted(
             USAGE,
             "no session is running; start one with: rise-tui --config DIR",
             "DIR is the folder of a scenario",
-            *map(clean, left_over()),
+            *map(clean, list_unfinished()),
         )
     names = list(found)
     if len(names) == 1:
@@ -75,11 +55,11 @@ def choose_session(
     rows = _rows(found)
     if not terminal.interactive:
         raise NothingStarted(USAGE, "several sessions run, and without a terminal nobody can be asked:", *rows)
-    terminal.say("These sessions run on this machine:")
-    terminal.say("")
+    terminal.print_line("These sessions run on this machine:")
+    terminal.print_line("")
     for row in rows:
-        terminal.say(row)
-    terminal.say("")
+        terminal.print_line(row)
+    terminal.print_line("")
     while (answer := terminal.ask(f"Which one? 1 to {len(names)}, or q to leave")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
@@ -89,7 +69,7 @@ def choose_session(
     raise NothingStarted(USAGE, "nothing was chosen")
 
 
-def _rows(found: Mapping[str, RunningSession | None]) -> list[str]:
+def _rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
     rows: list[tuple[str, ...]] = []
     for number, (name, about) in enumerate(found.items(), 1):
         if about is None:
@@ -106,27 +86,28 @@ def _rows(found: Mapping[str, RunningSession | None]) -> list[str]:
 
 def check_matches(
     name: str,
-    about: RunningSession | None,
+    about: SessionSummary | None,
     *,
     new: bool = False,
     robot: str | None = None,
     mode: str | None = None,
     participant: str | None = None,
     condition: str | None = None,
-    begins: Sequence[str] = (),
+    only_for_new: Sequence[str] = (),
 ) -> None:
-    """Whether a session that runs is the one that was asked for. Raises NothingChosenError when it is not.
+    """Whether a session that runs is the one that was asked for. Raises NothingStarted when it is not.
 
-    `begins`: options that were given and say only how a new session begins.
+    `only_for_new`: options that were given and say only how a new session begins.
     """
     title = clean(about.title) if about is not None else name
     end = "attach with `rise-tui` and end it first (ctrl+c)"
     if new:
         raise NothingStarted(USAGE, f"{title} is running already; to begin a new session, {end}")
-    if begins:
+    if only_for_new:
         raise NothingStarted(
             USAGE,
-            f"{title} is running already; {' and '.join(begins)} can only be said of a session that begins: {end}",
+            f"{title} is running already; {' and '.join(only_for_new)} can only be said of a session "
+            f"that begins: {end}",
         )
     asked = {"mode": mode, "robot": robot, "participant": participant, "condition": condition}
     for what, wanted in asked.items() if about is not None else ():
@@ -140,49 +121,51 @@ def choose_recovery(
     unfinished: Sequence[tuple[str, str]],
     terminal: Prompter,
     others: Sequence[tuple[str, str]] = (),
-    whose: str = "",
+    participant: str = "",
 ) -> str:
     """What to do about sessions that did not end: `new`, or the folder of the one to recover.
 
     `unfinished`: folder and a sentence, the latest first. `others`: those that did not end either and are not of
-    `whose`, for whom a session was asked: they are told and cannot be chosen. Raises NothingChosenError.
+    `participant`, for whom a session was asked: they are shown and cannot be chosen. Raises NothingStarted.
     """
     if not terminal.interactive:
         raise NothingStarted(USAGE, WITHOUT_TERMINAL)
     several = len(unfinished) > 1
     if unfinished:
-        terminal.say(
+        terminal.print_line(
             f"{len(unfinished)} earlier sessions of this scenario did not end:"
             if several
             else "An earlier session of this scenario did not end:"
         )
-        _list(unfinished, terminal, numbered=several)
+        _print_sessions(unfinished, terminal, numbered=several)
     if others:
         what = (
             "These did not end either, and are"
             if unfinished
             else "An earlier session of this scenario did not end. It is"
         )
-        _say(terminal, "", f"{what} not of {whose}, and never recovered as theirs:")
-        _list(others, terminal)
-        _say(terminal, "", "To go on with one of these, quit, and name its participant: --participant ID --recover")
-        terminal.say("")
+        _print_wrapped(terminal, "", f"{what} not of {participant}, and never recovered as theirs:")
+        _print_sessions(others, terminal)
+        _print_wrapped(
+            terminal, "", "To go on with one of these, quit, and name its participant: --participant ID --recover"
+        )
+        terminal.print_line("")
     which = f"recover the latest (1); r2 the second{', and so on' if len(unfinished) > 2 else ''}"
     if unfinished:
-        _say(
+        _print_wrapped(
             terminal,
             "  r  ",
             f"{which if several else 'recover it'}. Memory, rules, timers and the stop are as they were. "
             "What the robot was doing counts as lost: nothing is repeated to the participant by itself.",
         )
-    for_whom = f" for {whose}" if others else ""
-    _say(
+    for_whom = f" for {participant}" if others else ""
+    _print_wrapped(
         terminal,
         "  n  ",
         f"begin a new session{for_whom}. " + (OFFERED_AGAIN if others and not unfinished else NOT_OFFERED_AGAIN),
     )
-    terminal.say("  q  quit. Nothing is started, nothing changes.")
-    terminal.say("")
+    terminal.print_line("  q  quit. Nothing is started, nothing changes.")
+    terminal.print_line("")
     while (answer := terminal.ask("r, n or q?" if unfinished else "n or q?")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
@@ -197,19 +180,19 @@ def choose_recovery(
     raise NothingStarted(USAGE, "nothing was chosen, and nothing was started")
 
 
-def _list(sessions: Sequence[tuple[str, str]], terminal: Prompter, *, numbered: bool = False) -> None:
-    terminal.say("")
+def _print_sessions(sessions: Sequence[tuple[str, str]], terminal: Prompter, *, numbered: bool = False) -> None:
+    terminal.print_line("")
     for number, (folder, sentence) in enumerate(sessions, 1):
         lead = f"{number}  " if numbered else ""
-        _say(terminal, f"  {lead}", sentence)
-        terminal.say(f"  {' ' * len(lead)}{clean(abbreviate_home(folder))}")
-    terminal.say("")
+        _print_wrapped(terminal, f"  {lead}", sentence)
+        terminal.print_line(f"  {' ' * len(lead)}{clean(abbreviate_home(folder))}")
+    terminal.print_line("")
 
 
-def _say(terminal: Prompter, lead: str, sentence: str) -> None:
+def _print_wrapped(terminal: Prompter, lead: str, sentence: str) -> None:
     """A sentence over as many lines as it needs on the narrowest terminal."""
     for at, line in enumerate(wrap(sentence, NARROWEST_WIDTH - len(lead))):
-        terminal.say(f"{lead if at == 0 else ' ' * len(lead)}{line}")
+        terminal.print_line(f"{lead if at == 0 else ' ' * len(lead)}{line}")
 
 
 WITHOUT_TERMINAL = (

@@ -110,11 +110,11 @@ def _sessions() -> Rows:
         return
     if not found:
         yield "none", "no session is running"
-    for name, about in found.items():
-        if about is None:
+    for name, summary in found.items():
+        if summary is None:
             yield name, "does not answer"
             continue
-        told = [about.mode.upper(), about.robot, f"for {format_age(about.t)}", f"{about.seq} records"]
-        told += [f"{len(about.clients)} attached"] + ["stopped"] * about.stopped
-        told += [f"paused: {about.trouble}"] if about.trouble else []
-        yield name, ", ".join(told)
+        facts = [summary.mode.upper(), summary.robot, f"for {format_age(summary.t)}", f"{summary.seq} records"]
+        facts += [f"{len(summary.clients)} attached"] + ["stopped"] * summary.stopped
+        facts += [f"paused: {summary.trouble}"] if summary.trouble else []
+        yield name, ", ".join(facts)

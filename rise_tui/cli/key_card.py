@@ -13,11 +13,12 @@ import click
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_engine.scenario.model import KeyBinding, Scenario
-from rise_tui.actions import KEY_SCOPES, actions_in, key_label, keys_of, use_own_keys
+from rise_tui.actions import KEY_SCOPES, actions_in
 from rise_tui.config.key_file import read_keys
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.paths import key_file_path
+from rise_tui.key_labels import key_label, keys_of, use_own_keys
 from rise_tui.rendering.text import clean, fit, fixed_span, wrap
 
 WIDTH = 80
@@ -53,21 +54,21 @@ class KeyCardSection(NamedTuple):
 def print_card(folder: str | None, html: str | None, keys: str | None) -> int:
     """Print the card, or write it; returns the exit status."""
     path = key_file_path(keys)
-    own = read_keys(path) if path is not None else KeyFile()
+    key_file = read_keys(path) if path is not None else KeyFile()
     scenario: Scenario | None = None
-    problems = [str(finding) for finding in own.problems]
+    problems = [str(finding) for finding in key_file.problems]
     if folder is not None:
         prepared = load_scenario(SessionOptions(folder))
         if isinstance(prepared, ScenarioProblems):
             problems += prepared.lines
         else:
             scenario = prepared
-            problems += map(str, own.clashes(scenario.keys))
+            problems += map(str, key_file.clashes(scenario.keys))
     if problems:
         for line in (*problems, "no card was made"):
             click.echo(line, err=True)
         return 1
-    use_own_keys(own.keys)
+    use_own_keys(key_file.keys)
     title = clean(scenario.title) if scenario is not None else "rise-tui"
     card = tuple(sections(scenario))
     if html is None or html == "-":
@@ -86,23 +87,23 @@ def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
     """What the scenario's keys do, kind by kind, and then the console's."""
     for function, title in KINDS.items() if scenario is not None else ():
         assert scenario is not None
-        found = [binding for binding in scenario.keys.values() if binding.function == function]
-        entries = [_of_scenario(scenario, binding) for binding in found]
+        bindings = [binding for binding in scenario.keys.values() if binding.function == function]
+        entries = [_of_scenario(scenario, binding) for binding in bindings]
         if function.startswith("start"):
             known = scenario.acts if "RobotAct" in function else scenario.rules
-            bound = {binding.behavior for binding in found}
+            bound = {binding.behavior for binding in bindings}
             entries += [KeyCardEntry((), name, marks=_marks(scenario, name)) for name in known if name not in bound]
         if entries:
             yield KeyCardSection(title, tuple(entries))
-    for place, title in KEY_SCOPES:
+    for scope, title in KEY_SCOPES:
         actions = tuple(
             KeyCardEntry(tuple(map(printed_key, keys_of(action))), action.title, action.help)
-            for action in actions_in(place)
-            if place != "console" or keys_of(action)
+            for action in actions_in(scope)
+            if scope != "console" or keys_of(action)
         )
         if actions:
             yield KeyCardSection(
-                title if place in ("everywhere", "console") else f"While {title} has the keys", actions
+                title if scope in ("everywhere", "console") else f"While {title} has the keys", actions
             )
     rest = tuple(KeyCardEntry((), action.title, action.help) for action in actions_in("console") if not keys_of(action))
     if rest:

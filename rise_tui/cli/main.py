@@ -119,9 +119,9 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
         return
     given["wizard"] = (given["wizard"] or "").strip() or None
     display = DisplayOptions(theme or "", colors, mouse == "on", fps)
-    asked = CommandLine(display=display, ros_args=tuple(context.obj or ()), **given)
-    _check_usage(asked)
-    start(asked)
+    options = CommandLine(display=display, ros_args=tuple(context.obj or ()), **given)
+    _check_usage(options)
+    start(options)
 
 
 def _check_alone(context: click.Context) -> None:
@@ -135,38 +135,38 @@ def _check_alone(context: click.Context) -> None:
         raise click.UsageError(f"{', '.join(given)} cannot stand before `{context.invoked_subcommand}`")
 
 
-def _check_usage(asked: CommandLine) -> None:
+def _check_usage(options: CommandLine) -> None:
     starting = {
-        "--robot": asked.robot,
-        "--mode": asked.mode,
-        "--ros": asked.ros,
-        "--seed": asked.seed,
-        "--participant": asked.participant,
-        "--condition": asked.condition,
-        "--set": asked.sets or None,
-        "--place": asked.places or None,
-        "--new": asked.new or None,
-        "--recover": asked.recover or None,
+        "--robot": options.robot,
+        "--mode": options.mode,
+        "--ros": options.ros,
+        "--seed": options.seed,
+        "--participant": options.participant,
+        "--condition": options.condition,
+        "--set": options.sets or None,
+        "--place": options.places or None,
+        "--new": options.new or None,
+        "--recover": options.recover or None,
     }
     given = [name for name, value in starting.items() if value is not None]
-    if given and asked.web is not None:
+    if given and options.web is not None:
         raise click.UsageError(f"{', '.join(given)} say how a session starts, and --web starts none")
-    if asked.folder is None and given:
+    if options.folder is None and given:
         raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
-    if asked.new and asked.recover:
+    if options.new and options.recover:
         raise click.UsageError("say either --new or --recover")
-    if asked.here and not asked.recover:
+    if options.here and not options.recover:
         raise click.UsageError("--here goes with --recover")
-    which = {"--config": asked.folder, "--session": asked.session, "--replay": asked.replay}
+    which = {"--config": options.folder, "--session": options.session, "--replay": options.replay}
     named = [name for name, value in which.items() if value is not None]
     if len(named) > 1:
         raise click.UsageError(f"say either {' or '.join(named)}")
-    if asked.replay is not None and asked.web is not None:
+    if options.replay is not None and options.web is not None:
         raise click.UsageError("say either --replay or --web: browsers are shown a session that runs")
-    if asked.replay is None and asked.speed != 1.0:
+    if options.replay is None and options.speed != 1.0:
         raise click.UsageError("--speed is for --replay")
-    if asked.display.colors == "mono" and asked.display.theme not in ("", "mono"):
-        raise click.UsageError(f"--colors mono leaves no colours for --theme {asked.display.theme}")
+    if options.display.colors == "mono" and options.display.theme not in ("", "mono"):
+        raise click.UsageError(f"--colors mono leaves no colours for --theme {options.display.theme}")
 
 
 @main.command()

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from pathlib import Path
 
 import click
 
+from rise_engine.client.replay import ReplayClient
 from rise_engine.client.socket import SocketClient
 from rise_engine.protocol.client import Client
 from rise_engine.protocol.registry import RegistryError, ask_summary
@@ -25,15 +27,21 @@ from rise_tui.rendering.text import clean
 
 
 def on_session(
-    name: str, settings: SessionOptions | None, asked: CommandLine, keys: KeyFile | None, *, notice: str = ""
+    name: str, settings: SessionOptions | None, options: CommandLine, keys: KeyFile | None, *, notice: str = ""
 ) -> int:
     """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
-    wizard, remark = wizard_name(asked, name)
-    client = SocketClient(name, wizard, asked.role, resync=True)
+    wizard, remark = wizard_name(options, name)
+    client = SocketClient(name, wizard, options.role, resync=True)
     if notice and remark:
         remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
     notice = "; ".join(filter(None, (notice, remark)))
-    return on_client(client, settings, process_launcher(wizard, asked.role), wizard, asked, keys, notice)
+    return on_client(client, settings, process_launcher(wizard, options.role), wizard, options, keys, notice)
+
+
+def on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
+    """A console on the record of a session; returns the exit status."""
+    client = ReplayClient(path, options.speed)
+    return on_client(client, None, process_launcher("wizard", "wizard"), "replay", options, keys)
 
 
 def on_client(
@@ -41,39 +49,41 @@ def on_client(
     settings: SessionOptions | None,
     launcher: Launcher,
     wizard: str,
-    asked: CommandLine,
+    options: CommandLine,
     keys: KeyFile | None,
     notice: str = "",
 ) -> int:
     """A console on what a client shows; returns the exit status."""
-    kept, unused = (Preferences(), "") if asked.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
+    kept, unused = (Preferences(), "") if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     app = ConsoleApp(
         None,
         settings,
         wizard=wizard,
-        theme=choose_theme(asked.display, detect_colors(asked.display, os.environ), kept.theme),
+        theme=choose_theme(options.display, detect_colors(options.display, os.environ), kept.theme),
         launcher=launcher,
         client=client,
-        told=notice,
+        notice=notice,
         keys=keys,
-        in_browser=asked.in_browser,
-        keeper=UiState(kept, fresh=asked.fresh, said=unused, keeps=not asked.observe and asked.replay is None),
+        in_browser=options.in_browser,
+        ui_state=UiState(
+            kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and options.replay is None
+        ),
     )
-    app.run(mouse=asked.display.mouse)
+    app.run(mouse=options.display.mouse)
     if app.exit_message and not app.is_terminal_gone:
         with suppress(OSError):  # it may have gone just now
             click.echo(app.exit_message, err=True)
     return app.return_code or 0
 
 
-def wizard_name(asked: CommandLine, session: str) -> tuple[str, str]:
+def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
     """The name of whoever sits here, and what there is to say about it.
 
     A wizard who comes back to a session and says no name is who this user's console was before: sessions belong to one
     user of the machine, and whoever held control last is who has lost a console.
     """
-    if asked.wizard is not None or asked.observe:
-        return asked.wizard or login_name(), ""
+    if options.wizard is not None or options.observe:
+        return options.wizard or login_name(), ""
     try:
         found = ask_summary(session)
     except RegistryError:  # attaching says it

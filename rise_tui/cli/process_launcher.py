@@ -39,11 +39,11 @@ def process_launcher(who: str, role: Role) -> Launcher:
             )
         raise EngineGone("; ".join(found.lines))
 
-    def recover(hello: AttachReply, tell: ReportProgress) -> RecoveredClient:
+    def recover(hello: AttachReply, report: ReportProgress) -> RecoveredClient:
         folder = hello.scenario.folder
         name = session_name(folder)
         wanted = SessionOptions(folder, unfinished=hello.folder)
-        found = start_engine(wanted, tell) if role == "wizard" else None
+        found = start_engine(wanted, report) if role == "wizard" else None
         if isinstance(found, EngineStarted):
             return RecoveredClient(SocketClient(found.name, who, role, resync=True), startup_notice(found))
         if found is not None and found.code != ALREADY_RUNNING:

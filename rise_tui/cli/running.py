@@ -16,23 +16,23 @@ from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.settings import NothingStarted, scenario_path
 
 
-def running_session(asked: CommandLine) -> str:
-    """The name, or the socket, of the running session that is meant. Raises NothingChosenError."""
+def running_session(options: CommandLine) -> str:
+    """The name, or the socket, of the running session that is meant. Raises NothingStarted."""
     try:
-        if asked.session is not None:
-            return find_running(asked.session)
-        if asked.folder is None:
+        if options.session is not None:
+            return find_running(options.session)
+        if options.folder is None:
             return choose_session.choose_session(
                 all_running_sessions(), PlainTerminal(), lambda: unfinished_lines(unfinished_sessions({}))
             )
-        name = session_name(scenario_path(asked.settings))
+        name = session_name(scenario_path(options.settings))
         if name in running_names():
             return name
-        if elsewhere := reached_elsewhere(asked.settings):
+        if elsewhere := reached_elsewhere(options.settings):
             return elsewhere
     except RegistryError as error:
         raise NothingStarted(USAGE, str(error)) from None
-    raise NothingStarted(USAGE, f"no session of {asked.folder} is running")
+    raise NothingStarted(USAGE, f"no session of {options.folder} is running")
 
 
 def reached_elsewhere(settings: SessionOptions) -> str:

@@ -20,7 +20,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.protocol.registry import RegistryError, ask_summary, running_names, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineProcess, EngineRefused, start_engine
-from rise_engine.session.folder import find_unfinished, participant_text
+from rise_engine.session.folder import SessionError, find_session, find_unfinished, participant_text
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.running import reached_elsewhere, running_session
@@ -28,41 +28,41 @@ from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
 from rise_tui.config.paths import key_file_path
-from rise_tui.config.settings import NothingStarted, engine_options, scenario_path, why_no_scenario
+from rise_tui.config.settings import NothingStarted, engine_options, expand_home, scenario_path, why_no_scenario
 
 if TYPE_CHECKING:
     from rise_tui.config.keymap import KeyFile
 
 
-def start(asked: CommandLine) -> NoReturn:
+def start(options: CommandLine) -> NoReturn:
     """Do what is asked; ends the process with its exit status."""
-    if asked.in_browser:
+    if options.in_browser:
         take_terminal()
     try:
-        if asked.web is not None:
-            _serve_browsers(asked)
-        asked = replace(asked, display=with_detected_colors(asked.display, os.environ))
-        prepare_textual(asked.display)  # before anything imports Textual
-        keys = _read_keys(asked)
-        if asked.replay is not None:
-            _open_replay(asked, keys)
-        elif asked.folder is None:
-            _attach(asked, keys)
+        if options.web is not None:
+            _serve_browsers(options)
+        options = replace(options, display=with_detected_colors(options.display, os.environ))
+        prepare_textual(options.display)  # before anything imports Textual
+        keys = _read_keys(options)
+        if options.replay is not None:
+            _open_replay(options, keys)
+        elif options.folder is None:
+            _attach(options, keys)
         else:
-            _run(asked, asked.settings, keys)
+            _run(options, options.settings, keys)
     except NothingStarted as nothing:
         for line in nothing.lines:
             click.echo(line, err=True)
         sys.exit(nothing.code)
 
 
-def _nothing(reason: str) -> NoReturn:
+def _refuse_start(reason: str) -> NoReturn:
     raise NothingStarted(USAGE, reason)
 
 
-def _read_keys(asked: CommandLine) -> KeyFile | None:
+def _read_keys(options: CommandLine) -> KeyFile | None:
     """The user's key file; None when there is none."""
-    path = key_file_path(asked.keys)
+    path = key_file_path(options.keys)
     if path is None:
         return None
     from rise_tui.config.key_file import read_keys
@@ -85,82 +85,85 @@ def _need_terminal(also: str = "") -> None:
 # --- sessions that run ------------------------------------------------------------------------------------------------
 
 
-def _serve_browsers(asked: CommandLine) -> NoReturn:
+def _serve_browsers(options: CommandLine) -> NoReturn:
     """Consoles for browsers, until somebody ends this process."""
-    _read_keys(asked)  # only to say now what is wrong with it
-    name = running_session(asked)
+    _read_keys(options)  # only to say now what is wrong with it
+    name = running_session(options)
     try:
         from rise_tui.web.server import WebError, serve
     except ImportError as error:
-        _nothing(f"--web needs more than is installed ({error.name}): pip install 'rise-tui[web]'")
+        _refuse_start(f"--web needs more than is installed ({error.name}): pip install 'rise-tui[web]'")
     try:
-        serve(name, _arguments_in_browser(name, asked), asked.web or 0)
+        serve(name, _arguments_in_browser(name, options), options.web or 0)
     except WebError as error:
-        _nothing(str(error))
+        _refuse_start(str(error))
     sys.exit(0)
 
 
-def _arguments_in_browser(name: str, asked: CommandLine) -> list[str]:
+def _arguments_in_browser(name: str, options: CommandLine) -> list[str]:
     """How the console of a browser is started."""
-    display = asked.display
-    given = ["--session", name, "--observe", "--in-browser", "--wizard", asked.wizard or login_name()]
+    display = options.display
+    given = ["--session", name, "--observe", "--in-browser", "--wizard", options.wizard or login_name()]
     given += ["--colors", display.colors, "--mouse", "on" if display.mouse else "off", "--fps", str(display.fps)]
     given += ["--theme", display.theme] if display.theme else []
-    given += ["--keys", asked.keys] if asked.keys is not None else []
-    return [*given, "--fresh"] if asked.fresh else given
+    given += ["--keys", options.keys] if options.keys is not None else []
+    return [*given, "--fresh"] if options.fresh else given
 
 
-def _attach(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """To a session that runs already."""
-    name = running_session(asked)
+    name = running_session(options)
     _need_terminal()
-    _open(name, None, asked, keys)
+    _open(name, None, options, keys)
 
 
-def _join(name: str, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The session of the scenario that runs already, if it is what was asked for."""
     choose_session.check_matches(
         name,
         ask_summary(name),
-        new=asked.new,
-        robot=asked.robot,
-        mode=asked.mode,
-        participant=asked.participant,
-        condition=asked.condition,
-        begins=asked.only_for_new,
+        new=options.new,
+        robot=options.robot,
+        mode=options.mode,
+        participant=options.participant,
+        condition=options.condition,
+        only_for_new=options.only_for_new,
     )
     _need_terminal()
-    _open(name, None, asked, keys)
+    _open(name, None, options, keys)
 
 
 # --- new sessions -----------------------------------------------------------------------------------------------------
 
 
-def _run(asked: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
+def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
     """A session of a scenario: the one that runs, an earlier one recovered, or a new one."""
     if problem := why_no_scenario(settings):
-        _refuse([problem], settings.folder)
+        _print_refusal([problem], settings.folder)
     name = session_name(scenario_path(settings))
     try:
         if name in running_names():
-            _join(name, asked, keys)
+            _join(name, options, keys)
     except RegistryError as error:
-        _nothing(str(error))
-    if asked.observe:
-        _observe(asked, settings, keys)
-    _need_terminal_to_choose(asked, settings)
+        _refuse_start(str(error))
+    if options.observe:
+        _observe(options, settings, keys)
+    _need_terminal_to_choose(options, settings)
     if keys is not None:
         _check_clashes(settings, keys)
-    wanted = engine_options(settings, asked.seed, asked.unfinished)
+    wanted = engine_options(settings, options.seed, options.unfinished)
     wanted = replace(
-        wanted, wizard=asked.wizard or login_name(), from_other_computer=asked.here, first_tasks=_first_inputs(asked)
+        wanted,
+        wizard=options.wizard or login_name(),
+        from_other_computer=options.here,
+        first_tasks=_first_inputs(options),
     )
-    starting = EngineProcess(wanted)
+    engine = EngineProcess(wanted)
     # Its process takes as long to come up as the console takes to be imported: both at once.
     from rise_tui.cli import open_console
 
     progress = ProgressLine()
-    found = starting.wait(progress.show)
+    found = engine.wait(progress.show)
     progress.clear()
     if isinstance(found, EngineRefused) and (found.unfinished or found.others):
         named = participant_text(settings.participant, settings.condition)
@@ -168,39 +171,39 @@ def _run(asked: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> 
         found = start_engine(replace(wanted, unfinished=chosen), progress.show)
         progress.clear()
     if isinstance(found, EngineRefused) and found.code == ALREADY_RUNNING and (found.socket or name in running_names()):
-        _join(found.socket or name, asked, keys)  # somebody else has just started it, or elsewhere
+        _join(found.socket or name, options, keys)  # somebody else has just started it, or elsewhere
     if isinstance(found, EngineRefused):
-        _refuse(found.lines, settings.folder, found.code)
-    unused = asked.only_for_new if found.recovered else []
+        _print_refusal(found.lines, settings.folder, found.code)
+    unused = options.only_for_new if found.recovered else []
     notice = launch.startup_notice(found) + (
         f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else ""
     )
-    sys.exit(open_console.on_session(found.name, settings, asked, keys, notice=notice))
+    sys.exit(open_console.on_session(found.name, settings, options, keys, notice=notice))
 
 
-def _observe(asked: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
+def _observe(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
     """A session that runs with another runtime folder, perhaps; none is started."""
     if elsewhere := reached_elsewhere(settings):
-        _join(elsewhere, asked, keys)
-    _nothing(f"no session of {settings.folder} is running, and --observe starts none")
+        _join(elsewhere, options, keys)
+    _refuse_start(f"no session of {settings.folder} is running, and --observe starts none")
 
 
-def _need_terminal_to_choose(asked: CommandLine, settings: SessionOptions) -> None:
+def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> None:
     """Also where somebody has to be asked about a session that did not end."""
     if PlainTerminal().interactive:
         return
-    asks = asked.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
+    asks = options.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
     _need_terminal(choose_session.WITHOUT_TERMINAL if asks else "")
 
 
-def _first_inputs(asked: CommandLine) -> tuple[Submit, ...]:
-    """What a new session begins with. Raises NothingChosenError."""
-    if not asked.sets:
+def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
+    """What a new session begins with. Raises NothingStarted."""
+    if not options.sets:
         return ()
     try:
         return tuple(
             Submit(function="assignValue", behavior=behavior, source="wizard:command-line")
-            for behavior in parse_assignments(asked.sets)
+            for behavior in parse_assignments(options.sets)
         )
     except UnusableArgument as error:
         raise NothingStarted(USAGE, *str(error).splitlines()) from None
@@ -215,7 +218,7 @@ def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
         raise NothingStarted(USAGE, *map(str, clashes), how_to_mend(keys.path))
 
 
-def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
+def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
     for line in lines:
         click.echo(line)
     click.echo(f"{folder} was refused: nothing was started", err=True)
@@ -225,15 +228,19 @@ def _refuse(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:
 # --- consoles ---------------------------------------------------------------------------------------------------------
 
 
-def _open(name: str, settings: SessionOptions | None, asked: CommandLine, keys: KeyFile | None) -> NoReturn:
+def _open(name: str, settings: SessionOptions | None, options: CommandLine, keys: KeyFile | None) -> NoReturn:
     from rise_tui.cli import open_console
 
-    sys.exit(open_console.on_session(name, settings, asked, keys))
+    sys.exit(open_console.on_session(name, settings, options, keys))
 
 
-def _open_replay(asked: CommandLine, keys: KeyFile | None) -> NoReturn:
-    from rise_tui.cli import replay
-
-    path = replay.find(asked)
+def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
+    """The record of a session."""
+    try:
+        path = find_session(str(expand_home(options.replay or "")))
+    except SessionError as error:
+        _refuse_start(str(error))
     _need_terminal()
-    sys.exit(replay.open_console(path, asked, keys))
+    from rise_tui.cli import open_console  # as above
+
+    sys.exit(open_console.on_replay(path, options, keys))

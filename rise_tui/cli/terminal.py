@@ -21,7 +21,7 @@ class PlainTerminal:
         """Whether somebody can be asked."""
         return sys.stdin.isatty() and sys.stdout.isatty()
 
-    def say(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         """Write a line."""
         click.echo(line)
 

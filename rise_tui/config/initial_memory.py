@@ -25,7 +25,7 @@ class MemoryNotWritable(RiseError):
 
 
 def memory_file_path(scenario: Scenario) -> Path:
-    """Where the start values stand. Raises NotWritable."""
+    """Where the start values stand. Raises MemoryNotWritable."""
     folder = Path(scenario.folder)
     if not scenario.folder or not folder.is_dir():
         raise MemoryNotWritable(f"the scenario's folder is not on this computer: {scenario.folder or 'none'}")
@@ -64,7 +64,7 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[
 def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
     """Write what has changed from `before` to `now` into the file, and leave the rest of it as it is.
 
-    As a whole or not at all. A link stays a link: the file that it leads to is written. Raises NotWritable.
+    As a whole or not at all. A link stays a link: the file that it leads to is written. Raises MemoryNotWritable.
     """
     fresh = ""
     try:
@@ -86,7 +86,7 @@ def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -
 
 
 def _text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """What the file is to hold. Raises OSError, UnicodeError and NotEditable."""
+    """What the file is to hold. Raises OSError, UnicodeError and MemoryFileNotEditable."""
     if not path.exists():
         return memory_file_text(now)
     text = path.read_bytes().decode("utf-8")

@@ -19,8 +19,9 @@ from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
-from rise_tui.actions import ACTIONS, BY_ID, ConsoleAction, key_label
+from rise_tui.actions import ACTIONS, BY_ID, ConsoleAction
 from rise_tui.config.keymap import KeyFile
+from rise_tui.key_labels import key_label
 
 FIXED = {
     "escape": "it leaves whatever is open",
@@ -37,15 +38,18 @@ def read_keys(path: Path) -> KeyFile:
     reader = _Reader(file, diagnostics) if file is not None else None
     if reader is not None:
         reader.read()
-    found = tuple(_at(path, diagnostic) for diagnostic in diagnostics.sorted())
-    return KeyFile(path, reader.own, found, reader.places) if reader is not None else KeyFile(path, {}, found)
+    found = tuple(_with_full_path(path, diagnostic) for diagnostic in diagnostics.sorted())
+    return KeyFile(path, reader.own, found, reader.locations) if reader is not None else KeyFile(path, {}, found)
 
 
-def _at(path: Path, diagnostic: Diagnostic) -> Diagnostic:
+def _with_full_path(path: Path, diagnostic: Diagnostic) -> Diagnostic:
     """With the file's whole path, because nobody knows which folder is meant."""
-    place = diagnostic.location
+    location = diagnostic.location
     return Diagnostic(
-        diagnostic.severity, diagnostic.code, diagnostic.message, SourceLocation(str(path), place.line, place.column)
+        diagnostic.severity,
+        diagnostic.code,
+        diagnostic.message,
+        SourceLocation(str(path), location.line, location.column),
     )
 
 
@@ -55,7 +59,7 @@ class _Reader:
     def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
         self.file, self.diagnostics = file, diagnostics
         self.own: dict[str, tuple[str, ...]] = {}
-        self.places: dict[tuple[str, str], SourceLocation] = {}
+        self.locations: dict[tuple[str, str], SourceLocation] = {}
 
     def read(self) -> None:
         for table in self.file.values:
@@ -70,15 +74,15 @@ class _Reader:
             self.action(action, value)
         self.conflicts()
 
-    def error(self, code: str, place: SourceLocation, message: str) -> None:
-        self.diagnostics.error(code, place, message)
+    def error(self, code: str, location: SourceLocation, message: str) -> None:
+        self.diagnostics.error(code, location, message)
 
     def action(self, parts: tuple[str, ...], value: Any) -> None:
-        name, place = ".".join(parts), self.file.key_location("keys", *parts)
+        name, location = ".".join(parts), self.file.key_location("keys", *parts)
         action = BY_ID.get(name)
         if action is None:
             known = did_you_mean(name, BY_ID) or "; `rise-tui keys` lists them"
-            self.error("unknown-action", place, f"there is no action `{name}`{known}")
+            self.error("unknown-action", location, f"there is no action `{name}`{known}")
             return
         written = [value] if isinstance(value, str) else value
         at = self.file.value_location("keys", *parts)
@@ -91,7 +95,7 @@ class _Reader:
             return
         if len(keys) == len(written):
             self.own[name] = tuple(dict.fromkeys(keys))
-            self.places.update({(name, key): at for key in keys})
+            self.locations.update({(name, key): at for key in keys})
 
     def key(self, action: ConsoleAction, written: str, at: SourceLocation) -> str:
         """Textual's name of a key, or empty after a finding."""
@@ -123,7 +127,7 @@ class _Reader:
                 if others:
                     names = " and ".join(f"`{other}`" for other in others)
                     which = f"`{key_label(key)}` is given to `{action.id}`, and {names} has it too"
-                    self.error("key-twice", self.places[action.id, key], f"{which}; give that another key, or []")
+                    self.error("key-twice", self.locations[action.id, key], f"{which}; give that another key, or []")
 
     def clash(self, action: ConsoleAction, other: ConsoleAction, key: str) -> bool:
         if key not in self.own.get(other.id, other.keys) or not _overlap(action, other):

@@ -9,8 +9,9 @@ from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import KeyBinding, SourceLocation
-from rise_tui.actions import key_label, unbound_key
+from rise_tui.actions import unbound_key
 from rise_tui.config.paths import USUAL_KEYS
+from rise_tui.key_labels import key_label
 
 
 class KeyFile(Struct, frozen=True):
@@ -33,9 +34,9 @@ class KeyFile(Struct, frozen=True):
                 "key-twice",
                 f"`{key_label(key)}` is given to `{action}` here, and {_meaning(keys[key])} in the scenario "
                 f"({keys[key].location})",
-                place,
+                location,
             )
-            for (action, key), place in self.locations.items()
+            for (action, key), location in self.locations.items()
             if key in keys
         ]
 

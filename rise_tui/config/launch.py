@@ -18,9 +18,6 @@ from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT
 from rise_engine.server.spawn import EngineStarted
 from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
 
-ALREADY_RUNNING = 3
-"""What an engine says when a session of its scenario runs already (`rise_engine.server.process`)."""
-
 
 class ScenarioProblems(Struct, frozen=True):
     """The scenario does not load."""
@@ -94,12 +91,12 @@ def list_robots(folder: str) -> list[str]:
 
 
 class ScenarioSummary(Struct, frozen=True):
-    """What the scenario in a folder says about robot, mode and places, without reading the rest of it."""
+    """What the scenario in a folder says about robot, mode and paths, without reading the rest of it."""
 
     robots: list[str]
     robot: str
     mode: str
-    places: Mapping[str, str]
+    paths: Mapping[str, str]
 
 
 def read_summary(folder: str) -> ScenarioSummary | None:
@@ -119,10 +116,10 @@ def read_summary(folder: str) -> ScenarioSummary | None:
         return value if isinstance(value, str) and value else otherwise
 
     robot = text("robot", DEFAULT_ROBOT)
-    places = {place: text(place, usual) for place, usual in DEFAULT_PATHS.items()}
+    paths = {kind: text(kind, usual) for kind, usual in DEFAULT_PATHS.items()}
     return ScenarioSummary(
         names if robot in names else [*names, robot],
         robot,
         "real" if text("mode", "") == "real" else "debug",
-        places,
+        paths,
     )

@@ -31,7 +31,7 @@ class _Span(NamedTuple):
 def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """The file's text after the changes that lead from `before` to `now`: keys set, added and deleted.
 
-    Keys that do not differ between the two stay in the file as they are there. Raises NotEditable.
+    Keys that do not differ between the two stay in the file as they are there. Raises MemoryFileNotEditable.
     """
     document = _read(text)
     members = _members(document)
@@ -73,7 +73,7 @@ def _read(text: str) -> JsonObject:
 
 
 def _members(document: JsonObject) -> list[JsonMember]:
-    """The memory's keys, in either form. Raises NotEditable."""
+    """The memory's keys, in either form. Raises MemoryFileNotEditable."""
     listed = document.get(LIST_KEY)
     if not isinstance(listed, JsonArray):
         return list(document.members)
@@ -121,7 +121,7 @@ def _value_edits(text: str, at: int, old: Any, new: Any) -> list[_Edit]:
         return _object_edits(text, old, new)
     if isinstance(old, JsonArray) and isinstance(new, list | tuple) and len(old) == len(new):
         pairs = zip(old.items_at, old, new, strict=True)
-        return [edit for place, one, other in pairs for edit in _value_edits(text, place, one, other)]
+        return [edit for offset, one, other in pairs for edit in _value_edits(text, offset, one, other)]
     return [_Edit(at, _end(text, at), _dumps(new))]
 
 

@@ -15,13 +15,14 @@ from rise_engine.protocol.registry import RegistryError
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem
-from rise_tui.actions import bindings_in, use_own_keys, why_blocked
+from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.console import exit_dialogs
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
+from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -52,14 +53,14 @@ class ConsoleApp(TerminalApp):
         theme: str = themes.DEFAULT,
         launcher: Launcher,
         client: Client | None = None,
-        told: str = "",
+        notice: str = "",
         keys: KeyFile | None = None,
-        keeper: UiState | None = None,
+        ui_state: UiState | None = None,
         in_browser: bool = False,
     ) -> None:
         """Either with a `client` of a session that runs, or with what the launcher is to start.
 
-        `told`: what there is to say about the session to begin with. Without a `keeper` nothing is restored or kept.
+        `notice`: what there is to say about the session to begin with. Without `ui_state` nothing is restored or kept.
         """
         super().__init__()
         self.animation_level = "none"
@@ -68,8 +69,8 @@ class ConsoleApp(TerminalApp):
         self.theme = themes.full_name(theme)
         self._launcher = launcher
         self._scenario, self._settings, self._wizard = scenario, settings, wizard
-        self._client, self._first_notice = client, told
-        self._keys, self._ui_state, self._in_browser = keys or KeyFile(), keeper, in_browser
+        self._client, self._first_notice = client, notice
+        self._keys, self._ui_state, self._in_browser = keys or KeyFile(), ui_state, in_browser
         use_own_keys(self._keys.keys)
         self.set_keymap(textual_keymap(self._keys))
         self._session: ConsoleSession | None = None
@@ -85,12 +86,12 @@ class ConsoleApp(TerminalApp):
     async def on_mount(self) -> None:
         loop = asyncio.get_running_loop()
 
-        def arrived(number: int, frame: FrameType | None) -> None:
+        def handle_signal(number: int, frame: FrameType | None) -> None:
             self._on_signal(loop, signal.Signals(number))
 
         for number in (signal.SIGHUP, signal.SIGTERM):
             with suppress(ValueError):  # not the main thread
-                self._handlers[number] = signal.signal(number, arrived)
+                self._handlers[number] = signal.signal(number, handle_signal)
         if self.terminal_writer is not None:
             self.terminal_writer.on_gone = lambda: self._on_signal(loop, signal.SIGHUP)
         self.set_interval(SAVE_SECONDS, self._save_ui_state)
@@ -142,9 +143,9 @@ class ConsoleApp(TerminalApp):
             self._settings = settings_of_session(session.store.hello)
         screen = ConsoleScreen(session)
         await self.push_screen(screen)
-        told = self._ui_state.restore(screen, themes.short_name(self.theme)) if self._ui_state is not None else ""
-        if told or self._first_notice:
-            session.show_notice(Notice(self._first_notice or told, "wait"))
+        notice = self._ui_state.restore(screen, themes.short_name(self.theme)) if self._ui_state is not None else ""
+        if notice or self._first_notice:
+            session.show_notice(Notice(self._first_notice or notice, "wait"))
             self._first_notice = ""
         if self._ui_state is not None and self._ui_state.tour_is_due:
             self.call_after_refresh(screen.offer_tour, self._note_tour_seen)
@@ -213,12 +214,12 @@ class ConsoleApp(TerminalApp):
         session.show_notice(Notice("the session is being recovered", "wait"))
         loop = asyncio.get_running_loop()
 
-        def tell(sentence: str) -> None:
+        def report(sentence: str) -> None:
             with suppress(RuntimeError):  # the console has left meanwhile
                 loop.call_soon_threadsafe(session.show_notice, Notice(sentence, "wait"))
 
         try:
-            recovered = await asyncio.to_thread(recover, session.store.hello, tell)
+            recovered = await asyncio.to_thread(recover, session.store.hello, report)
         except (EngineGone, RegistryError) as error:
             session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
             return
@@ -313,9 +314,9 @@ class ConsoleApp(TerminalApp):
     def _leave_by_signal(self, number: signal.Signals) -> None:
         """The terminal has gone, or somebody ends the program: the session is not theirs to end."""
         if not self._is_leaving:
-            self.run_worker(self._leave_and_exit(128 + number, by=number.name))
+            self.run_worker(self._leave_and_exit(128 + number, signal_name=number.name))
 
-    async def _leave_and_exit(self, code: int, *, end: bool = False, by: str = "") -> None:
+    async def _leave_and_exit(self, code: int, *, end: bool = False, signal_name: str = "") -> None:
         if self._is_leaving:
             return
         self._is_leaving = True
@@ -325,7 +326,7 @@ class ConsoleApp(TerminalApp):
                 self._is_leaving = False
                 return
             self.exit_message = exit_dialogs.exit_message(
-                self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, by=by
+                self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, signal_name=signal_name
             )
         self._save_ui_state(at_once=True)
         self.exit(return_code=code)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from rise_engine.protocol.client import ControlVerb
-from rise_tui.actions import BY_ID, key_name, keys_of
+from rise_tui.actions import BY_ID
 from rise_tui.console.console_actions import ConsoleActions
+from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
 from rise_tui.screens.dialog import Dialog, DialogChoice
 
@@ -21,16 +22,16 @@ class Confirmations:
         """Whether the stop is to be released."""
         console = self._console
         stop = console.store.view.stop
-        said = [f"Stopped by {stop.source or 'the console'}."]
-        said.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
+        lines = [f"Stopped by {stop.source or 'the console'}."]
+        lines.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
         if stop.unconfirmed:
-            said.append(f"NOT confirmed: {', '.join(stop.unconfirmed)}. Look at the robot first.")
+            lines.append(f"NOT confirmed: {', '.join(stop.unconfirmed)}. Look at the robot first.")
         elif stop.status == "requested":
-            said.append("The robot has not answered yet. Look at it first.")
-        said.append("After this, keys start acts and rules again.")
+            lines.append("The robot has not answered yet. Look at it first.")
+        lines.append("After this, keys start acts and rules again.")
         keys = keys_of(BY_ID["release"])
-        said += [f"{key_name('release')} once more releases it."] * bool(keys)
-        dialog = Dialog("Release the stop?", said, DialogChoice("r", "Release"), no="Stay stopped", again=keys)
+        lines += [f"{key_name('release')} once more releases it."] * bool(keys)
+        dialog = Dialog("Release the stop?", lines, DialogChoice("r", "Release"), no="Stay stopped", repeat_keys=keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
 
@@ -38,10 +39,12 @@ class Confirmations:
         """What is to become of control, by who has it and who asks for it."""
         console = self._console
         store = console.store
-        said, ways = control_question(store.view.control, store.view.asked, store.own_name, key_name)
+        lines, choices = control_question(store.view.control, store.view.asked, store.own_name, key_name)
         self._control_shown = self._holder_and_asker()
-        verbs: dict[str, ControlVerb] = {way.key: way.verb for way in ways}
-        dialog = Dialog("Control", said, *(DialogChoice(way.key, way.title) for way in ways), no="Leave it")
+        verbs: dict[str, ControlVerb] = {choice.key: choice.verb for choice in choices}
+        dialog = Dialog(
+            "Control", lines, *(DialogChoice(choice.key, choice.title) for choice in choices), no="Leave it"
+        )
         dialog.add_class("-control")
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 
@@ -58,7 +61,7 @@ class Confirmations:
         view = self._console.store.view
         return view.control, view.asked
 
-    def _withdraw(self, kind: str, said: str) -> None:
+    def _withdraw(self, kind: str, lines: str) -> None:
         for screen in self._console.app.screen_stack:
             if isinstance(screen, Dialog) and screen.has_class(kind) and screen.withdraw():
-                self._console.show_notice(said)
+                self._console.show_notice(lines)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rise_tui.actions import why_blocked
 from rise_tui.config.paths import abbreviate_home
+from rise_tui.key_labels import why_blocked
 from rise_tui.model.session_summary import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
@@ -22,32 +22,35 @@ END_KEY = "ctrl+x"
 
 def leave_dialog(store: Store) -> Dialog:
     """What can be done when leaving: a session can be ended only by who has control."""
-    said = [session_title(store), *running_lines(store), ""]
-    said += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
+    lines = [session_title(store), *running_lines(store), ""]
+    lines += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
     if why_not := why_blocked(store, "change"):
-        said += [f"Ending the session needs control: {why_not}."]
-        return Dialog("Leave?", said, DialogChoice("d", "Detach"), no="Stay", first="d")
-    said += ["End     for good; this asks once more."]
+        lines += [f"Ending the session needs control: {why_not}."]
+        return Dialog("Leave?", lines, DialogChoice("d", "Detach"), no="Stay", default="d")
+    lines += ["End     for good; this asks once more."]
     return Dialog(
-        "Leave?", said, DialogChoice("d", "Detach"), DialogChoice(END_KEY, "End the session"), no="Stay", first="d"
+        "Leave?", lines, DialogChoice("d", "Detach"), DialogChoice(END_KEY, "End the session"), no="Stay", default="d"
     )
 
 
 def engine_gone_dialog(store: Store) -> Dialog:
     """What can be done when the engine has gone in the midst of a session."""
-    said = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
+    lines = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
     if store.hello.role == "observer":
-        said = ["Watch    goes on, once somebody has recovered the session."]
-    said = [session_title(store), f"Its record came as far as {format_clock(store.view.t)}.", "", *said]
-    ways = DialogChoice("r", "Watch" if store.hello.role == "observer" else "Recover"), DialogChoice("l", "Leave")
-    return Dialog("The engine has gone", said, *ways, no="Stay")
+        lines = ["Watch    goes on, once somebody has recovered the session."]
+    lines = [session_title(store), f"Its record came as far as {format_clock(store.view.t)}.", "", *lines]
+    choices = DialogChoice("r", "Watch" if store.hello.role == "observer" else "Recover"), DialogChoice("l", "Leave")
+    return Dialog("The engine has gone", lines, *choices, no="Stay")
 
 
-def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, by: str = "") -> str:
-    """What became of the session, in one line. `patience`: seconds it had to end. `by`: the signal, if one did it."""
+def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, signal_name: str = "") -> str:
+    """What became of the session, in one line.
+
+    `patience`: seconds that it had to end. `signal_name`: of the signal that ended the console, if one did.
+    """
     if store.hello.replay:
         return ""
-    title, lead = store.scenario.title, f"{by}: " if by else ""
+    title, lead = store.scenario.title, f"{signal_name}: " if signal_name else ""
     if store.gone_reason and not store.ended_in_order:
         again = f"rise-tui --config {abbreviate_home(store.scenario.folder)}"
         return f"{lead}the engine has gone; to recover the session: {again}"

@@ -11,7 +11,8 @@ from time import monotonic
 from typing import Protocol
 
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.actions import BY_ID, key_name, keys_of, why_blocked, why_task_blocked
+from rise_tui.actions import BY_ID
+from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
 from rise_tui.model.failures import unanswered_failures
 from rise_tui.model.input_lock import (
     LOCKED_ACTIONS,

@@ -107,9 +107,9 @@ class Layout(Container):
                 yield from (self.panes[name] for name in reversed(LOWER))
 
     def on_mount(self) -> None:
-        self.call_after_refresh(self._fill)
+        self.call_after_refresh(self._mount_hidden)
 
-    def _fill(self) -> None:
+    def _mount_hidden(self) -> None:
         """What nobody sees yet is made when the first frame is on the terminal."""
         for pane in self.panes.values():
             pane.mount_contents()

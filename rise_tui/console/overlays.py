@@ -21,15 +21,15 @@ from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
 
 
-def open_help(console: ConsoleActions, place: KeyScope | None) -> None:
-    """Every key and word; those of the focused pane (`place`) first."""
-    console.app.push_screen(HelpScreen(console.store, place))
+def open_help(console: ConsoleActions, scope: KeyScope | None) -> None:
+    """Every key and word; those of the focused pane (`scope`) first."""
+    console.app.push_screen(HelpScreen(console.store, scope))
 
 
-def open_palette(console: ConsoleActions, place: KeyScope | None) -> None:
+def open_palette(console: ConsoleActions, scope: KeyScope | None) -> None:
     """Everything that can be done, with the focused pane's actions first."""
-    found = [*palette_commands(console.store, place, console.action_do, console.start), *_theme_commands(console)]
-    _open_palette(console, found, "command, act, rule, event or theme")
+    commands = [*palette_commands(console.store, scope, console.action_do, console.start), *_theme_commands(console)]
+    _open_palette(console, commands, "command, act, rule, event or theme")
 
 
 def open_theme_palette(console: ConsoleActions) -> None:
@@ -44,27 +44,27 @@ def _theme_commands(console: ConsoleActions) -> list[PaletteCommand]:
     return list(theme_commands(use))
 
 
-def _open_palette(console: ConsoleActions, found: Sequence[PaletteCommand], placeholder: str) -> None:
+def _open_palette(console: ConsoleActions, commands: Sequence[PaletteCommand], placeholder: str) -> None:
     def run_chosen(number: str | None) -> None:
         if not number:
             return
-        command = found[int(number)]
+        command = commands[int(number)]
         if command.blocked_text:
             console.show_notice(f"{command.title}: not now, {command.blocked_text}")
         else:
             command.run()
 
-    console.app.push_screen(Palette(found, placeholder=placeholder), run_chosen)
+    console.app.push_screen(Palette(commands, placeholder=placeholder), run_chosen)
 
 
 def open_jump_mode(console: ConsoleActions, panes: Layout, hints: Region) -> None:
     """Letters over the title bars; what the letters are is said where the key hints stand."""
 
-    def go(name: str | None) -> None:
+    def focus_pane(name: str | None) -> None:
         if name:
             panes.focus_pane(name)
 
-    console.app.push_screen(JumpScreen(_labels(panes), hints), go)
+    console.app.push_screen(JumpScreen(_labels(panes), hints), focus_pane)
 
 
 def _labels(panes: Layout) -> Iterator[TitleLabels]:

@@ -16,11 +16,13 @@ from textual.widgets import Input
 from rise_engine.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
+from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.confirmations import Confirmations
 from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
+from rise_tui.key_labels import why_unavailable
 from rise_tui.messages import FocusPane, RequestStart, RunAction, ShowNotice, ShowSelection, SubmitTask
 from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, KeyAction
 from rise_tui.model.notice import Level, Notice
@@ -32,9 +34,8 @@ from rise_tui.widgets.note_line import NoteLine
 from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines
 
-CLOCK = 1.0
-TENTHS = 0.5
-"""How often running times move, and only while something runs."""
+CLOCK_SECONDS, RUNNING_SECONDS = 1.0, 0.5
+"""How often the clock moves, and running times, only while something runs."""
 
 
 class ConsoleScreen(Screen[None]):
@@ -53,12 +54,8 @@ class ConsoleScreen(Screen[None]):
         super().__init__()
         self.session = session
         self.pane_layout = Layout(session.store)
-        self.refresh_scheduler = RefreshScheduler(session.store, self.pane_layout, self.set_timer)
-        self.status_line, self.alarm_bar = self.refresh_scheduler.status_line, self.refresh_scheduler.alarm_bar
-        self.attention_bar, self.failure_bar = self.refresh_scheduler.attention_bar, self.refresh_scheduler.failure_bar
-        self.notice_line, self.key_hints = self.refresh_scheduler.notice_line, self.refresh_scheduler.key_hints
-        self.say_line, self.mistake_line = self.refresh_scheduler.speech_input, self.refresh_scheduler.mistake_line
-        self.note_line = NoteLine()
+        self.bars = ConsoleBars(session.store, self.pane_layout)
+        self.refresh_scheduler = RefreshScheduler(session.store, self.pane_layout, self.bars, self.set_timer)
         self._kept_note = ""
         """A note that was typed and not taken."""
         self.confirmations = Confirmations(self)
@@ -69,34 +66,25 @@ class ConsoleScreen(Screen[None]):
         return self.session.store
 
     def compose(self) -> ComposeResult:
-        self.refresh_scheduler.fit_terminal()
-        yield self.status_line
-        yield self.refresh_scheduler.speech_band
-        yield self.alarm_bar
-        yield self.attention_bar
-        yield self.failure_bar
+        self.bars.fit_terminal(self.app.size)
+        yield from self.bars.above()
         yield self.pane_layout
-        yield self.notice_line
-        yield self.mistake_line
-        yield self.note_line
-        yield self.say_line
-        yield self.refresh_scheduler.key_strip
-        yield self.key_hints
+        yield from self.bars.below()
 
     def on_mount(self) -> None:
         self.session.on_change = self._store_changed
         self.run_worker(self.session.receive_records(), name="pump", exit_on_error=True)
-        self.set_interval(CLOCK, self.refresh_scheduler.draw_every_second)
-        self.set_interval(TENTHS, self.refresh_scheduler.draw_every_half_second)
+        self.set_interval(CLOCK_SECONDS, self.refresh_scheduler.draw_every_second)
+        self.set_interval(RUNNING_SECONDS, self.refresh_scheduler.draw_every_half_second)
         self.pane_layout.focus_pane("acts")
 
-    def _store_changed(self, topics: frozenset[StorePart] | set[StorePart]) -> None:
-        self.refresh_scheduler.schedule(topics)
-        if "status" in topics:
+    def _store_changed(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
+        self.refresh_scheduler.schedule(parts)
+        if "status" in parts:
             self.confirmations.control_may_have_changed()
 
     def on_resize(self) -> None:
-        self.refresh_scheduler.fit_terminal()
+        self.bars.fit_terminal(self.app.size)
         overlays.show_when_too_small(self.app, self.store)
 
     def on_screen_resume(self, event: events.ScreenResume) -> None:
@@ -105,13 +93,13 @@ class ConsoleScreen(Screen[None]):
         overlays.show_when_too_small(self.app, self.store)
 
     @on(StaticLines.DrawAgain)
-    def _bar_resized(self) -> None:
-        self.refresh_scheduler.draw_bars()
+    def _draw_again(self) -> None:
+        self.refresh_scheduler.draw_all()
 
     @on(events.DescendantFocus)
     @on(events.DescendantBlur)
-    def _focus_moved(self) -> None:
-        self.refresh_scheduler.draw_hints()
+    def _hint_for_focus(self) -> None:
+        self.bars.draw_hints()
 
     # --- keys -----------------------------------------------------------------------------------------------------
 
@@ -157,7 +145,7 @@ class ConsoleScreen(Screen[None]):
         """Keys that nothing else has taken."""
         if isinstance(self.focused, Input):
             return
-        self.mistake_line.close()
+        self.bars.mistake_line.close()
         if self.input.handle_key(event.key, event.time, selected_act=self._selected_act):
             event.stop()
             event.prevent_default()
@@ -174,12 +162,12 @@ class ConsoleScreen(Screen[None]):
         self._run(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
-        self.say_line.accept(typed)
+        self.bars.speech_input.accept(typed)
         self._run(self._submit_speech(action, typed, pressed))
 
     async def _submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
-            self.say_line.restore(typed)
+            self.bars.speech_input.restore(typed)
 
     def show_armed(self, act: str) -> None:
         self.store.armed_act = act
@@ -193,7 +181,7 @@ class ConsoleScreen(Screen[None]):
         self.refresh_scheduler.schedule({"acts", "rules", "status", "tasks"})
 
     def ask_what_was_wrong(self, task: int) -> None:
-        self.refresh_scheduler.open_mistake(task)
+        self.bars.open_mistake(task)
 
     def leave_transient(self) -> None:
         pane = self.pane_layout.focused_pane()
@@ -255,7 +243,7 @@ class ConsoleScreen(Screen[None]):
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
         self.input.action_carried_out()
-        if reason := BY_ID[action].why_unavailable(self.store):
+        if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
         if BY_ID[action].scope in self.pane_layout.panes:
@@ -268,9 +256,9 @@ class ConsoleScreen(Screen[None]):
         return {
             "stop": self.stop_all,
             "quit": lambda: self.app.run_action("quit"),
-            "palette": lambda: overlays.open_palette(self, self._focused_place),
-            "help": lambda: overlays.open_help(self, self._focused_place),
-            "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.key_hints.region),
+            "palette": lambda: overlays.open_palette(self, self._focused_scope),
+            "help": lambda: overlays.open_help(self, self._focused_scope),
+            "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.bars.key_hints.region),
             "tour": self.open_tour,
             "redraw": self._redraw,
             "lists": self.pane_layout.focus_next_list,
@@ -283,7 +271,7 @@ class ConsoleScreen(Screen[None]):
             "release": self.confirmations.ask_to_release_stop,
             "control": self.confirmations.ask_about_control,
             "note": self._note,
-            "say": self.say_line.open,
+            "say": self.bars.speech_input.open,
             "cue": lambda: self.start(MARK_CUE),
             "filler": lambda: self.start(NEXT_FILLER),
             "mistake": self.input.mark_mistake,
@@ -306,7 +294,7 @@ class ConsoleScreen(Screen[None]):
         self.input.switch_lock()
 
     @property
-    def _focused_place(self) -> KeyScope | None:
+    def _focused_scope(self) -> KeyScope | None:
         pane = self.pane_layout.focused_pane()
         return pane.SCOPE if pane is not None else None
 
@@ -327,10 +315,10 @@ class ConsoleScreen(Screen[None]):
 
     def _region_of(self, name: str) -> Region:
         """Where something stands that the tour points at."""
-        panes, hints = self.pane_layout, self.key_hints.region
+        panes, hints = self.pane_layout, self.bars.key_hints.region
         match name:
             case "status":
-                return self.status_line.region
+                return self.bars.status_line.region
             case "acts":
                 return panes.panes["acts"].region
             case "watching":
@@ -349,36 +337,35 @@ class ConsoleScreen(Screen[None]):
     # --- lines that open ----------------------------------------------------------------------------------------------
 
     def _note(self) -> None:
-        self.notice_line.display = False
-        self.note_line.open(self._kept_note)
+        self.bars.open_note(self._kept_note)
 
     @on(SpeechInput.Speak)
     def _speak(self, event: SpeechInput.Speak) -> None:
         self.input.say(event.typed, event.text, at_once=event.at_once)
 
     @on(SpeechInput.ReturnFocus)
-    def _say_closed(self, event: SpeechInput.ReturnFocus) -> None:
+    def _return_focus(self, event: SpeechInput.ReturnFocus) -> None:
         self._focus_back(event.back)
 
-    @on(MistakeLine.Chosen)
-    def _mistake_chosen(self, event: MistakeLine.Chosen) -> None:
+    @on(MistakeLine.ChooseMark)
+    def _choose_mark(self, event: MistakeLine.ChooseMark) -> None:
         if event.mark != "wrong":  # it is marked so already
             self.send("markMistake", f"{event.task} {event.mark}")
 
     @on(MistakeLine.EndMarking)
-    def _mistake_closed(self, event: MistakeLine.EndMarking) -> None:
-        self.notice_line.display = True
-        if self.focused in (None, self.mistake_line):
+    def _end_marking(self, event: MistakeLine.EndMarking) -> None:
+        self.bars.notice_line.display = True
+        if self.focused in (None, self.bars.mistake_line):
             self._focus_back(event.back)
 
     def _focus_back(self, widget: Widget | None) -> None:
         """To what had the focus before a line was opened, if it can still be seen."""
-        there = widget is not None and widget.is_attached and widget.display and widget.visible
-        self.set_focus(widget if there else self.pane_layout.panes["acts"].row_view)
+        is_visible = widget is not None and widget.is_attached and widget.display and widget.visible
+        self.set_focus(widget if is_visible else self.pane_layout.panes["acts"].row_view)
 
     @on(NoteLine.SaveNote)
-    def _noted(self, event: NoteLine.SaveNote) -> None:
-        self.notice_line.display = True
+    def _save_note(self, event: NoteLine.SaveNote) -> None:
+        self.bars.notice_line.display = True
         self._focus_back(event.back)
         if event.text:
             self.run_worker(self._send_note(event.text), group="send")

@@ -9,7 +9,7 @@ from time import monotonic
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
-from rise_tui.actions import key_name, why_blocked
+from rise_tui.key_labels import key_name, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart
 from rise_tui.model.task_messages import task_label
@@ -35,7 +35,7 @@ class ConsoleSession:
     def __init__(self, client: Client, store: Store) -> None:
         self.client = client
         self.store = store
-        self.on_change: ChangeCallback = lambda topics: None
+        self.on_change: ChangeCallback = lambda parts: None
         """Called after every change of the store; the screen repaints from it, at its own pace."""
         self._task_numbers = count(1)
         self._is_closed = False

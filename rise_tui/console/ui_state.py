@@ -19,13 +19,16 @@ SAVE_SECONDS = 1.0
 class UiState:
     """What one console keeps. Its methods are quick; only what they return is written, by `write`."""
 
-    def __init__(self, preferences: Preferences, *, fresh: bool = False, keeps: bool = True, said: str = "") -> None:
-        """`fresh`: nothing is restored. `said`: what there is to say about the preferences.
+    def __init__(
+        self, preferences: Preferences, *, fresh: bool = False, keeps_changes: bool = True, remark: str = ""
+    ) -> None:
+        """`fresh`: nothing is restored. `remark`: what there is to say about the preferences.
 
-        `keeps`: whether anything is written. Those who only watch use the wizard's account, and change nothing in it.
+        `keeps_changes`: whether anything is written. Those who only watch use the wizard's account, and change nothing
+        in it.
         """
         self.preferences = preferences
-        self._fresh, self._is_saved, self._remark = fresh, keeps, said
+        self._fresh, self._is_saved, self._remark = fresh, keeps_changes, remark
         self._theme = ""
         self._path: Path | None = None
         self._layout = SavedLayout()
@@ -35,29 +38,29 @@ class UiState:
         """Put the console as it was left; returns a sentence when something was not used."""
         self._theme = theme
         self._path = state_folder() / f"{session_name(screen.session.store.scenario.folder)}.json"
-        said, self._remark = self._remark, ""
+        remark, self._remark = self._remark, ""
         if not self._fresh:
-            places, trouble = load_saved(self._path, SavedLayout)
-            said = said or trouble
-            if places.session and places.session == screen.session.store.hello.folder:
-                screen.pane_layout.restore_state(places.layout)
-                for name, text in places.filters.items():
+            layout, problem = load_saved(self._path, SavedLayout)
+            remark = remark or problem
+            if layout.session and layout.session == screen.session.store.hello.folder:
+                screen.pane_layout.restore_state(layout.layout)
+                for name, text in layout.filters.items():
                     if text and name in screen.pane_layout.panes:
                         screen.pane_layout.panes[name].set_filter(text)
             screen.pane_layout.log_pane.show_own_rows(self.preferences.rules_own)
         self._layout = _layout_of(screen)
         self._rules_own = screen.pane_layout.log_pane.own_rows_shown
-        return said
+        return remark
 
     def changes(self, screen: ConsoleScreen, theme: str) -> list[tuple[Path, Preferences | SavedLayout]]:
         """What has changed since the last look."""
         changed: list[tuple[Path, Preferences | SavedLayout]] = []
         if self._path is None or not self._is_saved:
             return changed
-        places = _layout_of(screen)
-        if places != self._layout:
-            self._layout = places
-            changed.append((self._path, places))
+        layout = _layout_of(screen)
+        if layout != self._layout:
+            self._layout = layout
+            changed.append((self._path, layout))
         if theme != self._theme:
             self._theme = theme
             changed.append(self._changed_preferences(theme=theme))
@@ -84,8 +87,8 @@ class UiState:
 
 def save_all(changed: Iterable[tuple[Path, Preferences | SavedLayout]]) -> None:
     """May block; what cannot be written is lost without a word, because nothing depends on it."""
-    for path, kept in changed:
-        write_saved(path, kept)
+    for path, contents in changed:
+        write_saved(path, contents)
 
 
 def _layout_of(screen: ConsoleScreen) -> SavedLayout:

@@ -20,7 +20,7 @@ _ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (Fal
 class ActRow(NamedTuple):
     """One action."""
 
-    place: int
+    position: int
     """In the act."""
     level: int
     """Counting from 1: it can begin when the levels before have ended."""
@@ -34,8 +34,10 @@ class ActRow(NamedTuple):
 
 def act_rows(act: Act, most: int) -> list[ActRow]:
     """All actions of an act with at most `most` lines beside each other."""
-    places = {action.id: at for at, action in enumerate(act.actions)}
-    waits = [list(dict.fromkeys(places[one] for one in action.wait_for if one in places)) for action in act.actions]
+    positions = {action.id: at for at, action in enumerate(act.actions)}
+    waits = [
+        list(dict.fromkeys(positions[one] for one in action.wait_for if one in positions)) for action in act.actions
+    ]
     open_ends = [sum(at in each for each in waits) for at in range(len(act.actions))]
     lanes: dict[int, int] = {}
     """Which action's line is in which lane."""

@@ -80,7 +80,7 @@ class ActText:
         kinds = max((cell_len(self._kind(action, of[action.id])) for action in act.actions), default=1)
         columns = ids, min(kinds, 16 if width >= NARROW else 9)
         for row in act_rows(act, 4 if width < NARROW else 12):
-            action = act.actions[row.place]
+            action = act.actions[row.position]
             done = of[action.id]
             lead: StyledLine = (
                 (f" {row.level if row.first else '':>2} ", "muted"),

@@ -36,10 +36,10 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
     if not others:
         return worst.head, worst.second, worst.third
     # Of two more lines the second tells more; but who has not confirmed a stop is in the third.
-    told = worst.third if any(tone == "fault" for _, tone in worst.third) else worst.second
+    middle = worst.third if any(tone == "fault" for _, tone in worst.third) else worst.second
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
-    return worst.head, told, named
+    return worst.head, middle, named
 
 
 def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
@@ -82,10 +82,10 @@ def _cut(store: Store, since: float) -> Alarm:
 
 def _stop(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     stop = store.view.stop
-    _, _, told = store.journal_status.trouble.partition("; ")
-    if store.journal_status.trouble and told:
+    _, _, middle = store.journal_status.trouble.partition("; ")
+    if store.journal_status.trouble and middle:
         # Asked for while nothing can be recorded: the engine tells it here, and records it later.
-        sent, _, confirmed = told.partition(", ")
+        sent, _, confirmed = middle.partition(", ")
         answer = confirmed.replace("confirmed by ", "") or "the robot has not answered yet"
         yield Alarm(((" ■ STOP ", "alarm"), (f"  {sent}", "strong")), _labelled("confirmed", answer))
     elif not stop.latched:
@@ -136,7 +136,7 @@ def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         return
     since = f"  for {format_age(store.now() - robot.t)}"
     broken = [name for name, act in store.view.acts.items() if act.last is not None and act.last.ended == robot.t]
-    broken += ["the say line"] if _said(store, robot.t) else []
+    broken += ["the say line"] if _speech_ended_at(store, robot.t) else []
     until = "acts fail until the robot is back; rules and memory go on"
     was = f"broken off: {', '.join(broken)}; " if broken else ""
     switch = f"look at the robot and its network; {key_name('stop')} may not reach it, its own switch does"
@@ -149,7 +149,7 @@ def _robot(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     )
 
 
-def _said(store: Store, at: float) -> bool:
+def _speech_ended_at(store: Store, at: float) -> bool:
     """Whether free speech ended at that moment."""
     latest = next(reversed(store.view.tasks.values()), None)
     return latest is not None and latest.function == "say" and latest.ended == at

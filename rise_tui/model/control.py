@@ -35,53 +35,57 @@ def short_name(name: str | None) -> str:
     return clean((name or "nobody").removeprefix("wizard:").removeprefix("observer:"))
 
 
-def control_notice(record: ControlRecord, before: str | None, me: str) -> tuple[Notice | None, ControlLost | None]:
-    """What to say about a change, to the console called `me`; `before` held control until now."""
-    by, holder, mine = short_name(record.by), short_name(record.holder), record.by == me
+def control_notice(
+    record: ControlRecord, before: str | None, own_name: str
+) -> tuple[Notice | None, ControlLost | None]:
+    """What to say about a change, to the console called `own_name`; `before` held control until now."""
+    by, holder, is_own = short_name(record.by), short_name(record.holder), record.by == own_name
     if record.status == "asked":
-        if mine:
+        if is_own:
             return Notice(f"{short_name(before)} sees that you ask for control"), None
         # The holder's own screen says so in a line that stays.
-        return (None if before == me else Notice(f"{by} asks {short_name(before)} for control")), None
+        return (None if before == own_name else Notice(f"{by} asks {short_name(before)} for control")), None
     if record.holder == before:  # somebody who had asked does not ask any more
-        return Notice("you ask for control no longer" if mine else f"{by} asks for control no longer"), None
-    if record.holder == me:
-        if mine:  # whoever attaches first gets it, and needs no sentence
+        return Notice("you ask for control no longer" if is_own else f"{by} asks for control no longer"), None
+    if record.holder == own_name:
+        if is_own:  # whoever attaches first gets it, and needs no sentence
             return (Notice("you have control: the keys work") if before is not None else None), None
         return Notice(f"{by} gave you control: your keys work", "wait"), None
-    if before == me and not mine:
+    if before == own_name and not is_own:
         return None, ControlLost(record.holder, record.t)
     if record.status == "released" or record.holder is None:
-        return Notice("you released control: nobody has it" if mine else f"{by} released control: nobody has it"), None
+        return Notice(
+            "you released control: nobody has it" if is_own else f"{by} released control: nobody has it"
+        ), None
     if record.status == "given":
-        return Notice(f"you gave control to {holder}" if mine else f"{by} gave control to {holder}"), None
+        return Notice(f"you gave control to {holder}" if is_own else f"{by} gave control to {holder}"), None
     return Notice(f"{by} took control"), None
 
 
-def control_lost_text(taken: ControlLost, asks: str) -> str:
+def control_lost_text(taken: ControlLost, key: str) -> str:
     """The line that stays until a key is pressed."""
     if taken.holder is None:
-        return f"you lost control and nobody has it; {asks} takes it"
+        return f"you lost control and nobody has it; {key} takes it"
     when = (
         f"took control at {format_clock(taken.at)}"
         if taken.at is not None
         else "took control while the connection was cut"
     )
-    return f"{short_name(taken.holder)} {when}; you are watching; {asks} takes it back"
+    return f"{short_name(taken.holder)} {when}; you are watching; {key} takes it back"
 
 
 def control_question(
-    holder: str | None, asker: str | None, me: str, key_name: KeyNames
+    holder: str | None, asker: str | None, own_name: str, key_name: KeyNames
 ) -> tuple[list[str], list[ControlChoice]]:
     """The dialog about control: what it says, and what can be done."""
-    mine = holder == me
+    is_own = holder == own_name
     release = ControlChoice("release", "r", "Release it")
-    if not mine and holder is None:
+    if not is_own and holder is None:
         return ["Nobody has control: only stopping works, from every console."], [ControlChoice("take", "t", "Take it")]
-    if not mine and asker == me:
+    if not is_own and asker == own_name:
         said = [f"{short_name(holder)} has control and sees that you ask for it."]
         return said, [ControlChoice("release", "r", "Ask no longer"), ControlChoice("take", "t", "Take it")]
-    if not mine:
+    if not is_own:
         said = [
             f"{short_name(holder)} has control. You watch: {key_name('stop')} stops everything, notes can be added.",
             "Taking it works at once; they are told, and it is recorded.",

@@ -50,7 +50,7 @@ class Filter:
     """One filter, as it was typed."""
 
     def __init__(self, text: str) -> None:
-        """Raises BrokenFilter."""
+        """Raises InvalidFilter."""
         self.text = text
         self._terms: list[tuple[_Word | _Expression, bool]] = []
         """What a row must have, or, where it is false, must not have."""
@@ -71,12 +71,12 @@ class Filter:
         return bool(self._terms)
 
     def matches(self, text: str) -> bool:
-        """Whether a row with this text is to be shown. Raises BrokenFilter for an expression that takes too long."""
+        """Whether a row with this text is to be shown. Raises InvalidFilter for an expression that takes too long."""
         return all(term.found_in(text) == wanted for term, wanted in self._terms)
 
     def match_spans(self, text: str) -> list[tuple[int, int]]:
         """Where it matches: characters from and to, in order and apart from each other. Raises as `matches`."""
-        found = sorted(place for term, wanted in self._terms if wanted for place in term.places(text))
+        found = sorted(span for term, wanted in self._terms if wanted for span in term.spans(text))
         merged: list[tuple[int, int]] = []
         for start, end in found:
             if merged and start <= merged[-1][1]:
@@ -100,7 +100,7 @@ class _Word:
             self._loose is not None and self._loose.search(text) is not None
         )
 
-    def places(self, text: str) -> Iterator[tuple[int, int]]:
+    def spans(self, text: str) -> Iterator[tuple[int, int]]:
         exact = [found.span() for found in self._exact.finditer(text)]
         if exact or self._loose is None:
             yield from exact
@@ -135,7 +135,7 @@ class _Expression:
         except TimeoutError:
             raise InvalidFilter(TOO_LONG) from None
 
-    def places(self, text: str) -> Iterator[tuple[int, int]]:
+    def spans(self, text: str) -> Iterator[tuple[int, int]]:
         try:
             yield from (
                 found.span() for found in self._pattern.finditer(text, 0, MOST_CHARACTERS, timeout=2 * PATIENCE)

@@ -29,18 +29,18 @@ def children(value: Any) -> Iterator[tuple[str | int, Any]]:
 
 
 def value_at(value: Any, path: JsonPath) -> Any:
-    """What lies at `path` within the value. Raises NoSuchPart."""
+    """What lies at `path` within the value. Raises NoSuchPath."""
     for step in path:
         fits = isinstance(value, dict if isinstance(step, str) else (list, tuple))
         try:
-            value = value[step] if fits else _no_such(path)
+            value = value[step] if fits else _raise_no_such(path)
         except (KeyError, IndexError):
-            _no_such(path)
+            _raise_no_such(path)
     return value
 
 
 def with_replaced(value: Any, path: JsonPath, new: Any) -> Any:
-    """The value with one part of it changed. Raises NoSuchPart."""
+    """The value with one part of it changed. Raises NoSuchPath."""
     if not path:
         return new
     inner = with_replaced(value_at(value, path[:1]), path[1:], new)
@@ -50,7 +50,7 @@ def with_replaced(value: Any, path: JsonPath, new: Any) -> Any:
 
 
 def with_removed(value: Any, path: JsonPath) -> Any:
-    """The value without one part of it; what comes after it in an array moves up. Raises NoSuchPart."""
+    """The value without one part of it; what comes after it in an array moves up. Raises NoSuchPath."""
     value_at(value, path)
     holder = value_at(value, path[:-1])
     copied: Any = dict(holder) if isinstance(holder, dict) else list(holder)
@@ -58,5 +58,5 @@ def with_removed(value: Any, path: JsonPath) -> Any:
     return with_replaced(value, path[:-1], copied)
 
 
-def _no_such(path: JsonPath) -> Any:
+def _raise_no_such(path: JsonPath) -> Any:
     raise NoSuchPath(path_text(path))

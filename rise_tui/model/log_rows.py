@@ -68,10 +68,10 @@ class LogRows:
     def show_own_row(self, task: int) -> None:
         """A row of a rule's own matters after all: it failed, or nobody was waiting for its event."""
         row = row_of(task)
-        place = bisect_left(self.main, row)
-        if place == len(self.main):
+        index = bisect_left(self.main, row)
+        if index == len(self.main):
             self.main.append(row)
-        elif self.main[place] != row:
+        elif self.main[index] != row:
             self.main = list(self.main)
             insort(self.main, row)
 

@@ -47,17 +47,17 @@ class SentenceTracker:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._over: tuple[int, str] | None = None
+        self._ended_last: tuple[int, str] | None = None
         """The task and the action of the sentence that ended last, however it ended."""
-        self._took: dict[str, tuple[float, int]] = {}
+        self._durations: dict[str, tuple[float, int]] = {}
         """By sentence: the mean of the seconds that it took this robot, and how often."""
         self._expected = self._measured = 0.0
         """Seconds of all sentences that were said to their end: as estimated, and as they were."""
 
     def rebuild(self, view: SessionView) -> None:
         """Begin anew with what a session has said so far."""
-        self._over = None
-        self._took.clear()
+        self._ended_last = None
+        self._durations.clear()
         self._expected = self._measured = 0.0
         latest = float("-inf")
         ids = list(view.tasks)[-LOOK_BACK:]
@@ -68,7 +68,7 @@ class SentenceTracker:
                 if action.status == "succeeded":
                     self._measure(action)
                 if action.ended > latest or (action.ended == latest and action.status == "succeeded"):
-                    latest, self._over = action.ended, (task.id, action.action)
+                    latest, self._ended_last = action.ended, (task.id, action.action)
 
     def record_action(self, record: ActionRecord, view: SessionView) -> None:
         """A record of an action, after the view has taken it in."""
@@ -76,7 +76,7 @@ class SentenceTracker:
         action = task.actions.get(record.action) if task is not None else None
         if record.status not in ENDINGS or action is None or words_of(self._scenario, action) is None:
             return
-        self._over = record.task, record.action
+        self._ended_last = record.task, record.action
         if record.status == "succeeded":
             self._measure(action)
 
@@ -96,12 +96,12 @@ class SentenceTracker:
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
             return CurrentSentence(kind, self._words(action), left, share, "", action.sent_as or "", len(running) - 1)
-        task = view.tasks.get(self._over[0]) if self._over is not None else None
-        if task is None or self._over is None:
+        task = view.tasks.get(self._ended_last[0]) if self._ended_last is not None else None
+        if task is None or self._ended_last is None:
             return CurrentSentence("nothing")
-        over = task.actions[self._over[1]]
-        if over.status == "succeeded":
-            return CurrentSentence("said", self._words(over), at - (over.ended if over.ended is not None else at))
+        ended = task.actions[self._ended_last[1]]
+        if ended.status == "succeeded":
+            return CurrentSentence("said", self._words(ended), at - (ended.ended if ended.ended is not None else at))
         unsaid = [action for action in self._sentences(task) if action.status != "succeeded"]
         first = unsaid[0]
         began = first.status != "skipped" and first.ended is not None
@@ -112,7 +112,7 @@ class SentenceTracker:
 
     def usual_seconds(self, action: ActionView) -> float | None:
         """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
-        if (known := self._took.get(self._words(action))) is not None:
+        if (known := self._durations.get(self._words(action))) is not None:
             return known[0]
         spec = self._scenario.robot.actions.get(action.type)
         if spec is None:
@@ -131,8 +131,8 @@ class SentenceTracker:
         if action.ended is None:
             return
         took = action.ended - action.since
-        mean, times = self._took.get(self._words(action), (0.0, 0))
-        self._took[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
+        mean, times = self._durations.get(self._words(action), (0.0, 0))
+        self._durations[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
         if (spec := self._scenario.robot.actions.get(action.type)) is not None:
             self._expected += expected_seconds(spec, action.parameters)
             self._measured += took

@@ -25,7 +25,7 @@ class RowSearch:
     ) -> None:
         """`is_live`: whether a task can still change, so that it must be looked at again."""
         self.filter = filter
-        self._ids, self._text_of, self._is_live = ids, text_of, is_live
+        self.ids, self._text_of, self._is_live = ids, text_of, is_live
         self._from = self._to = len(ids)
         """What lies between has been looked at."""
         self._matching: list[int] = []
@@ -44,12 +44,12 @@ class RowSearch:
     @property
     def done(self) -> bool:
         """Whether all rows have been looked at."""
-        return self._from == 0 and self._to == len(self._ids)
+        return self._from == 0 and self._to == len(self.ids)
 
     def step(self) -> int:
-        """Look at a few rows more; gives how many, 0 at the end. Raises BrokenFilter."""
-        if self._to < len(self._ids):
-            start, end = self._to, min(self._to + ROWS_OF_STEP, len(self._ids))
+        """Look at a few rows more; gives how many, 0 at the end. Raises InvalidFilter."""
+        if self._to < len(self.ids):
+            start, end = self._to, min(self._to + ROWS_OF_STEP, len(self.ids))
             found = self._pick(start, end)
             self._to = end
             self._matching += found
@@ -62,30 +62,30 @@ class RowSearch:
         return end - start
 
     def look_again(self) -> None:
-        """What had not ended when it was looked at, may match by now, or no longer. Raises BrokenFilter."""
+        """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
         for one in self._live:
             matching = self.matching
-            place = bisect_left(matching, one)
-            there = place < len(matching) and matching[place] == one
+            index = bisect_left(matching, one)
+            there = index < len(matching) and matching[index] == one
             if self._matches(one) == there:
                 continue
             self._matching = list(matching)
             if there:
-                del self._matching[place]
+                del self._matching[index]
             else:
                 insort(self._matching, one)
         self._live = [one for one in self._live if self._is_live(one)]
 
     def expect_change(self, id: int) -> None:
         """This row has changed, although its task had ended."""
-        place = bisect_left(self._ids, id)
-        if self._from <= place < self._to and id not in self._live:
+        index = bisect_left(self.ids, id)
+        if self._from <= index < self._to and id not in self._live:
             self._live.append(id)
 
     def _pick(self, start: int, end: int) -> list[int]:
         picked = []
         for index in range(start, end):
-            one = self._ids[index]
+            one = self.ids[index]
             if self._matches(one):
                 picked.append(one)
             if self._is_live(one):

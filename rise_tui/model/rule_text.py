@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from rise_engine.expression import EvaluationError, Expression, lookup
@@ -69,28 +69,6 @@ def transition_label(transition: Transition) -> str:
     if transition.after is not None:
         return f"after {transition.after:g} s"
     return transition.condition.text if transition.condition is not None else "at once"
-
-
-class EventKeys:
-    """For every topic, the keys by which the wizard can cause it: directly, or by a rule that a key starts."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
-        raised = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
-        self._by_topic: dict[str, list[str]] = {}
-        for key in scenario.keys.values():
-            name = key.behavior
-            topics: Iterable[str] = ()
-            if key.function == "raiseEventTopic":
-                topics = {normal_topic(name)}
-            elif key.function == "startInteractionRule":
-                topics = raised.get(name, ())
-            for topic in topics:
-                self._by_topic.setdefault(topic, []).append(key.label)
-
-    def labels_for(self, topic: str | None) -> list[str]:
-        """Labels of the keys, as in the scenario's file."""
-        return self._by_topic.get(topic, []) if topic is not None else []
 
 
 def events_raised_by(rule: Rule) -> frozenset[str]:

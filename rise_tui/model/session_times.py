@@ -16,7 +16,7 @@ class InvalidTime(RiseError):
 
 
 def parse_moment(text: str, now: float) -> float | None:
-    """Session time in seconds; None for `now`, which moves on. Raises NoTime.
+    """Session time in seconds; None for `now`, which moves on. Raises InvalidTime.
 
     `14:32` is 14 minutes 32 seconds after the session's beginning, as its clock shows it; with `-` in front it is that
     long ago.

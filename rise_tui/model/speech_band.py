@@ -65,71 +65,71 @@ def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, h
 
 def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[StyledLine, ...]:
     """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
-    saying = store.current_sentence()
-    rest = [] if _nothing(store, key_name) else still_to_say(store.scenario, store.view, store.memory)
-    lines = _sentence(saying, store, min(width, WIDEST), rows)
-    told = len(lines) < rows and bool(rest)
-    if told:
-        lines.append(crop((("   then  ", "muted"), *_joined(rest)), width))
+    sentence = store.current_sentence()
+    rest = [] if _why_nothing_comes(store, key_name) else still_to_say(store.scenario, store.view, store.memory)
+    lines = _sentence_lines(sentence, store, min(width, WIDEST), rows)
+    rest_shown = len(lines) < rows and bool(rest)
+    if rest_shown:
+        lines.append(crop((("   then  ", "muted"), *_quoted_line(rest)), width))
     lines += [()] * (rows - len(lines))
-    return (*lines, upcoming_line(store, [] if told else rest, width, key_name))
+    return (*lines, upcoming_line(store, [] if rest_shown else rest, width, key_name))
 
 
 def changes_by_tenths(store: Store) -> bool:
     """Whether something in it changes by tenths of a second."""
     if store.gone_reason or store.cut_since is not None:
         return False
-    return bool(store.view.running) or any(step.when in ("timer", "filler") for step in _coming(store).steps)
+    return bool(store.view.running) or any(step.when in ("timer", "filler") for step in _upcoming(store).steps)
 
 
 # --- the sentence --------------------------------------------------------------------------------------------------
 
 
-def _sentence(saying: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
-    tone, note = TONES[saying.kind], _note(saying, store)
-    if saying.kind == "nothing":
+def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
+    tone, note = TONES[sentence.kind], _note(sentence, store)
+    if sentence.kind == "nothing":
         return [align_at_both_ends(((" · the robot has said nothing yet", "muted"),), (), width)]
-    if store.gone_reason and saying.kind in ("says", "sent"):
+    if store.gone_reason and sentence.kind in ("says", "sent"):
         tone, note = "fault", ("not known", "fault")
-    lead = _lead(saying, store)
-    more = f" and {saying.others} more" if saying.others and saying.kind in ("unsaid", "unknown") else ""
-    text = f"{lead}{_quoted(saying.text)}{more}"
+    prefix = _prefix(sentence, store)
+    more = f" and {sentence.others} more" if sentence.others and sentence.kind in ("unsaid", "unknown") else ""
+    text = f"{prefix}{_quoted(sentence.text)}{more}"
     shown, first = _wrapped(text, width), 0
     if len(shown) > rows:
-        shown, first = _window(text, width, rows, saying.share)
+        shown, first = _window(text, width, rows, sentence.share)
     lines: list[StyledLine] = []
     for at, text in enumerate(shown):
-        glyph = f" {GLYPHS[saying.kind]} " if at == 0 and first == 0 else " … " if at == 0 else "   "
-        line: StyledLine = ((glyph, "accent" if saying.kind == "says" else tone), (text, tone))
+        glyph = f" {GLYPHS[sentence.kind]} " if at == 0 and first == 0 else " … " if at == 0 else "   "
+        line: StyledLine = ((glyph, "accent" if sentence.kind == "says" else tone), (text, tone))
         lines.append(align_at_both_ends(line, (note, (" ", "plain")), width) if at == 0 else line)
     return lines
 
 
-def _lead(saying: CurrentSentence, store: Store) -> str:
-    if saying.kind == "unsaid":
-        return "NOT SAID TO THE END: " if saying.seconds else "NOT SAID: "
-    return "PERHAPS NOT SAID: " if saying.kind == "unknown" else ""
+def _prefix(sentence: CurrentSentence, store: Store) -> str:
+    if sentence.kind == "unsaid":
+        return "NOT SAID TO THE END: " if sentence.seconds else "NOT SAID: "
+    return "PERHAPS NOT SAID: " if sentence.kind == "unknown" else ""
 
 
-def _note(saying: CurrentSentence, store: Store) -> StyledSpan:
+def _note(sentence: CurrentSentence, store: Store) -> StyledSpan:
     """How it stands, in at most NOTE cells."""
-    more = f" +{saying.others}" if saying.others else ""
-    match saying.kind:
+    more = f" +{sentence.others}" if sentence.others else ""
+    match sentence.kind:
         case "sent":
             return f"sent{more}", "wait"
         case "says":
-            if saying.replaced_by:
-                return fit(f"by {saying.replaced_by}", NOTE - 1).strip(), "wait"
-            if saying.seconds is None:
+            if sentence.replaced_by:
+                return fit(f"by {sentence.replaced_by}", NOTE - 1).strip(), "wait"
+            if sentence.seconds is None:
                 return f"says it{more}", "accent"
-            if saying.seconds < 0:
-                return f"{format_duration(-saying.seconds)} over{more}", "wait"
-            return f"{format_duration(saying.seconds)} left{more}", "accent"
+            if sentence.seconds < 0:
+                return f"{format_duration(-sentence.seconds)} over{more}", "wait"
+            return f"{format_duration(sentence.seconds)} left{more}", "accent"
         case "said":
-            ago = saying.seconds or 0.0
+            ago = sentence.seconds or 0.0
             return f"said {format_age(ago)} ago" if ago >= 1 else "said just now", "muted"
         case "unsaid" | "unknown":
-            return f"after {format_duration(saying.seconds)}" if saying.seconds else "", "fault"
+            return f"after {format_duration(sentence.seconds)}" if sentence.seconds else "", "fault"
         case _:
             return "", "muted"
 
@@ -158,7 +158,7 @@ def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], 
     return shown, first
 
 
-def _joined(texts: Sequence[str]) -> StyledLine:
+def _quoted_line(texts: Sequence[str]) -> StyledLine:
     return tuple((f"{'  ' if at else ''}{_quoted(text)}", "muted") for at, text in enumerate(texts))
 
 
@@ -177,15 +177,15 @@ def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNa
     """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
     pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
     room = width - cell_width(LABEL)
-    return crop(((LABEL, "muted"), *_laid([*pieces, *_by_rules(store, room, key_name)], room)), width)
+    return crop(((LABEL, "muted"), *_fit_pieces([*pieces, *_rule_pieces(store, room, key_name)], room)), width)
 
 
-def _laid(pieces: Sequence[_Piece], width: int) -> StyledLine:
+def _fit_pieces(pieces: Sequence[_Piece], width: int) -> StyledLine:
     """Side by side; what comes last is left out first, so that nothing but a sentence is cut."""
     kept = list(pieces)
-    while len(kept) > 1 and _needed([piece.least or line_width(piece.line) for piece in kept]) > width:
+    while len(kept) > 1 and _joined_width([piece.least or line_width(piece.line) for piece in kept]) > width:
         kept.pop()
-    over = _needed([line_width(piece.line) for piece in kept]) - width
+    over = _joined_width([line_width(piece.line) for piece in kept]) - width
     line: list[StyledSpan] = []
     for at, piece in enumerate(kept):
         if at:
@@ -198,16 +198,16 @@ def _laid(pieces: Sequence[_Piece], width: int) -> StyledLine:
     return tuple(line)
 
 
-def _needed(widths: Sequence[int]) -> int:
+def _joined_width(widths: Sequence[int]) -> int:
     return sum(widths) + cell_width(GAP[0]) * (len(widths) - 1)
 
 
-def _coming(store: Store) -> Upcoming:
+def _upcoming(store: Store) -> Upcoming:
     known = UpcomingContext(store.scenario, store.view, store.memory, store.study_keys, store.now())
-    return find_upcoming(known, _left(store))
+    return find_upcoming(known, _seconds_left(store))
 
 
-def _left(store: Store) -> float | None:
+def _seconds_left(store: Store) -> float | None:
     """Seconds until the acts that run one after the other will probably have ended."""
     longest = 0.0
     for id in store.view.running:
@@ -223,14 +223,14 @@ def _left(store: Store) -> float | None:
     return longest if store.view.running else None
 
 
-def _by_rules(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
-    if why := _nothing(store, key_name):
+def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
+    if why := _why_nothing_comes(store, key_name):
         return [_Piece(why)]
-    found = _coming(store)
-    pieces = [_Piece(_step(step, store)) for step in found.steps]
+    found = _upcoming(store)
+    pieces = [_Piece(_step_line(step, store)) for step in found.steps]
     if found.keys:  # behind what comes first: what comes later matters less
         word = "then" if found.after_first else "or" if found.steps else "waits for"
-        pieces.insert(1, _Piece(_keys(found.keys, f"{word} {key_owner(store)}: ", room)))
+        pieces.insert(1, _Piece(_keys_line(found.keys, f"{word} {key_owner(store)}: ", room)))
     elif found.waits_for:
         pieces.append(_Piece(((f"{'then ' if found.after_first else ''}waits for {clean(found.waits_for)}", "plain"),)))
     if pieces:
@@ -241,10 +241,10 @@ def _by_rules(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
     first = next((key for key in store.scenario.keys.values() if key.function == RULE), None)
     if first is None or store.view.running:
         return [_Piece(nothing)]
-    return [_Piece(nothing), _Piece(_keys((first,), f"{key_owner(store)}: ", room))]
+    return [_Piece(nothing), _Piece(_keys_line((first,), f"{key_owner(store)}: ", room))]
 
 
-def _nothing(store: Store, key_name: KeyNames) -> StyledLine:
+def _why_nothing_comes(store: Store, key_name: KeyNames) -> StyledLine:
     """Why nothing will come, whatever the rules say; empty when that is not so."""
     if store.gone_reason:
         return (("nothing: the session is over" if store.ended_in_order else "nothing: the engine has gone", "muted"),)
@@ -257,7 +257,7 @@ def _nothing(store: Store, key_name: KeyNames) -> StyledLine:
     return ()
 
 
-def _step(step: UpcomingStep, store: Store) -> StyledLine:
+def _step_line(step: UpcomingStep, store: Store) -> StyledLine:
     if step.when == "turn":
         more = f" and {len(step.starts) - 1} more" if len(step.starts) > 1 else ""
         return ((short_title(step.starts[0]), "plain"), (f" (waits{more})", "muted"))
@@ -279,9 +279,9 @@ def _step(step: UpcomingStep, store: Store) -> StyledLine:
     return tuple(spans)
 
 
-def _keys(keys: Sequence[KeyBinding], lead: str, room: int) -> StyledLine:
+def _keys_line(keys: Sequence[KeyBinding], prefix: str, room: int) -> StyledLine:
     """As many as there is room for, and how many more there are."""
-    spans: list[StyledSpan] = [(lead, "muted")]
+    spans: list[StyledSpan] = [(prefix, "muted")]
     for at, key in enumerate(keys):
         more: list[StyledSpan] = [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(key_title(key)), "plain")]
         rest = f"  +{len(keys) - at}"

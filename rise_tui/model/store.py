@@ -48,7 +48,7 @@ StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "st
 
 ALL_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice"})
 
-_TOPICS: dict[type, frozenset[StorePart]] = {
+_PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     MemoryRecord: frozenset({"memory"}),
     RuleRecord: frozenset({"rules"}),
     StopRecord: frozenset({"stop", "status"}),
@@ -63,15 +63,15 @@ _TOPICS: dict[type, frozenset[StorePart]] = {
     TimingRecord: frozenset(),
 }
 """Of tasks, and of events that nobody took, `apply` finds it out."""
-_NOTHING: frozenset[StorePart] = frozenset()
-_LISTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
+_NO_PARTS: frozenset[StorePart] = frozenset()
+_LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
 """Whatever may show that something was sent."""
-_TASK: dict[str, frozenset[StorePart]] = {
+_PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "startCommunicationRobotAct": frozenset({"tasks", "acts"}),
     "say": frozenset({"tasks", "acts"}),
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
-_OTHER_TASK: frozenset[StorePart] = frozenset({"tasks"})
+_PARTS_OF_OTHER_TASKS: frozenset[StorePart] = frozenset({"tasks"})
 
 RECORDS_LEFT_OUT = (
     "so much happens at once that this console leaves some of it out; what it shows is the state as it is"
@@ -323,17 +323,17 @@ class Store:
                 live = f": {self.input_mode}" if self.has_control or self.input_mode != "LIVE" else ""
                 self.notice = Notice(f"the stop is released{live}")
             if isinstance(record, ControlRecord) and self.hello.you:
-                notice, taken = control.control_notice(record, holder, self.hello.you)
+                notice, lost = control.control_notice(record, holder, self.hello.you)
                 # A sentence about who had control before would now be wrong.
-                self.notice = notice or (None if taken else self.notice)
-                self.control_lost = taken or (None if self.has_control else self.control_lost)
+                self.notice = notice or (None if lost else self.notice)
+                self.control_lost = lost or (None if self.has_control else self.control_lost)
             if isinstance(record, EventRecord):
                 known = len(self.unhandled_tasks)
-                told = self._unhandled_events.record_outcome(record, self.view)
-                self.notice = told or self.notice
+                outcome = self._unhandled_events.record_outcome(record, self.view)
+                self.notice = outcome or self.notice
                 if len(self.unhandled_tasks) > known:
                     changed.add("tasks")
-                    if told is not None:
+                    if outcome is not None:
                         self.log.show_own_row(self.unhandled_tasks[-1])
             elif isinstance(record, MemoryRecord) and record.source == self.own_name:
                 self.undo_stack.record_change(record)
@@ -341,7 +341,7 @@ class Store:
                 self.sentences.record_action(record, self.view)
             elif isinstance(record, MistakeRecord):
                 self.marked_tasks.append(record.task)
-            changed |= _TOPICS.get(type(record), _NOTHING)
+            changed |= _PARTS_OF_RECORD.get(type(record), _NO_PARTS)
         if self.notice is not noticed:
             changed.add("notice")
         return changed
@@ -352,11 +352,11 @@ class Store:
         count = self.view.forgotten
         return f"{count:,} older {'task is' if count == 1 else 'tasks are'} in the record only" if count else ""
 
-    def _resync(self, anew: Resync) -> None:
+    def _resync(self, resync: Resync) -> None:
         """This console lay so far behind that records were left out: the truth is in the new state."""
         had = self.has_control
-        self.view.merge_resync(anew.view, anew.tasks)
-        for task in anew.view.tasks.values():
+        self.view.merge_resync(resync.view, resync.tasks)
+        for task in resync.view.tasks.values():
             if task.ref is not None:
                 self.sent.pop(task.ref, None)
         self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
@@ -389,7 +389,7 @@ class Store:
         return frozenset({"status"}) if shown else frozenset()
 
     def _take_task(self, record: TaskRecord) -> frozenset[StorePart]:
-        changed = _TASK.get(record.function, _OTHER_TASK)
+        changed = _PARTS_OF_TASK.get(record.function, _PARTS_OF_OTHER_TASKS)
         if record.id not in self.view.tasks:
             self.log.add_task(record)
             self.newest_speech = record.id if record.function == "say" else self.newest_speech
@@ -397,7 +397,7 @@ class Store:
             self.log.show_own_row(record.id)
         if record.ref is not None:
             if self.sent.pop(record.ref, None) is not None:
-                changed = _LISTS
+                changed = _LIST_PARTS
             own = record.ref.startswith(self.reference_prefix)
             if own and record.status == "SUCCEEDED" and (text := completion_message(record.function, record.behavior)):
                 self.notice = Notice(text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -92,7 +92,7 @@ class StudyKeys:
             return
         if not holds(transition.condition, memory):
             return
-        for key in self._by_topic.get(transition.event, ()):
+        for key in self.keys_raising(transition.event):
             if key.function != RULE or key.behavior not in running:
                 yield key
         found = parse_engine_event(self._scenario, transition.event)
@@ -100,6 +100,10 @@ class StudyKeys:
             for function in (ACT, RULE):
                 if (starter := self._starts.get((function, found[0]))) is not None:
                     yield starter
+
+    def keys_raising(self, topic: str | None) -> Sequence[KeyBinding]:
+        """The keys that raise a topic (without its slash): themselves, or by a rule that they start. In file order."""
+        return self._by_topic.get(topic, ()) if topic is not None else ()
 
     def keys_setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
         """The keys that set a value with which a condition holds that does not hold now."""
@@ -142,7 +146,7 @@ class StudyKeys:
 
     def _possible(self, rule: str, transition: Transition, started: set[str]) -> Iterator[KeyBinding]:
         if transition.event is not None:
-            raising = self._by_topic.get(transition.event, ())
+            raising = self.keys_raising(transition.event)
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)
             found = parse_engine_event(self._scenario, transition.event)
             starter = self._starts.get((ACT, found[0])) if found is not None and found[1] in _STARTS else None

@@ -14,9 +14,9 @@ JUST_STARTED_SECONDS = 1.0
 class UnhandledEvents:
     """Follows each raised event until its own record tells what became of it."""
 
-    def __init__(self, missed: list[int]) -> None:
-        """`missed` gets the tasks whose event nobody took, in the order in which that comes out."""
-        self._missed = missed
+    def __init__(self, unhandled: list[int]) -> None:
+        """`unhandled` gets the tasks whose event nobody took, in the order in which that comes out."""
+        self._unhandled = unhandled
         self._raised: dict[tuple[str, str], list[int]] = {}
 
     def clear(self) -> None:
@@ -36,7 +36,7 @@ class UnhandledEvents:
         if record.taken_by is not None:
             return None
         if task is not None:
-            self._missed.append(task)
+            self._unhandled.append(task)
         return Notice(f"{record.topic}: nobody was waiting for it", "wait") if _by_wizard(record, view) else None
 
 

@@ -12,7 +12,7 @@ from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition
 from rise_tui.model.conditions import holds, parts_of
-from rise_tui.model.rule_text import EventKeys, Truth, parse_engine_event, truth_of, wait_text
+from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import (
@@ -43,7 +43,6 @@ class WaitExplanations:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._raisers = EventKeys(store.scenario)
 
     def rows(self, rule: Rule, state: State, view: RuleView, width: int) -> list[ListRow]:
         """Each way out in the file's order, in which the engine looks at them too."""
@@ -53,41 +52,46 @@ class WaitExplanations:
         width = min(width, READABLE)
         rows = []
         for index, transition in enumerate(state.transitions):
-            rows += self._way(index, transition, view, memory, width)
+            rows += self._transition_rows(index, transition, view, memory, width)
             if transition.condition is not None:
-                rows += self._condition(index, transition.condition, memory, width)
-            if other := self._taken_by(rule, state, index, memory):
+                rows += self._condition_rows(index, transition.condition, memory, width)
+            if other := self._preempted_by(rule, state, index, memory):
                 rows.append(ListRow("", crop(((" " * 4, "plain"), (other, "wait")), width), selectable=False))
         return rows
 
     def changes_with_time(self, state: State) -> bool:
         """Whether what is said changes by the clock alone."""
         for transition in state.transitions:
-            found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+            found = self._engine_event(transition)
             if transition.after is not None or (found is not None and self._store.act(found[0]).running):
                 return True
         return False
 
-    def _way(
+    def _engine_event(self, transition: Transition) -> tuple[str, str] | None:
+        """The act or rule whose end is awaited, and which end."""
+        event = transition.event
+        return parse_engine_event(self._store.scenario, event) if event is not None else None
+
+    def _transition_rows(
         self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
         waits: StyledLine = ((" waits for ", "muted"), (wait_text(self._store.scenario, transition), "wait"))
-        stands, you = self._stands(transition, view), self._keys(transition)
-        must: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
+        progress, you = self._progress(transition, view), self._keys(transition)
+        keys_line: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
         condition = transition.condition
         if transition.event is not None and not holds(condition, memory):
-            must = (*must, ("  not now", "wait"))
+            keys_line = (*keys_line, ("  not now", "wait"))
         target = clean(f"→ {transition.target}" if transition.target else "stays")
-        line: StyledLine = (*waits, *stands, *must)
+        line: StyledLine = (*waits, *progress, *keys_line)
         if line_width(line) + cell_len(target) + 3 <= width:
             return [ListRow(f"now:{index}", align_at_both_ends(line, ((f"{target} ", "plain"),), width))]
         more: StyledLine = ((" " * 4, "plain"), (target, "plain"))
         if line_width(line) > width:
-            line = (*crop(waits, width - line_width(must)), *must)
-            more = align_at_both_ends(more, (*stands, (" ", "plain")), width)
+            line = (*crop(waits, width - line_width(keys_line)), *keys_line)
+            more = align_at_both_ends(more, (*progress, (" ", "plain")), width)
         return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
 
-    def _stands(self, transition: Transition, view: RuleView) -> StyledLine:
+    def _progress(self, transition: Transition, view: RuleView) -> StyledLine:
         """How far it is: the time left, or what the awaited act does."""
         now = self._store.now()
         if transition.after is not None:
@@ -95,7 +99,7 @@ class WaitExplanations:
             if left <= 0:
                 return (("  the time is up", "wait"),)
             return ((f"  {format_seconds(left) if left >= 60 else f'{left} s'} left", "plain"),)
-        found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        found = self._engine_event(transition)
         if found is None:
             return ()
         name, _ = found
@@ -113,8 +117,8 @@ class WaitExplanations:
 
     def _keys(self, transition: Transition) -> list[str]:
         """The keys by which the wizard can bring the event about; an act that runs already needs none."""
-        keys = list(dict.fromkeys(self._raisers.labels_for(transition.event)))
-        found = parse_engine_event(self._store.scenario, transition.event) if transition.event is not None else None
+        keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
+        found = self._engine_event(transition)
         if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
             functions = ("startCommunicationRobotAct", "startInteractionRule")
             binding = next((key for one in functions if (key := self._store.key_of(one, found[0])) is not None), None)
@@ -122,7 +126,9 @@ class WaitExplanations:
                 keys.append(binding.label)
         return keys
 
-    def _condition(self, index: int, condition: Expression, memory: Mapping[str, Any], width: int) -> list[ListRow]:
+    def _condition_rows(
+        self, index: int, condition: Expression, memory: Mapping[str, Any], width: int
+    ) -> list[ListRow]:
         """Each part with the present values, its truth, and the keys that would make it true."""
         joint, parts = parts_of(condition)
         truths = [truth_of(part, memory) for part in parts]
@@ -136,7 +142,7 @@ class WaitExplanations:
             )  # fmt: skip
             line: StyledLine = ((f"{joint if number else 'if':>{PART - 1}} ", "muted"), (clean(truth.text), "plain"))
             more: StyledLine = ((truth.values, "muted"),) if truth.values and not _says_it(part, truth) else ()
-            if keys := [] if truth.holds else self._setters(part, memory):
+            if keys := [] if truth.holds else self._setting_keys(part, memory):
                 more = (*more, (f"{'  ' if more else ''}{key_owner(self._store)}: ", "muted"), (" ".join(keys), "key"))
             gap = " " * (texts - cell_len(clean(truth.text)) + 2) if more else ""
             both: StyledLine = (*line, (gap, "plain"), *more)
@@ -154,11 +160,11 @@ class WaitExplanations:
                 rows.append(ListRow("", crop(((" " * PART, "plain"), (truth.error, "fault")), width), selectable=False))
         return rows
 
-    def _setters(self, part: Expression, memory: Mapping[str, Any]) -> list[str]:
+    def _setting_keys(self, part: Expression, memory: Mapping[str, Any]) -> list[str]:
         """The scenario's keys that set a value with which this part holds."""
         return [key.label for key in self._store.study_keys.keys_setting(part, memory)]
 
-    def _taken_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
+    def _preempted_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
         """Who would take the event instead: one event is taken by one transition of one rule."""
         known, event = self._store, state.transitions[index].event
         if event is None:

@@ -58,7 +58,7 @@ class ActPane(ListPane):
         self._show_details()
 
     @on(RowView.CursorMoved)
-    def _moved(self, event: RowView.CursorMoved) -> None:
+    def _cursor_moved(self, event: RowView.CursorMoved) -> None:
         event.stop()
         self._show_details()
 

@@ -13,9 +13,11 @@ from rise_engine.time_slicer import TimeSlicer
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice
 from rise_tui.model.filtering import InvalidFilter
-from rise_tui.model.log_rows import row_of
+from rise_tui.model.log_rows import row_of, task_of
+from rise_tui.model.log_text import NARROW, log_line, search_text
 from rise_tui.model.row_search import RowSearch
 from rise_tui.model.session_times import EXAMPLES, InvalidTime, parse_moment
+from rise_tui.model.states import NOT_TAKEN, StateLabel, task_state
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import task_label
 from rise_tui.model.task_text import task_rows
@@ -25,7 +27,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, TextRole, format_clock,
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowView
-from rise_tui.widgets.task_log import NARROW, TaskLog
+from rise_tui.widgets.task_log import TaskLog
 
 LETTERS = {
     "c": ("copy", "log.copy"),
@@ -36,7 +38,7 @@ LETTERS = {
 """What the letters do over the details of a task, and the action of each."""
 SLICE_SECONDS = 0.004
 """For so long the log is searched in one turn of the loop."""
-SHOWN_EVERY = 0.2
+PAINT_SECONDS = 0.2
 """Seconds between two paintings while a search goes on."""
 
 
@@ -50,28 +52,28 @@ class LogPane(Pane):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self.task_log = TaskLog(self._find, store.unhandled_tasks, id="log-rows")
-        self.task_log.decorate = self._mark
+        self.task_log = TaskLog(self.make_line, id="log-rows")
         self.time_bar = PromptBar("go to ", EXAMPLES)
         self.save_bar = PromptBar("save as ", "name.tsv or name.jsonl")
         self._search: RowSearch | None = None
-        self._searched: list[int] | None = None
-        """The rows that the search goes through."""
         self._slicer = TimeSlicer(self._search_on, SLICE_SECONDS)
         self._painted = 0.0
         """When the log was last painted; monotonic."""
         self.own_rows_shown = False
         """Whether the rules' own rows are shown as well."""
         self._saving = False
-        self._begun = store.attach_count, store.trim_count
-        self._later = 0, 0
+        self._restarts = store.attach_count, store.trim_count
+        """Of what is shown: with other numbers, the lists of the store are others."""
+        self._checked_counts = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
+        self._unhandled: set[int] = set()
+        """Tasks whose event nobody took."""
 
     @property
     def row_view(self) -> TaskLog:
         return self.task_log
 
-    def _find(self, row: int) -> TaskView | None:
+    def _task_at(self, row: int) -> TaskView | None:
         return self.store.log.task_at(row, self.store.view)
 
     @property
@@ -85,37 +87,83 @@ class LogPane(Pane):
             self.own_rows_shown = unfolded
             self.repaint()
 
-    # --- what is shown -----------------------------------------------------------------------------------------------
+    # --- what it says -------------------------------------------------------------------------------------------------
+
+    def make_line(self, row: int, width: int) -> StyledLine:
+        """One row, with what the filter finds in it marked."""
+        task = self._task_at(row)
+        if task is None:
+            what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
+            return ((f" {what} is in the journal only", "muted"),)
+        line = log_line(task, self._state_label(task), width)
+        if self.filter is None:
+            return line
+        try:
+            return highlight_matches(line, self.filter.match_spans(plain_text(line)))
+        except InvalidFilter:
+            return line  # the search over what this row is made of says so
+
+    def _searched_text(self, row: int) -> str | None:
+        """What a filter looks at; None for a row that is in the journal only."""
+        task = self._task_at(row)
+        return search_text(task, self._state_label(task)) if task is not None else None
+
+    def _state_label(self, task: TaskView) -> StateLabel:
+        return NOT_TAKEN if task.id in self._unhandled else task_state(task)
+
+    def subtitle(self) -> StyledLine:
+        """What is hidden or filtered, and whether the newest row is followed."""
+        log = self.task_log
+        tone: TextRole = "muted" if log.following else "wait"
+        state = "following" if log.following else f"paused, {log.unseen} new" if log.unseen else "paused"
+        state += self.store.forgotten_text and f"  {self.store.forgotten_text}"
+        if self._search is not None or self.filter_problem:
+            more = "" if self._search is None or self._search.done else "…"
+            note = self.filter_note(log.count, len(self._rows), more)
+            return note if self.filter_problem else (*note, (f"  {state}", tone))
+        brief, hidden = self.title.size.width < NARROW, self.store.log.own_count
+        if not hidden:
+            return ((state if log.count else "nothing yet", tone),)
+        shown = "shown" if self.own_rows_shown else "hidden"
+        what = f"+{hidden} by rules" if brief else f"rules' own: {hidden} {shown}"
+        own: StyledLine = ((f"{what} ", "muted"), ("←" if self.own_rows_shown else "→", "key"))
+        if brief and log.following and log.count:
+            return own
+        return (*own, ("  ", "plain"), (state if log.count else "nothing yet", tone))
+
+    # --- what is shown ------------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
-        begun = self.store.attach_count, self.store.trim_count
-        anew, self._begun = self._begun != begun, begun
+        restarts = self.store.attach_count, self.store.trim_count
+        restart, self._restarts = self._restarts != restarts, restarts
+        rows = self._rows
         self._slicer.cancel()
         if self.filter is None:
             self._search = None
-        elif self._search is None or anew or self._search.filter is not self.filter or self._searched is not self._rows:
-            self._searched = self._rows
-            self._search = RowSearch(self.filter, self._searched, self.task_log.filter_text, self._is_live)
-        self._look_again()
+        elif restart or self._search is None or self._search.filter is not self.filter or self._search.ids is not rows:
+            self._search = RowSearch(self.filter, rows, self._searched_text, self._is_live)
+        self._check_changed(restart=restart)
         more = self._slicer.run_slice()
-        self._show(restart=anew)
+        self._show(restart=restart)
         if more:
             self._slicer.wake()
 
     def on_unmount(self) -> None:
         self._slicer.cancel()
 
-    def _look_again(self) -> None:
+    def _check_changed(self, *, restart: bool) -> None:
         """Tasks that have changed since they were looked at may match by now, some even after their end."""
         missed, marks = self.store.unhandled_tasks, self.store.marked_tasks
+        if len(self._unhandled) != len(missed) or restart:
+            self._unhandled = set(missed)
         if self._search is not None:
-            for one in (*missed[self._later[0] :], *marks[self._later[1] :]):
+            for one in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
                 self._search.expect_change(row_of(one))
             try:
                 self._search.look_again()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
-        self._later = len(missed), len(marks)
+        self._checked_counts = len(missed), len(marks)
 
     def _search_on(self) -> int:
         """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
@@ -125,7 +173,7 @@ class LogPane(Pane):
                 looked = self._search.step()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
-        if self._slicer.busy and (not looked or monotonic() - self._painted > SHOWN_EVERY):
+        if self._slicer.busy and (not looked or monotonic() - self._painted > PAINT_SECONDS):
             self._show()  # else whoever repaints does it
         return looked
 
@@ -136,49 +184,14 @@ class LogPane(Pane):
     def _show(self, *, restart: bool = False) -> None:
         self._painted = monotonic()
         self.task_log.show(self._search.matching if self._search is not None else self._rows, restart=restart)
-        self._show_title()
+        self.show_title()
 
     def _is_live(self, id: int) -> bool:
-        task = self._find(id)
+        task = self._task_at(id)
         return task is not None and task.status not in FINAL
 
-    def _mark(self, line: StyledLine) -> StyledLine:
-        if self.filter is None:
-            return line
-        try:
-            return highlight_matches(line, self.filter.match_spans(plain_text(line)))
-        except InvalidFilter:
-            return line  # the search over what this row is made of says so
-
-    def _show_title(self) -> None:
-        view = self.task_log
-        tone: TextRole = "muted" if view.following else "wait"
-        older = self.store.forgotten_text and f"  {self.store.forgotten_text}"
-        state = "following" if view.following else f"paused, {view.unseen} new" if view.unseen else "paused"
-        if self._search is not None or self.filter_problem:
-            more = "" if self._search is None or self._search.done else "…"
-            note = self.filter_note(view.count, len(self._rows), more)
-            self.title.show_note(note if self.filter_problem else (*note, (f"  {state}{older}", tone)))
-            return
-        brief = self.title.size.width < NARROW
-        own: StyledLine = ()
-        if hidden := self.store.log.own_count:
-            what = (
-                f"+{hidden} by rules"
-                if brief
-                else f"rules' own: {hidden} {'shown' if self.own_rows_shown else 'hidden'}"
-            )
-            own = ((f"{what} ", "muted"), ("←" if self.own_rows_shown else "→", "key"))
-        if view.following and view.count:
-            self.title.show_note(
-                own if own and brief else (*own, ("  " if own else "", "plain"), (f"{state}{older}", tone))
-            )
-        else:
-            rest: StyledLine = ((f"{state}{older}" if view.count else "nothing yet", tone),)
-            self.title.show_note((*own, ("  ", "plain"), *rest) if own else rest)
-
     @on(RowView.CursorMoved)
-    def _moved(self, event: RowView.CursorMoved) -> None:
+    def _cursor_moved(self, event: RowView.CursorMoved) -> None:
         """The selected task's reason in full: there may be no room for it in its row."""
         event.stop()
         task = self.selected_task
@@ -188,11 +201,11 @@ class LogPane(Pane):
     @on(TaskLog.FollowChanged)
     def _follow_changed(self, event: TaskLog.FollowChanged) -> None:
         event.stop()
-        self._show_title()
+        self.show_title()
 
     @property
     def selected_task(self) -> TaskView | None:
-        return self._find(int(self.task_log.current_id)) if self.task_log.current_id else None
+        return self._task_at(int(self.task_log.current_id)) if self.task_log.current_id else None
 
     # --- actions ------------------------------------------------------------------------------------------------------
 
@@ -225,34 +238,34 @@ class LogPane(Pane):
 
         def rows(width: int) -> list[ListRow]:
             task = self.selected_task
-            return task_rows(task, self.task_log.state_label(task), self.store.now(), width) if task is not None else []
+            return task_rows(task, self._state_label(task), self.store.now(), width) if task is not None else []
 
-        def done(letter: str | None) -> None:
+        def run_letter(letter: str | None) -> None:
             if letter:
                 self.carry_out(LETTERS[letter][1])
 
         letters = [(letter, does) for letter, (does, _) in LETTERS.items()]
-        self.app.push_screen(DetailScreen("Task", rows, letters, step), done)
+        self.app.push_screen(DetailScreen("Task", rows, letters, step), run_letter)
 
     def leave_transient(self) -> bool:
         for bar in (self.time_bar, self.save_bar):
             if bar.is_open:
-                self._close(bar)
+                self._close_bar(bar)
                 return True
         return super().leave_transient()
 
-    def _close(self, bar: PromptBar) -> None:
+    def _close_bar(self, bar: PromptBar) -> None:
         bar.close()
         self.screen.set_focus(self.row_view)
 
     @on(PromptBar.Cancelled)
-    def _bar_left(self, event: PromptBar.Cancelled) -> None:
+    def _prompt_cancelled(self, event: PromptBar.Cancelled) -> None:
         if event.bar is not self.filter_bar:
             event.stop()
-            self._close(event.bar)
+            self._close_bar(event.bar)
 
     @on(PromptBar.Accepted)
-    def _bar_taken(self, event: PromptBar.Accepted) -> None:
+    def _prompt_accepted(self, event: PromptBar.Accepted) -> None:
         if event.bar is self.filter_bar:
             return
         event.stop()
@@ -260,12 +273,12 @@ class LogPane(Pane):
             self._save(event.bar.text)
             return
         try:
-            when = parse_moment(event.bar.text, self.store.now())
+            moment = parse_moment(event.bar.text, self.store.now())
         except InvalidTime as why:
             self.post_message(ShowNotice(str(why)))
             return
-        self._close(event.bar)
-        self.go_to_time(when)
+        self._close_bar(event.bar)
+        self.go_to_time(moment)
 
     def _save(self, name: str) -> None:
         """Write the rows as they are shown now; the name can be bettered until it could be used."""
@@ -278,28 +291,28 @@ class LogPane(Pane):
             saved = await save_rows(self.store, name, self.task_log.ids)
         finally:
             self._saving = False
-        self.post_message(ShowNotice(saved.said))
+        self.post_message(ShowNotice(saved.notice))
         if saved.written and self.save_bar.is_open:
-            self._close(self.save_bar)
+            self._close_bar(self.save_bar)
 
-    def go_to_time(self, when: float | None) -> None:
+    def go_to_time(self, moment: float | None) -> None:
         """The row that was submitted nearest to this session time; None: follow the newest."""
         ids = self.task_log.ids
-        if when is None or not ids:
+        if moment is None or not ids:
             self.task_log.follow_newest()
             return
 
         def submitted(id: int) -> float:
-            task = self._find(id)
+            task = self._task_at(id)
             return task.submitted if task is not None else float("-inf")
 
-        after = bisect_left(ids, when, key=submitted)
+        after = bisect_left(ids, moment, key=submitted)
         near = [index for index in (after - 1, after) if 0 <= index < len(ids)]
-        index = min(near, key=lambda index: abs(submitted(ids[index]) - when))
+        index = min(near, key=lambda index: abs(submitted(ids[index]) - moment))
         self.task_log.go_to(index)
-        self._show_title()
+        self.show_title()
         found = submitted(ids[index])
-        told = f"the row nearest to {format_clock(when)} is at {format_clock(found, tenths=True)}"
+        said = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
         self.post_message(
-            ShowNotice(f"{told}; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else told)
+            ShowNotice(f"{said}; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else said)
         )

@@ -30,7 +30,7 @@ class Saved(NamedTuple):
     """What became of a file."""
 
     written: bool
-    said: str
+    notice: str
 
 
 def rows_of(store: Store, ids: Iterable[int]) -> Iterator[TaskView]:
@@ -46,7 +46,7 @@ def copy_row(app: App[Any], task: TaskView) -> str:
 
 def copy_rows(app: App[Any], store: Store, ids: Sequence[int]) -> str:
     """Put these rows on the clipboard of the terminal, as a table."""
-    return _copy(app, table_lines(rows_of(store, ids)), _counted(len(ids)), _missing(store))
+    return _copy(app, table_lines(rows_of(store, ids)), _rows_text(len(ids)), _missing_text(store))
 
 
 def _copy(app: App[Any], lines: Iterator[str], what: str, missing: str = "") -> str:
@@ -70,15 +70,15 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
         path = await asyncio.to_thread(save_tasks, name, tasks, export_folder(store.hello.folder))
     except ExportFailed as why:
         return Saved(False, f"not saved: {why}")
-    return Saved(True, f"saved {_counted(len(tasks))} to {abbreviate_home(str(path))}{_missing(store)}")
+    return Saved(True, f"saved {_rows_text(len(tasks))} to {abbreviate_home(str(path))}{_missing_text(store)}")
 
 
-def _missing(store: Store) -> str:
+def _missing_text(store: Store) -> str:
     """What is not among the rows, and how to get it."""
     return (
         f"; {store.forgotten_text}: rise-engine export {Path(store.hello.folder).name}" if store.forgotten_text else ""
     )
 
 
-def _counted(rows: int) -> str:
+def _rows_text(rows: int) -> str:
     return "1 row" if rows == 1 else f"{rows} rows"

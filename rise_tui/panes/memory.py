@@ -10,7 +10,8 @@ from textual import on
 from textual.widget import Widget
 
 from rise_engine.kernel.view import MemoryView
-from rise_tui.actions import bindings_in, why_blocked
+from rise_tui.actions import bindings_in
+from rise_tui.key_labels import why_blocked
 from rise_tui.messages import ShowNotice, SubmitTask
 from rise_tui.model.json_path import JsonPath, NoSuchPath, children, path_text, value_at, with_removed, with_replaced
 from rise_tui.model.store import Store
@@ -91,7 +92,7 @@ class MemoryPane(ListPane):
         rows = []
         for key, entry in self.store.view.memory.items():
             rows.append(self._row((key,), entry.value, columns, entry))
-            rows += self._parts((key,), entry.value, columns)
+            rows += self._child_rows((key,), entry.value, columns)
         rows.append(ListRow(ADD, ((" + add a key", "muted"),)))
         if self.editor.is_open:
             self.editor.check()
@@ -100,7 +101,7 @@ class MemoryPane(ListPane):
     def _columns(self, width: int) -> MemoryColumns:
         return MemoryColumns.of(width, max(map(cell_width, self.store.view.memory), default=0))
 
-    def _parts(self, path: JsonPath, value: Any, columns: MemoryColumns) -> Iterator[ListRow]:
+    def _child_rows(self, path: JsonPath, value: Any, columns: MemoryColumns) -> Iterator[ListRow]:
         """The rows below an unfolded value."""
         if path not in self._unfolded:
             return
@@ -110,14 +111,14 @@ class MemoryPane(ListPane):
                 yield ListRow("", ((more, "muted"),), selectable=False)
                 return
             yield self._row((*path, step), inner, columns)
-            yield from self._parts((*path, step), inner, columns)
+            yield from self._child_rows((*path, step), inner, columns)
 
     def _row(self, path: JsonPath, value: Any, columns: MemoryColumns, entry: MemoryView | None = None) -> ListRow:
         """A key, or with no `entry` a part of its value."""
         name = path_text(path)
         row_id = str(path[0]) if len(path) == 1 else "\0".join(map(str, path))
         self._paths[row_id] = path
-        sent = entry is not None and self._sent(str(path[0]))
+        sent = entry is not None and self._is_sent(str(path[0]))
         kind = "↑ sent" if sent else json_type_name(value)
         fold = " " if not any(True for _ in children(value)) else "▾" if path in self._unfolded else "▸"
         label = "  " * (len(path) - 1) + (name if len(path) == 1 else f".{path[-1]}")
@@ -141,7 +142,7 @@ class MemoryPane(ListPane):
             return ""
         return "start" if entry.source == "file" else format_age(self.store.now() - entry.changed)
 
-    def _sent(self, key: str) -> bool:
+    def _is_sent(self, key: str) -> bool:
         start = json.dumps({key: 0}, ensure_ascii=False)[:-2]
         return any(
             (sent.function == "deleteValue" and sent.behavior == key)
@@ -149,8 +150,8 @@ class MemoryPane(ListPane):
             for sent in self.store.sent.values()
         )
 
-    def _part(self, path: JsonPath) -> Any:
-        """The value of a row at this moment. Raises NoSuchPart."""
+    def _value_at(self, path: JsonPath) -> Any:
+        """The value of a row at this moment. Raises NoSuchPath."""
         entry = self.store.view.memory.get(str(path[0]))
         if entry is None:
             raise NoSuchPath(path_text(path))
@@ -172,16 +173,16 @@ class MemoryPane(ListPane):
             self.run_worker(ask_to_save_start_values(self), group="keep", exclusive=True)
         elif action == "memory.add" or self.row_list.current_id == ADD:
             if action != "memory.delete":
-                self._open((), *(self.store.last_deletion or ("", None)))
+                self._open_editor((), *(self.store.last_deletion or ("", None)))
         elif not path:
             self.post_message(ShowNotice("no key is selected"))
         elif action == "memory.edit":
-            self._open(path, path_text(path), self._part(path))
+            self._open_editor(path, path_text(path), self._value_at(path))
         elif action == "memory.delete":
             self._delete(path)
 
     def _delete(self, path: JsonPath) -> None:
-        key, value = str(path[0]), self._part(path)
+        key, value = str(path[0]), self._value_at(path)
         if len(path) == 1:
             self.store.last_deletion = (key, value)
             self.post_message(SubmitTask("deleteValue", key))
@@ -203,9 +204,9 @@ class MemoryPane(ListPane):
     def _unfold(self, path: JsonPath) -> None:
         if not path:
             return
-        value = self._part(path)
+        value = self._value_at(path)
         if not any(True for _ in children(value)) or path in self._unfolded:
-            self._read(path)
+            self._show_in_full(path)
             return
         self._unfolded.add(path)
         self.repaint()
@@ -219,13 +220,13 @@ class MemoryPane(ListPane):
             self.row_list.select(str(path[0]) if len(path) == 1 else "\0".join(map(str, path)))
             self.repaint()
 
-    def _read(self, path: JsonPath) -> None:
+    def _show_in_full(self, path: JsonPath) -> None:
         """A value in full: its row may have no room for it."""
 
         def rows(width: int) -> list[ListRow]:
             entry = self.store.view.memory.get(str(path[0]))
             try:
-                value = self._part(path)
+                value = self._value_at(path)
             except NoSuchPath:
                 value = None
             if entry is None:
@@ -239,7 +240,7 @@ class MemoryPane(ListPane):
 
     # --- the editor ---------------------------------------------------------------------------------------------------
 
-    def _open(self, path: JsonPath, key: str, value: object) -> None:
+    def _open_editor(self, path: JsonPath, key: str, value: object) -> None:
         self._editing = path
         self.row_list.select(self.row_list.current_id if path else ADD)
         last = self.row_list.size.height - 1
@@ -249,20 +250,20 @@ class MemoryPane(ListPane):
         columns = self._columns(self.row_list.row_width)
         text = format_value(value) if key else ""
         self.editor.open(
-            path_text(path), key, text, self._present, y=y, key_width=columns.key, value_width=columns.value
+            path_text(path), key, text, self._present_value, y=y, key_width=columns.key, value_width=columns.value
         )
 
-    def _present(self, key: str) -> PresentValue:
+    def _present_value(self, key: str) -> PresentValue:
         """What a key, or the part that is being edited, has at this moment."""
         path: JsonPath = self._editing or (key,)
         entry = self.store.view.memory.get(str(path[0]))
         try:
-            return PresentValue(format_value(self._part(path)), entry.source if entry is not None else "")
+            return PresentValue(format_value(self._value_at(path)), entry.source if entry is not None else "")
         except NoSuchPath:
             return PresentValue("")
 
     @on(RowEditor.SaveRow)
-    def _edited(self, event: RowEditor.SaveRow) -> None:
+    def _save_row(self, event: RowEditor.SaveRow) -> None:
         event.stop()
         self.screen.set_focus(self.row_list)
         if not event.key:

@@ -81,7 +81,11 @@ class TitleBar(StaticLines):
 
 
 class Pane(Vertical):
-    """A list or pane of the console."""
+    """A list or pane of the console.
+
+    What it says is decided in `make_rows` (the log: `make_line`), in `subtitle` (at the right of its title) and in
+    EMPTY; what its keys do, in `carry_out`.
+    """
 
     SCOPE: ClassVar[KeyScope]
     TITLE: ClassVar[str]
@@ -136,12 +140,19 @@ class Pane(Vertical):
         """Make the pane's rows anew from the store; only what differs reaches the terminal."""
         raise NotImplementedError
 
+    def subtitle(self) -> StyledLine:
+        """What stands at the right of the title."""
+        return ()
+
+    def show_title(self) -> None:
+        self.title.show_note(self.subtitle())
+
     def carry_out(self, action: str) -> None:
         """Carry out one of the pane's actions from the registry."""
         raise NotImplementedError
 
     def action_do(self, action: str) -> None:
-        """As `do`, but what ends or deletes something waits until the wizard can have seen which row it would hit."""
+        """As `carry_out`, but what ends or deletes something waits until the wizard can have seen the row it hits."""
         if self.row_view.was_just_displaced and "delete" in BY_ID[action].keys:
             self.post_message(ShowNotice("the list has just changed; press again"))
         else:
@@ -205,13 +216,13 @@ class Pane(Vertical):
         self.repaint()
 
     @on(PromptBar.Edited)
-    def _filter_typed(self, event: PromptBar.Edited) -> None:
+    def _filter_edited(self, event: PromptBar.Edited) -> None:
         if event.bar is self.filter_bar:
             event.stop()
             self.set_filter(event.bar.text)
 
     @on(PromptBar.Accepted)
-    def _filter_taken(self, event: PromptBar.Accepted) -> None:
+    def _filter_accepted(self, event: PromptBar.Accepted) -> None:
         if event.bar is self.filter_bar:
             event.stop()
             if self.filter_problem:
@@ -220,7 +231,7 @@ class Pane(Vertical):
                 self.close_filter(keep=True)
 
     @on(PromptBar.Cancelled)
-    def _filter_left(self, event: PromptBar.Cancelled) -> None:
+    def _filter_cancelled(self, event: PromptBar.Cancelled) -> None:
         if event.bar is self.filter_bar:
             event.stop()
             self.close_filter(keep=False)
@@ -246,10 +257,6 @@ class ListPane(Pane):
         """The rows in `width` cells."""
         raise NotImplementedError
 
-    def subtitle(self) -> StyledLine:
-        """What stands at the right of the title."""
-        return ()
-
     def repaint(self) -> None:
         width = self.row_list.row_width
         if width <= 0:
@@ -259,7 +266,7 @@ class ListPane(Pane):
         if self.filter is not None or self.filter_problem:
             self.title.show_note(self.filter_note(len(rows), sum(row.selectable for row in made)))
         else:
-            self.title.show_note(self.subtitle())
+            self.show_title()
         if not rows:
             empty = "nothing matches; esc clears the filter" if self.filter is not None else self.EMPTY
             rows = [ListRow("", ((f" {empty}", "muted"),), selectable=False)]

@@ -22,17 +22,17 @@ from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import ListRow, StyledLine, crop, format_clock, heading_line
 from rise_tui.widgets.row_list import RowList
 
-TICK = 1.0
+CLOCK_SECONDS = 1.0
 """Seconds between two looks at what the clock alone changes."""
-AHEAD = 4
+ROWS_AHEAD = 4
 """Rows below the present state that should be in view with it."""
-USUAL = 0.6
+USUAL_SHARE = 0.6
 """The reasons keep room for this share of a rule's states; only the others move the graph."""
-TINY = 5
+TINY_HEIGHT = 5
 """Rows up to which there is room for reasons alone."""
 LEAST_GRAPH = 2
 """Rows that the graph keeps in a pane where there is little room: the reasons come first."""
-GAP = 12
+GAP_HEIGHT = 12
 """Rows of the pane from which on an empty one stands between the reasons and the graph."""
 
 
@@ -56,10 +56,9 @@ class RulePane(ListPane):
         self.graph.can_focus = False
         self.row_list.continuation = self.graph
         self._layout_made: tuple[Rule, GraphLayout] | None = None
-        self._usual: tuple[Rule, int, int] | None = None
+        self._usual_count: tuple[Rule, int, int] | None = None
         """The rule and the width for which it was counted, and the rows that the reasons of most states need."""
-        self._drawn: tuple[GraphLayout, GraphPosition, str] | None = None
-        self._brought: tuple[str, str | None] | None = None
+        self._in_view: tuple[str, str | None] | None = None
         """The rule and state that was last brought into view; after that the wizard may scroll."""
 
     @property
@@ -74,9 +73,9 @@ class RulePane(ListPane):
         return [self.row_list, self.graph]
 
     def on_mount(self) -> None:
-        self.set_interval(TICK, self._count)
+        self.set_interval(CLOCK_SECONDS, self._repaint_by_clock)
 
-    def _count(self) -> None:
+    def _repaint_by_clock(self) -> None:
         """Repaint what the clock alone changes, when it is to be seen and there is such a thing."""
         rule = self._rule
         if rule is None or not self.display or not self.size.height or self.store.gone_reason:
@@ -106,9 +105,9 @@ class RulePane(ListPane):
         self._share_room(rule)
         view = self.store.rule(rule.name)
         self._show_graph(rule, view, width)
-        stands = (rule.name, view.state if view.running else None)
-        if stands != self._brought and self.graph.size.height:
-            self._brought = stands
+        position = (rule.name, view.state if view.running else None)
+        if position != self._in_view and self.graph.size.height:
+            self._in_view = position
             self._bring_into_view()
 
     def _head(self, rule: Rule, view: RuleView, width: int) -> list[ListRow]:
@@ -137,30 +136,28 @@ class RulePane(ListPane):
     # --- the graph --------------------------------------------------------------------------------------------------
 
     def _show_graph(self, rule: Rule, view: RuleView, width: int) -> None:
-        """Draw it when its marks, its width or the filter have changed; only rows that differ are repainted."""
+        """Lay it out when the rule or the width is another; only rows that differ are repainted."""
         if self._layout_made is None or self._layout_made[0] is not rule or self._layout_made[1].width != width:
             self._layout_made = rule, lay_out_graph(rule, width)
         layout = self._layout_made[1]
         last = (view.previous, view.transition) if view.previous is not None and view.transition is not None else None
         now = GraphPosition(view.state if view.running else None, last if view.status else None)
-        if (layout, now, self.filter_text) != self._drawn:
-            self._drawn = layout, now, self.filter_text
-            self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
+        self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
 
     def _bring_into_view(self) -> None:
         """Scroll only when the present state, or what may follow right below it, would be out of sight."""
         height, top = self.graph.size.height, self.graph.scroll_offset.y
         index = next((at for at in range(self.graph.count) if self.graph.row_at(at).id == HERE), 0)
-        ahead = min(AHEAD, height // 3)
+        ahead = min(ROWS_AHEAD, height // 3)
         if not top <= index < top + height - ahead:
             self.graph.scroll_to(y=0 if index < height - ahead else index - height // 3, animate=False)
 
     def _share_room(self, rule: Rule) -> None:
         """Give the reasons the rows that most states of this rule need, so that the graph seldom moves."""
         room = self.size.height - 1
-        gap = int(room > GAP)
+        gap = int(room > GAP_HEIGHT)
         need = max(self._usual_rows(rule), self.row_list.count)
-        share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH * (room > TINY)
+        share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH * (room > TINY_HEIGHT)
         rows = max(1, min(need, share))
         if self.row_list.styles.height is None or self.row_list.styles.height.value != rows:
             self.row_list.styles.height = rows
@@ -169,11 +166,11 @@ class RulePane(ListPane):
 
     def _usual_rows(self, rule: Rule) -> int:
         width = self.row_list.row_width
-        if self._usual is None or self._usual[:2] != (rule, width):
+        if self._usual_count is None or self._usual_count[:2] != (rule, width):
             view = RuleView(running=True)
             needs = sorted(len(self._reasons.rows(rule, state, view, width)) for state in rule.states.values())
-            self._usual = rule, width, 2 + needs[int((len(needs) - 1) * USUAL)]
-        return self._usual[2]
+            self._usual_count = rule, width, 2 + needs[int((len(needs) - 1) * USUAL_SHARE)]
+        return self._usual_count[2]
 
     def carry_out(self, action: str) -> None:
         kind, _, index = self.row_list.current_id.partition(":")

@@ -30,20 +30,20 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     if not differing:
         pane.post_message(ShowNotice("the memory is as it was at the start: nothing to save"))
         return
-    said = ["Later sessions of this scenario begin with:"]
-    said += [f"  {plain_text(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
-    said += [f"  and {len(differing) - MOST_NAMED} more"] if len(differing) > MOST_NAMED else []
-    said += [
+    lines = ["Later sessions of this scenario begin with:"]
+    lines += [f"  {plain_text(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
+    lines += [f"  and {len(differing) - MOST_NAMED} more"] if len(differing) > MOST_NAMED else []
+    lines += [
         "",
         f"Written into {path}; the rest of the file stays as it is.",
         "The session that runs now does not change.",
     ]
 
-    def answered(key: str | None) -> None:
+    def save_if_chosen(key: str | None) -> None:
         if key == "s":
             pane.run_worker(_save(pane, path, scenario.memory, memory, len(differing)), group="keep")
 
-    pane.app.push_screen(Dialog("Save the memory as start values?", said, DialogChoice("s", "Save")), answered)
+    pane.app.push_screen(Dialog("Save the memory as start values?", lines, DialogChoice("s", "Save")), save_if_chosen)
 
 
 async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: dict[str, Any], changed: int) -> None:

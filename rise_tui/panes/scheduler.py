@@ -35,41 +35,45 @@ class SchedulerPane(ListPane):
         view = self.store.view
         running = [view.tasks[id] for id in view.running if id in view.tasks]
         waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
-        expected = estimate_starts(map(self._turn, running), [self._turn(task) for task in waiting])
-        rows = [self._row(task, "now", self._left(task), width) for task in running]
-        for place, (task, at) in enumerate(zip(waiting, expected, strict=True)):
-            rows.append(self._row(task, "next" if place == 0 else f"{place + 1}.", self._until(at, place), width))
+        expected = estimate_starts(map(self._queued_task, running), [self._queued_task(task) for task in waiting])
+        rows = [self._row(task, "now", self._time_left(task), width) for task in running]
+        for position, (task, at) in enumerate(zip(waiting, expected, strict=True)):
+            rows.append(
+                self._row(task, "next" if position == 0 else f"{position + 1}.", self._time_until(at, position), width)
+            )
         return rows
 
-    def _turn(self, task: TaskView) -> QueuedTask:
+    def _queued_task(self, task: TaskView) -> QueuedTask:
         elapsed = self.store.now() - task.started if task.started is not None else 0.0
         return QueuedTask(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
 
     def _typical(self, task: TaskView) -> float | None:
         return None if task.function == "say" else self.store.typical_seconds(task.behavior)
 
-    def _left(self, task: TaskView) -> StyledSpan:
+    def _time_left(self, task: TaskView) -> StyledSpan:
         """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
-        turn = self._turn(task)
-        if turn.typical_seconds is None or turn.seconds_left is None:
-            return f"for {format_duration(turn.elapsed_seconds)}", "plain"
-        of = f"{format_seconds(turn.elapsed_seconds)} of {format_duration(turn.typical_seconds)}"
-        if turn.seconds_left >= 0:
-            return f"{of}, {format_duration(turn.seconds_left)} left", "plain"
-        return f"{of}, {format_duration(-turn.seconds_left)} over", "wait"
+        queued = self._queued_task(task)
+        if queued.typical_seconds is None or queued.seconds_left is None:
+            return f"for {format_duration(queued.elapsed_seconds)}", "plain"
+        of = f"{format_seconds(queued.elapsed_seconds)} of {format_duration(queued.typical_seconds)}"
+        if queued.seconds_left >= 0:
+            return f"{of}, {format_duration(queued.seconds_left)} left", "plain"
+        return f"{of}, {format_duration(-queued.seconds_left)} over", "wait"
 
-    def _until(self, at: float | None, place: int) -> StyledSpan:
+    def _time_until(self, at: float | None, position: int) -> StyledSpan:
         """For a waiting task: when it will probably start."""
         if at is None:
             return "not known", "muted"
         if at < 1:
-            return "any moment" if place == 0 else "soon", "muted"
+            return "any moment" if position == 0 else "soon", "muted"
         return f"in ~{at:.0f} s" if at < 90 else f"in ~{at / 60:.0f} min", "muted"
 
-    def _row(self, task: TaskView, place: str, when: StyledSpan, width: int) -> ListRow:
-        glyph, word, tone = SENT if self._asked(task.id) else task_state(task)
+    def _row(self, task: TaskView, position: str, when: StyledSpan, width: int) -> ListRow:
+        glyph, word, tone = SENT if self._is_change_sent(task.id) else task_state(task)
         now = task.started is not None
-        lead = fixed_span(f" {place:<4}" if not place[0].isdigit() else f" {place:>4}", 6, "accent" if now else "muted")
+        lead = fixed_span(
+            f" {position:<4}" if not position[0].isdigit() else f" {position:>4}", 6, "accent" if now else "muted"
+        )
         act = self.store.scenario.acts.get(task.behavior) if task.function != "say" else None
         done = "{}/{}".format(*act_progress(act, task)) if act is not None and now else ""
         source = min(18, width // 5) if width >= WIDE else 0
@@ -88,11 +92,11 @@ class SchedulerPane(ListPane):
         )
         if source:
             line = (*line, ("  ", "plain"), fixed_span(task.source, source, "muted"))
-        return ListRow(str(task.id), line, full=f"{place} {said} {word} {task.source}")
+        return ListRow(str(task.id), line, full=f"{position} {said} {word} {task.source}")
 
-    def _asked(self, id: int) -> bool:
-        asked = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
-        return any(sent.behavior.split(" ")[0] == str(id) for sent in asked)
+    def _is_change_sent(self, id: int) -> bool:
+        changes = (sent for sent in self.store.sent.values() if sent.function in ("cancelTask", "moveTask"))
+        return any(sent.behavior.split(" ")[0] == str(id) for sent in changes)
 
     def carry_out(self, action: str) -> None:
         if not self.row_list.current_id:
@@ -100,22 +104,22 @@ class SchedulerPane(ListPane):
             return
         task, waiting = int(self.row_list.current_id), self.store.view.waiting
         if action == "scheduler.details":
-            self._details(task)
+            self._open_details(task)
         elif action == "scheduler.cancel":
             self.post_message(SubmitTask("cancelTask", str(task)))
         elif task not in waiting:
             self.post_message(ShowNotice("this task runs already; only waiting ones can be moved"))
         else:
             here = waiting.index(task)
-            place = {"scheduler.earlier": here - 1, "scheduler.later": here + 1}.get(action, 0)
-            if 0 <= place < len(waiting) and place != here:
-                self.post_message(SubmitTask("moveTask", f"{task} {place}"))
+            position = {"scheduler.earlier": here - 1, "scheduler.later": here + 1}.get(action, 0)
+            if 0 <= position < len(waiting) and position != here:
+                self.post_message(SubmitTask("moveTask", f"{task} {position}"))
             else:
                 self.post_message(
-                    ShowNotice("it is the last one already" if place > here else "it starts next already")
+                    ShowNotice("it is the last one already" if position > here else "it starts next already")
                 )
 
-    def _details(self, id: int) -> None:
+    def _open_details(self, id: int) -> None:
         def rows(width: int) -> list[ListRow]:
             task = self.store.view.tasks.get(id)
             return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []

@@ -7,7 +7,8 @@ from typing import ClassVar
 from rich.cells import cell_len
 from textual import on
 
-from rise_tui.actions import bindings_in, why_blocked
+from rise_tui.actions import bindings_in
+from rise_tui.key_labels import why_blocked
 from rise_tui.messages import RequestStart, ShowNotice, ShowSelection, SubmitTask
 from rise_tui.model.key_action import start_action
 from rise_tui.model.states import (
@@ -39,15 +40,15 @@ from rise_tui.rendering.text import (
 from rise_tui.widgets.row_list import RowView
 
 STATE_WIDTH = 10
-NOW = 24
+RUNNING_NAME_WIDTH = 24
 """Cells for the name of what runs now, in the title of the acts."""
 WIDE = 46
 """From this width on there is room for an act's progress and typical duration, and a rule's state."""
 
 
-def _expected(state: StateLabel, awaited: bool) -> StateLabel:
+def _expected(state: StateLabel, is_expected: bool) -> StateLabel:
     """What a running rule waits for says so, unless there is something to say about it now."""
-    return EXPECTED if awaited and state not in (RUNNING, WAITING, SENT, ARMED) else state
+    return EXPECTED if is_expected and state not in (RUNNING, WAITING, SENT, ARMED) else state
 
 
 class StartListPane(ListPane):
@@ -59,7 +60,7 @@ class StartListPane(ListPane):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
-        self._shown_awaited: frozenset[str] = frozenset()
+        self._shown_expected: frozenset[str] = frozenset()
         labels = [key.label for key in store.scenario.keys.values() if key.function == self.FUNCTION]
         self.key_width = min(8, max((len(label) for label in labels), default=1)) + 1
 
@@ -70,7 +71,7 @@ class StartListPane(ListPane):
     def is_affected_by(self, changed: set[StorePart]) -> bool:
         if changed & (self.PARTS - self.EXPECTATION_PARTS):
             return True
-        return bool(changed & self.EXPECTATION_PARTS) and self.expected_names() != self._shown_awaited
+        return bool(changed & self.EXPECTATION_PARTS) and self.expected_names() != self._shown_expected
 
     def why_blocked(self, name: str) -> str:
         """Why its key would start nothing now, or empty."""
@@ -82,7 +83,7 @@ class StartListPane(ListPane):
         return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
 
     @on(RowView.CursorMoved)
-    def _moved(self, event: RowView.CursorMoved) -> None:
+    def _cursor_moved(self, event: RowView.CursorMoved) -> None:
         event.stop()
         name = event.rows.current_id
         self.post_message(ShowSelection(self.SCOPE, name))
@@ -114,16 +115,22 @@ class ActsPane(StartListPane):
         others = len(view.running) - 1
         more = (f" +{others}" if others else "") + (f", {len(view.waiting)} wait" if view.waiting else "")
         name = act_label(task.function, task.behavior)
-        return (("► ", "accent"), (f"{fit(name, min(cell_len(name), NOW))} {elapsed} s", "accent"), (more, "muted"))
+        return (
+            ("► ", "accent"),
+            (f"{fit(name, min(cell_len(name), RUNNING_NAME_WIDTH))} {elapsed} s", "accent"),
+            (more, "muted"),
+        )
 
     def make_rows(self, width: int) -> list[ListRow]:
         wide = width >= WIDE
         name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
-        awaited = self._shown_awaited = self.expected_names()
-        return [ListRow(name, self._line(name, name_width, wide, name in awaited)) for name in self.store.scenario.acts]
+        expected = self._shown_expected = self.expected_names()
+        return [
+            ListRow(name, self._line(name, name_width, wide, name in expected)) for name in self.store.scenario.acts
+        ]
 
-    def _line(self, name: str, name_width: int, wide: bool, awaited: bool) -> StyledLine:
-        state = _expected(act_state(self.store, name), awaited)
+    def _line(self, name: str, name_width: int, wide: bool, is_expected: bool) -> StyledLine:
+        state = _expected(act_state(self.store, name), is_expected)
         running = bool(self.store.act(name).running)
         spans: list[StyledSpan] = [
             self.key_cell(name),
@@ -197,9 +204,9 @@ class RulesPane(StartListPane):
         name_width = min(longest, room - least)
         state_width = room - name_width
         rows = []
-        awaited = self._shown_awaited = self.expected_names()
+        expected = self._shown_expected = self.expected_names()
         for name in self.store.scenario.rules:
-            rule, state = self.store.rule(name), _expected(rule_state(self.store, name), name in awaited)
+            rule, state = self.store.rule(name), _expected(rule_state(self.store, name), name in expected)
             at = (rule.state or "") if rule.running else rule.reason if rule.status == "faulted" else ""
             lead = STATE_WIDTH - 2 if wide else 0
             shown = at if wide or at else state.word

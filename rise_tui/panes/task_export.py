@@ -68,7 +68,7 @@ def json_lines(tasks: Iterable[TaskView]) -> Iterator[str]:
 
 
 def clipboard_text(lines: Iterable[str]) -> str:
-    """The lines as one text. Raises TooLong, and then has not made the rest."""
+    """The lines as one text. Raises ClipboardTooLarge, and then has not made the rest."""
     taken, size = [], 0
     for line in lines:
         size += len(line.encode("utf-8", "replace")) + 1
@@ -99,7 +99,7 @@ def export_folder(session: str) -> Path:
 def save_tasks(name: str, tasks: Iterable[TaskView], folder: Path) -> Path:
     """Write the tasks to a new file that only its owner can read; returns its full path.
 
-    `folder`: for names without one. Blocks: not for a loop. Raises NotSaved.
+    `folder`: for names without one. Blocks: not for a loop. Raises ExportFailed.
     """
     path = folder / Path(name.strip()).expanduser() if name.strip() else Path()
     ending = path.suffix.casefold()

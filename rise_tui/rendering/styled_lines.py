@@ -14,7 +14,7 @@ from textual.color import Color
 from textual.strip import Strip
 from textual.widget import Widget
 
-from rise_tui.rendering.text import StyledLine, TextRole, cell_width, clean
+from rise_tui.rendering.text import StyledLine, TextRole, clean
 
 
 class StyleSpec(NamedTuple):
@@ -41,14 +41,6 @@ CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND = "rise-cursor", "rise-cursor-awa
 """The background of the cursor's row, where the keys go and where they do not."""
 
 
-class ResolvedStyle(NamedTuple):
-    """A style that is ready for use. Of one widget, equal styles are the same object."""
-
-    style: Style
-    blank: tuple[object, ...]
-    """All that can be seen of a blank in this style; also the same object where it is equal."""
-
-
 class StyledLines(Widget):
     """A widget that paints lines of toned text.
 
@@ -56,69 +48,40 @@ class StyledLines(Widget):
     was a third of the time that a console took to appear.
     """
 
-    _styles_by_background: dict[str, dict[TextRole, ResolvedStyle]] | None = None
-    """By the ground, then by the tone."""
+    _styles_by_background: dict[str, dict[TextRole, Style]] | None = None
+    """By the background, then by the role."""
 
     def notify_style_update(self) -> None:
         """The theme or a class changed."""
         self._styles_by_background = None
         super().notify_style_update()
 
-    def style_for(self, tone: TextRole) -> Style:
-        return self._styles_on("")[tone].style
+    def styles_on(self, background: str) -> dict[TextRole, Style]:
+        """How each role looks on the background that a theme variable names; empty: the widget's own."""
+        if self._styles_by_background is None:
+            self._styles_by_background = {}
+        if background not in self._styles_by_background:
+            self._styles_by_background[background] = self._resolve_styles(background)
+        return self._styles_by_background[background]
 
-    def _styles_on(self, ground: str) -> dict[TextRole, ResolvedStyle]:
-        """How each tone looks on the background that a theme variable names; empty: the widget's own."""
-        known = self._styles_by_background
-        if known is None:
-            known = self._styles_by_background = {}
-        inks = known.get(ground)
-        if inks is None:
-            inks = known[ground] = self._resolve_styles(ground)
-        return inks
-
-    def _resolve_styles(self, ground: str) -> dict[TextRole, ResolvedStyle]:
+    def _resolve_styles(self, row_background: str) -> dict[TextRole, Style]:
         variables = self.app.theme_variables
-        styles: dict[Style, Style] = {}
-        blanks: dict[tuple[object, ...], tuple[object, ...]] = {}
-        inks: dict[TextRole, ResolvedStyle] = {}
-        for tone, look in STYLE_SPECS.items():
-            background = _color(variables[look.background]) if look.background else self.background_colors[1]
-            color = _color(variables[look.color])
-            style = Style(color=color.rich_color, bgcolor=background.rich_color) + self.styles.text_style
-            style += _attributes(variables.get(f"rise-{tone}-style", "none"))
-            if ground and tone not in ("alarm", "call"):
-                style += Style(bgcolor=_color(variables[ground]).rich_color)
-                style += _attributes(variables.get(f"{ground}-style", "none"))
-            blank = _blank(style)
-            inks[tone] = ResolvedStyle(styles.setdefault(style, style), blanks.setdefault(blank, blank))
-        return inks
+        styles: dict[TextRole, Style] = {}
+        for role, spec in STYLE_SPECS.items():
+            background = _color(variables[spec.background]) if spec.background else self.background_colors[1]
+            style = Style(color=_color(variables[spec.color]).rich_color, bgcolor=background.rich_color)
+            style += self.styles.text_style + _attributes(variables.get(f"rise-{role}-style", "none"))
+            if row_background and role not in ("alarm", "call"):
+                style += Style(bgcolor=_color(variables[row_background]).rich_color)
+                style += _attributes(variables.get(f"{row_background}-style", "none"))
+            styles[role] = style
+        return styles
 
     def to_strip(self, line: StyledLine, width: int, background: str = "") -> Strip:
         """A line in exactly `width` cells, on the background that a theme variable names."""
-        inks = self._styles_on(background)
-        fill = inks["plain"]
-        segments: list[Segment] = []
-        so_far, ink, rest = "", fill, width
-        for text, tone in line:
-            text = clean(text)
-            rest -= cell_width(text)
-            new = inks[tone]
-            # A change of style costs the terminal 40 bytes, and a blank looks the same in every color of text.
-            if new.style is ink.style or (new.blank is ink.blank and so_far and not text.strip(" ")):
-                so_far += text
-            elif text:
-                if so_far:
-                    segments.append(Segment(so_far, ink.style))
-                so_far, ink = text, new
-        if rest > 0:
-            if so_far and ink.blank is not fill.blank:
-                segments.append(Segment(so_far, ink.style))
-                so_far, ink = "", fill
-            so_far += " " * rest
-        if so_far:
-            segments.append(Segment(so_far, ink.style))
-        return Strip(segments, width) if rest >= 0 else Strip(segments).adjust_cell_length(width, fill.style)
+        styles = self.styles_on(background)
+        segments = [Segment(clean(text), styles[role]) for text, role in line if text]
+        return Strip(segments).adjust_cell_length(width, styles["plain"]).simplify()
 
 
 @lru_cache(64)
@@ -129,9 +92,3 @@ def _color(value: str) -> Color:
 @lru_cache(64)
 def _attributes(definition: str) -> Style:
     return Style.parse(definition)
-
-
-def _blank(style: Style) -> tuple[object, ...]:
-    """All that can be seen of a blank in this style."""
-    color = style.color if style.reverse or style.underline else None
-    return style.bgcolor, color, style.reverse, style.underline

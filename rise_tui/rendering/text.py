@@ -86,10 +86,10 @@ def plain_text(line: Iterable[StyledSpan]) -> str:
     return "".join(text for text, _ in line)
 
 
-def highlight_matches(line: StyledLine, places: Iterable[tuple[int, int]]) -> StyledLine:
+def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> StyledLine:
     """The line with the characters of these places, in order, in the tone `match`."""
     spans: list[StyledSpan] = []
-    left = list(places)
+    left = list(matches)
     column = 0
     for text, tone in line:
         at = 0

@@ -6,27 +6,23 @@ from collections.abc import Callable, Sequence
 
 from textual import events, on
 from textual.app import ComposeResult
-from textual.containers import Vertical
 
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.titled_box import TitledBox
 
-AGAIN = 0.5
-"""Seconds between two looks at what may have changed."""
+REFRESH_SECONDS = 0.5
+"""How soon a row that has changed is shown."""
 
 
 class DetailScreen(SingleDismissModal[str]):
-    """Shows rows until it is left; the result is the letter that was pressed, empty for none.
-
-    `steps`: whether left and right go to the one before and after; they are told to `step`.
-    """
+    """Shows rows until it is left; the result is the letter that was pressed, empty for none."""
 
     DEFAULT_CSS = """
     DetailScreen {
         align: center middle; background: transparent;
-        #box { width: 100; max-width: 96%; height: auto; max-height: 80%; padding: 0 1; background: $panel;
-               border: round $primary; border-title-color: $foreground; border-title-style: bold; }
+        #box { width: 100; max-height: 80%; border-title-color: $foreground; }
         RowList { height: auto; max-height: 100%; background: $panel; }
     }
     """
@@ -38,30 +34,30 @@ class DetailScreen(SingleDismissModal[str]):
         letters: Sequence[tuple[str, str]] = (),
         step: Callable[[int], None] | None = None,
     ) -> None:
-        """`rows` makes them for a width; `letters` are keys with what they do, in a word or two."""
+        """`rows` makes them for a width. `letters`: keys with what they do, in a word or two.
+
+        `step`: goes to the one before (-1) or after (1), at the left and right arrow; without it there are no others.
+        """
         super().__init__()
-        self._title, self._make = title, rows
+        self._title, self._make_rows = title, rows
         self._letters, self._step = dict(letters), step
         self.list = RowList(id="reading-rows")
 
     def compose(self) -> ComposeResult:
-        box = Vertical(id="box")
-        box.border_title = f" {self._title} "
         steps = ["←→ others"] if self._step is not None else []
         letters = [f"{key} {does}" for key, does in self._letters.items()]
-        box.border_subtitle = f" {' · '.join(['esc closes', *steps, *letters])} "
-        with box:
+        with TitledBox(self._title, " · ".join(["esc closes", *steps, *letters])):
             yield self.list
 
     def on_mount(self) -> None:
         self.set_focus(self.list)
-        self.set_interval(AGAIN, self._draw)
+        self.set_interval(REFRESH_SECONDS, self._draw)
         self.call_after_refresh(self._draw)
 
     @on(RowView.Resized)
     def _draw(self) -> None:
         if (width := self.list.row_width) > 0:
-            rows = [row._replace(selectable=False) for row in self._make(width)]
+            rows = [row._replace(selectable=False) for row in self._make_rows(width)]
             self.list.styles.height = len(rows)
             self.list.show(rows)
 

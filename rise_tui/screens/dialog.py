@@ -8,12 +8,13 @@ from typing import ClassVar, NamedTuple
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical
+from textual.containers import Horizontal
 from textual.timer import Timer
 from textual.widgets import Button, Static
 
 from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.widgets.titled_box import TitledBox
 
 
 class DialogChoice(NamedTuple):
@@ -29,8 +30,7 @@ class Dialog(SingleDismissModal[str]):
     DEFAULT_CSS = """
     Dialog {
         align: center middle; background: transparent;
-        #box { width: 64; max-width: 96%; height: auto; max-height: 80%; padding: 0 1; background: $panel;
-               border: round $primary; border-title-color: $foreground; border-title-style: bold; }
+        #box { width: 64; max-height: 80%; border-title-color: $foreground; }
         #said { height: auto; margin: 0 0 1 0; }
         #buttons { height: 1; align-horizontal: right; }
         Button { margin: 0 0 0 2; min-width: 12; }
@@ -46,53 +46,51 @@ class Dialog(SingleDismissModal[str]):
     def __init__(
         self,
         title: str,
-        said: Sequence[str],
+        lines: Sequence[str],
         *answers: DialogChoice,
         no: str = "Cancel",
-        first: str = "",
-        again: Sequence[str] = (),
+        default: str = "",
+        repeat_keys: Sequence[str] = (),
     ) -> None:
-        """`first` is the key of the answer that Enter takes; without it, Enter takes none.
+        """`default` is the key of the answer that Enter takes; without it, Enter takes none.
 
-        `again`: the keys that opened the question; pressed once more they give the first answer. A key that is held
-        down repeats, and that is no second press.
+        `repeat_keys`: the keys that opened the question; pressed once more they give the first answer. A key that is
+        held down repeats, and that is no second press.
         """
         super().__init__()
-        self._again, self._again_at = again, float("-inf")
+        self._repeat_keys, self._repeated_at = repeat_keys, float("-inf")
         self._second_press: Timer | None = None
-        self._title, self._said, self._answers, self._no, self._first = title, said, answers, no, first
+        self._title, self._lines, self._answers, self._no, self._default = title, lines, answers, no, default
         self._answered = self._withdrawn = False
 
     def compose(self) -> ComposeResult:
-        box = Vertical(id="box")
-        box.border_title = f" {self._title} "
-        with box:
-            yield Static("\n".join(self._said), id="said", markup=False)
+        with TitledBox(self._title):
+            yield Static("\n".join(self._lines), id="said", markup=False)
             with Horizontal(id="buttons"):
                 yield Button(f"{self._no} (esc)", id="no", compact=True)
                 for answer in self._answers:
                     yield Button(f"{answer.title} ({answer.key})", id=_id(answer.key), name=answer.key, compact=True)
 
     def on_mount(self) -> None:
-        if self._first:
-            self.set_focus(self.query_one(f"#{_id(self._first)}"))
+        if self._default:
+            self.set_focus(self.query_one(f"#{_id(self._default)}"))
 
     def on_key(self, event: events.Key) -> None:
         if any(event.key == answer.key for answer in self._answers):
             event.stop()
             self.action_answer(event.key)
-        elif event.key in self._again:
+        elif event.key in self._repeat_keys:
             event.stop()
-            self._pressed_again(event.time)
+            self._repeat_pressed(event.time)
 
-    def _pressed_again(self, at: float) -> None:
-        """Wait as long as a held key would take to repeat, as the gate does for acts that need two presses."""
-        held, self._again_at = at - self._again_at < HELD_KEY_SECONDS, at
+    def _repeat_pressed(self, at: float) -> None:
+        """Wait as long as a held key would take to repeat, as the input does for acts that need two presses."""
+        is_held, self._repeated_at = at - self._repeated_at < HELD_KEY_SECONDS, at
         if self._second_press is not None:
             self._second_press.stop()
-        self._second_press = None if held else self.set_timer(HELD_KEY_SECONDS, self._take_first)
+        self._second_press = None if is_held else self.set_timer(HELD_KEY_SECONDS, self._choose_first)
 
-    def _take_first(self) -> None:
+    def _choose_first(self) -> None:
         self.action_answer(self._answers[0].key)
 
     def action_answer(self, key: str) -> None:

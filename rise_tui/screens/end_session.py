@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 from textual import events, on
 from textual.app import ComposeResult
-from textual.containers import Horizontal, Vertical
+from textual.containers import Horizontal
 from textual.widgets import Input, Label, Static
 
 from rise_tui.model.session_summary import participant_text, running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.titled_box import TitledBox
 
 CONFIRMING_WORD = "end"
 """No key of any study ends a session, however it was meant: this is typed, and then Enter is pressed."""
@@ -26,8 +27,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
     DEFAULT_CSS = """
     EndSessionDialog {
         align: center middle; background: transparent;
-        #box { width: 68; max-width: 96%; height: auto; max-height: 90%; padding: 0 1; background: $panel;
-               border: round $error; border-title-color: $foreground; border-title-style: bold; }
+        #box { width: 68; max-height: 90%; border: round $error; border-title-color: $foreground; }
         #said { height: auto; margin: 0 0 1 0; }
         #typing { height: 1; }
         #typing Label { width: auto; padding: 0 1 0 0; }
@@ -36,23 +36,20 @@ class EndSessionDialog(SingleDismissModal[bool]):
     }
     """
 
-    def __init__(self, title: str, said: Sequence[str]) -> None:
+    def __init__(self, title: str, lines: Sequence[str]) -> None:
         super().__init__()
-        self._title, self._said = title, said
+        self._title, self._lines = title, lines
 
     def compose(self) -> ComposeResult:
-        box = Vertical(id="box")
-        box.border_title = f" {self._title} "
-        box.border_subtitle = " esc leaves, and nothing changes "
-        with box:
-            yield Static("\n".join(self._said), id="said", markup=False)
+        with TitledBox(self._title, "esc leaves, and nothing changes"):
+            yield Static("\n".join(self._lines), id="said", markup=False)
             with Horizontal(id="typing"):
                 yield Label(f"Type {CONFIRMING_WORD} and press enter:")
                 yield TextField(id="word", select_on_focus=False)
             yield Static("", id="answer", markup=False)
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _check_word(self, event: Input.Submitted) -> None:
         event.stop()
         if event.value.strip().casefold() == CONFIRMING_WORD:
             self.dismiss(True)
@@ -67,8 +64,8 @@ class EndSessionDialog(SingleDismissModal[bool]):
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
     """Before the session ends for good. `then`: what comes after it, if not nothing."""
-    of = participant_text(store)
-    said = [session_title(store), *running_lines(store), ""]
-    said += ["The robot is stopped, and the session ends for good:", "it cannot be continued."]
-    said += [then] * bool(then)
-    return EndSessionDialog(f"End the session of {of}?" if of else "End the session?", said)
+    participant = participant_text(store)
+    lines = [session_title(store), *running_lines(store), ""]
+    lines += ["The robot is stopped, and the session ends for good:", "it cannot be continued."]
+    lines += [then] * bool(then)
+    return EndSessionDialog(f"End the session of {participant}?" if participant else "End the session?", lines)

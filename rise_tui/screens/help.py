@@ -6,17 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from rise_tui.actions import (
-    KEY_SCOPES,
-    ConsoleAction,
-    KeyScope,
-    actions_in,
-    key_label,
-    key_name,
-    key_text,
-    keys_of,
-    why_task_blocked,
-)
+from rise_tui.actions import KEY_SCOPES, ConsoleAction, KeyScope, actions_in
+from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import task_label
@@ -41,11 +32,11 @@ class HelpEntry(NamedTuple):
     """It cannot be used now; the text says why."""
 
 
-def help_entries(store: Store, place: KeyScope | None = None) -> Iterator[HelpEntry]:
+def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEntry]:
     """All of them: the focused pane's first, then what works everywhere, the ideas, the scenario's keys, the rest."""
     titles = dict(KEY_SCOPES)
-    if place is not None:
-        yield from (_of_action(action, f"Here: {titles[place]}", store) for action in actions_in(place))
+    if scope is not None:
+        yield from (_of_action(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))
     for common in COMMON:
         yield from (_of_action(action, titles[common], store) for action in actions_in(common))
     yield from (HelpEntry(IDEAS, word, "", text) for word, text in concepts())
@@ -56,12 +47,12 @@ def help_entries(store: Store, place: KeyScope | None = None) -> Iterator[HelpEn
         text = f"{f'{what}. ' if key.title else ''}{hold}{f'Not now: {why}.' if why else ''}"
         yield HelpEntry(SCENARIO, key.label, key.title or what, text, bool(why))
     for other, title in KEY_SCOPES:
-        if other != place and other not in COMMON:
+        if other != scope and other not in COMMON:
             yield from (_of_action(action, title, store) for action in actions_in(other))
 
 
 def _of_action(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
-    why = action.why_unavailable(store)
+    why = why_unavailable(action, store)
     text = f"{action.help} Not now: {why}." if why else action.help
     keys = " ".join(key_label(key) for key in keys_of(action)) or key_text("palette")
     return HelpEntry(group, keys, action.title, text, bool(why))
@@ -93,9 +84,9 @@ def concepts() -> Iterator[tuple[str, str]]:
 class HelpScreen(SearchDialog):
     """Opens over the console; Esc closes it."""
 
-    def __init__(self, store: Store, place: KeyScope | None = None) -> None:
+    def __init__(self, store: Store, scope: KeyScope | None = None) -> None:
         super().__init__("Help", "type to search · ↑↓ scroll · esc closes", "search keys, actions and words")
-        self._entries = list(help_entries(store, place))
+        self._entries = list(help_entries(store, scope))
 
     def draw(self) -> None:
         wanted = self.typed_filter()

@@ -40,11 +40,11 @@ class JumpScreen(SingleDismissModal[str]):
     JumpScreen StaticLines { position: absolute; background: $rise-bar-focused; }
     """
 
-    def __init__(self, labels: Iterable[TitleLabels], foot: Region) -> None:
-        """`labels`: one for each title bar. `foot`: where the key hints stand; it is said there what this is."""
+    def __init__(self, labels: Iterable[TitleLabels], hints_region: Region) -> None:
+        """`labels`: one for each title bar. `hints_region`: where the key hints stand, which this says instead."""
         super().__init__()
-        said: StyledLine = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
-        self._labels = [*labels, TitleLabels(foot, crop(said, foot.width))]
+        usage: StyledLine = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
+        self._labels = [*labels, TitleLabels(hints_region, crop(usage, hints_region.width))]
 
     def compose(self) -> ComposeResult:
         for region, line in self._labels:
@@ -63,9 +63,9 @@ class JumpScreen(SingleDismissModal[str]):
         self.dismiss("")
 
     def on_mount(self) -> None:
-        self._fits = self.app.size
+        self._terminal_size = self.app.size
         """The size of the terminal for which the labels stand right."""
 
     def on_resize(self) -> None:
-        if self.app.size != self._fits:
+        if self.app.size != self._terminal_size:
             self.dismiss("")

@@ -93,7 +93,7 @@ def _line(hit: PaletteHit, width: int) -> StyledLine:
     command = hit.command
     off = bool(command.blocked_text)
     title: StyledLine = highlight_matches(
-        (fixed_span(command.title, TITLE_WIDTH, "muted" if off else "plain"),), _shown(hit.places)
+        (fixed_span(command.title, TITLE_WIDTH, "muted" if off else "plain"),), _spans_shown(hit.spans)
     )
     key: StyledSpan = fixed_span(command.key, KEY_WIDTH, "muted" if off else "key")
     said: StyledSpan = (f"not now: {command.blocked_text}", "wait") if off else (command.help, "muted")
@@ -103,6 +103,6 @@ def _line(hit: PaletteHit, width: int) -> StyledLine:
     return align_at_both_ends(crop(left, room - 1), kind, width)
 
 
-def _shown(places: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+def _spans_shown(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Those that the title's column has room for."""
-    return [(start, end) for start, end in places if end < TITLE_WIDTH]
+    return [(start, end) for start, end in spans if end < TITLE_WIDTH]

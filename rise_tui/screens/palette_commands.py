@@ -10,12 +10,13 @@ from functools import partial
 from typing import NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, normal_topic
-from rise_tui.actions import ACTIONS, KEY_SCOPES, KeyScope, why_blocked, why_task_blocked
+from rise_tui.actions import ACTIONS, KEY_SCOPES, KeyScope
+from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.key_action import KeyAction, action_of_key, start_action
 from rise_tui.model.rule_text import ENDINGS
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import EVENT, SET, key_title
+from rise_tui.model.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_tui.rendering import themes
 
 THEME = "theme"
@@ -36,24 +37,24 @@ class PaletteCommand(NamedTuple):
 
 
 def palette_commands(
-    store: Store, place: KeyScope | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
+    store: Store, scope: KeyScope | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
 ) -> Iterator[PaletteCommand]:
     """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
     titles = dict(KEY_SCOPES)
-    own = [action for action in ACTIONS if action.scope == place]
-    rest = [action for action in ACTIONS if action.scope != place and action.id != "palette"]
+    own = [action for action in ACTIONS if action.scope == scope]
+    rest = [action for action in ACTIONS if action.scope != scope and action.id != "palette"]
     for action in own:
-        why = action.why_unavailable(store)
-        yield PaletteCommand(action.title, "here", action.key_label, action.help, why, partial(run, action.id))
-    yield from _awaited(store, start)
+        why = why_unavailable(action, store)
+        yield PaletteCommand(action.title, "here", first_key_label(action), action.help, why, partial(run, action.id))
+    yield from _expected_events(store, start)
     for action in rest:
         kind = "" if action.scope in ("everywhere", "console") else titles[action.scope].lower()
-        why = action.why_unavailable(store)
-        yield PaletteCommand(action.title, kind, action.key_label, action.help, why, partial(run, action.id))
-    yield from _startable(store, start)
+        why = why_unavailable(action, store)
+        yield PaletteCommand(action.title, kind, first_key_label(action), action.help, why, partial(run, action.id))
+    yield from _scenario_commands(store, start)
 
 
-def _awaited(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
+def _expected_events(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
     """Events that a running rule waits for and that no act or rule raises itself when it ends."""
     topics = store.expected_inputs().events
     own = {name + ending for name in (*store.scenario.acts, *store.scenario.rules) for ending in ENDINGS}
@@ -65,22 +66,20 @@ def _awaited(store: Store, start: Callable[[KeyAction], None]) -> Iterator[Palet
         yield PaletteCommand(topic, "event", key.label if key else "", help, why, partial(start, action))
 
 
-def _startable(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
+def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
     scenario, why = store.scenario, why_blocked(store, "start")
-    due = store.expected_inputs()
-    for name in scenario.acts:
-        action = start_action(scenario, "startCommunicationRobotAct", name)
-        key = store.key_of(action.function, name)
-        help = f"start this act{_called(key)}" + ("; a running rule waits for it" if name in due.acts else "")
-        yield PaletteCommand(name, "act", key.label if key else "", help, why, partial(start, action))
-    for name in scenario.rules:
-        action = start_action(scenario, "startInteractionRule", name)
-        key = store.key_of(action.function, name)
-        help = f"start this rule{_called(key)}" + ("; a running rule waits for it" if name in due.rules else "")
-        yield PaletteCommand(name, "rule", key.label if key else "", help, why, partial(start, action))
+    expected_inputs = store.expected_inputs()
+    for kind, function, names, expected in (
+        ("act", ACT, scenario.acts, expected_inputs.acts),
+        ("rule", RULE, scenario.rules, expected_inputs.rules),
+    ):
+        for name in names:
+            action, key = start_action(scenario, function, name), store.key_of(function, name)
+            help = f"start this {kind}{_called(key)}" + ("; a running rule waits for it" if name in expected else "")
+            yield PaletteCommand(name, kind, key.label if key else "", help, why, partial(start, action))
     for key in scenario.keys.values():
         action = action_of_key(scenario, key)
-        if key.function == EVENT and normal_topic(key.behavior) not in due.events:
+        if key.function == EVENT and normal_topic(key.behavior) not in expected_inputs.events:
             help, why = "raise this event; no running rule waits for it now", why_task_blocked(store, key.function)
             yield PaletteCommand(
                 key_title(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action)
@@ -106,7 +105,7 @@ class PaletteHit(NamedTuple):
     """A command that fits, and where in its title."""
 
     command: PaletteCommand
-    places: Sequence[tuple[int, int]] = ()
+    spans: Sequence[tuple[int, int]] = ()
 
 
 def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[PaletteHit]:
@@ -118,9 +117,9 @@ def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[P
         ranked: list[tuple[tuple[int, ...], PaletteHit]] = []
         for command in all_of_them:
             if wanted.matches(named := f"{command.title}  {command.kind}"):
-                places = [place for place in wanted.match_spans(named) if place[1] <= len(command.title)]
-                start, end = (places[0][0], places[-1][1]) if places else (len(named), len(named))
-                ranked.append(((0, len(places) or 1, end - start, start), PaletteHit(command, places)))
+                spans = [span for span in wanted.match_spans(named) if span[1] <= len(command.title)]
+                start, end = (spans[0][0], spans[-1][1]) if spans else (len(named), len(named))
+                ranked.append(((0, len(spans) or 1, end - start, start), PaletteHit(command, spans)))
             elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
                 ranked.append(((1,), PaletteHit(command)))
         return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]

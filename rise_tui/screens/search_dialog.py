@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from textual import events, on
 from textual.app import ComposeResult
-from textual.containers import Vertical
 from textual.widgets import Input
 
 from rise_tui.model.filtering import Filter, InvalidFilter
@@ -12,6 +11,7 @@ from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.styled_lines import CURSOR_BACKGROUND
 from rise_tui.widgets.memory_editor import TextField
 from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.titled_box import TitledBox
 
 
 class FoundList(RowList, can_focus=False):
@@ -31,8 +31,7 @@ class SearchDialog(SingleDismissModal[str]):
     DEFAULT_CSS = """
     SearchDialog {
         align: center top; background: transparent;
-        #box { width: 100%; max-width: 100; height: 1fr; max-height: 40; margin: 1 0 1 0; padding: 0 1;
-               background: $panel; border: round $primary; border-title-style: bold; }
+        #box { width: 100%; max-width: 100; height: 1fr; max-height: 40; margin: 1 0 1 0; }
         TextField, TextField:focus { background: $surface; margin: 0 0 1 0; }
     }
     """
@@ -44,10 +43,7 @@ class SearchDialog(SingleDismissModal[str]):
         self.list = FoundList()
 
     def compose(self) -> ComposeResult:
-        box = Vertical(id="box")
-        box.border_title = f" {self._title} "
-        box.border_subtitle = f" {self._keys} "
-        with box:
+        with TitledBox(self._title, self._keys):
             yield self.search
             yield self.list
 

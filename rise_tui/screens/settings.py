@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 from textual import events, on
 from textual.app import ComposeResult
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, VerticalScroll
 from textual.message import Message
 from textual.widgets import Button, Input, Label, Static
 from textual.worker import Worker
@@ -23,8 +23,9 @@ from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import clean
 from rise_tui.screens.end_session import end_session_dialog
 from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.titled_box import TitledBox
 
-PLACES = ("acts", "rules", "memory")
+PATH_KINDS = ("acts", "rules", "memory")
 MODES = ("debug", "real")
 
 
@@ -93,8 +94,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     DEFAULT_CSS = """
     SettingsScreen {
         align: center middle; background: transparent;
-        #box { width: 78; max-width: 100%; height: auto; max-height: 100%; margin: 1 0 1 0; padding: 0 1;
-               background: $panel; border: round $primary; border-title-style: bold; }
+        #box { width: 78; max-width: 100%; max-height: 100%; margin: 1 0 1 0; }
         .row { height: 1; }
         Label { width: 12; color: $rise-muted; }
         TextField, TextField:focus { background: $surface; width: 1fr; }
@@ -111,32 +111,31 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
         self._settings, self._store, self._launcher = settings, store, launcher
         names = list_robots(settings.folder)
-        places = {place: settings.paths.get(place) or scenario.paths.get(place, "") for place in PLACES}
-        self._first = ScenarioSummary(names if robot in names else [*names, robot], robot, mode, places)
+        paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}
+        self._current = ScenarioSummary(names if robot in names else [*names, robot], robot, mode, paths)
         """What runs now."""
-        self._shown = self._first
+        self._in_file = self._current
         """What the fields said before anybody changed them, for the folder that is in its field."""
-        self._read = settings.folder
+        self._folder_read = settings.folder
         """The folder for which the fields were filled in."""
         self._apply_next = False
-        self._asked = settings
+        self._applied = settings
         self.changes, self.findings = Static("", markup=False), Static("", markup=False)
 
     def compose(self) -> ComposeResult:
-        box = Vertical(id="box")
-        box.border_title = " Settings "
-        box.border_subtitle = " tab: next · ← →: choose · esc leaves, and nothing changes "
-        with box:
+        with TitledBox("Settings", "tab: next · ← →: choose · esc leaves, and nothing changes"):
             yield from self._row("folder", TextField(self._settings.folder, id="folder", select_on_focus=False))
-            for place in PLACES:
-                yield from self._row(place, TextField(self._first.places[place], id=place, select_on_focus=False))
-            yield from self._row("robot", ChoiceField(tuple(self._first.robots), self._first.robot, id="robot"))
-            yield from self._row("mode", ChoiceField(MODES, self._first.mode, id="mode"))
+            for kind in PATH_KINDS:
+                yield from self._row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
+            yield from self._row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
+            yield from self._row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
             yield from self._row(
-                "participant", self._for_whom("participant", "who takes part next; empty: nobody named")
+                "participant", self._empty_field("participant", "who takes part next; empty: nobody named")
             )
             known = study_conditions(self._store.scenario)
-            yield from self._row("condition", self._for_whom("condition", " or ".join(known) or "of the new session"))
+            yield from self._row(
+                "condition", self._empty_field("condition", " or ".join(known) or "of the new session")
+            )
             with VerticalScroll(id="told", can_focus=False):
                 yield self.changes
                 yield self.findings
@@ -150,57 +149,55 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
             yield widget
 
     @staticmethod
-    def _for_whom(name: str, placeholder: str) -> TextField:
+    def _empty_field(name: str, placeholder: str) -> TextField:
         """Empty: the memory of a new session begins anew, so the label of the one before would be wrong."""
         return TextField(placeholder=placeholder, id=name, select_on_focus=False)
 
     def on_mount(self) -> None:
-        self._tell_changes()
+        self._show_changes()
 
     @on(Input.Changed)
     @on(ChoiceField.Changed)
-    def _tell_changes(self) -> None:
+    def _show_changes(self) -> None:
         """What applying would do, as long as nothing is applied."""
         chosen = self.chosen()
-        said = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
+        lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
         ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
         who = " · ".join(filter(None, (chosen.participant, chosen.condition))) or "nobody named"
         begins = f"for {who}; its memory begins with the start values."
-        head = "Nothing is changed yet." if not said else "Not applied yet:"
-        self.changes.update("\n".join([head, *said, f"{ends} {begins}"]))
+        head = "Nothing is changed yet." if not lines else "Not applied yet:"
+        self.changes.update("\n".join([head, *lines, f"{ends} {begins}"]))
 
     def _differences(self, chosen: SessionOptions) -> list[tuple[str, str, str]]:
         """What is chosen that is not so now: name, now, then."""
         pairs = [("folder", self._settings.folder, self._folder)]
-        if self._is_first(self._folder):
+        if self._is_running_folder(self._folder):
             pairs = []
-        fields = {place: self.query_one(f"#{place}", TextField).value.strip() for place in PLACES}
-        pairs += [(place, self._first.places[place], fields[place]) for place in PLACES]
-        pairs += [("robot", self._first.robot, chosen.robot or ""), ("mode", self._first.mode, chosen.mode or "")]
+        fields = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
+        pairs += [(kind, self._current.paths[kind], fields[kind]) for kind in PATH_KINDS]
+        pairs += [("robot", self._current.robot, chosen.robot or ""), ("mode", self._current.mode, chosen.mode or "")]
         return [(what, clean(before), clean(after)) for what, before, after in pairs if before != after]
 
     @property
     def _folder(self) -> str:
         return self.query_one("#folder", TextField).value.strip()
 
-    def _is_first(self, folder: str) -> bool:
+    def _is_running_folder(self, folder: str) -> bool:
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
     def chosen(self) -> SessionOptions:
-        """What the fields say: exactly what is shown runs. Places as the scenario has them stay the scenario's."""
+        """What the fields say: exactly what is shown runs. Paths as the scenario has them stay the scenario's."""
         folder = self._folder
-        places = {place: self.query_one(f"#{place}", TextField).value.strip() for place in PLACES}
-        before = self._settings.paths if self._is_first(folder) else {}
-        places = {
-            place: value for place, value in places.items() if value != self._shown.places[place] or place in before
-        }
+        paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
+        before = self._settings.paths if self._is_running_folder(folder) else {}
+        paths = {kind: value for kind, value in paths.items() if value != self._in_file.paths[kind] or kind in before}
         return replace(
             self._settings,
             folder=str(expand_home(folder)),
             robot=self.query_one("#robot", ChoiceField).value,
             mode=self.query_one("#mode", ChoiceField).value,
-            paths={place: value for place, value in places.items() if value},
+            paths={kind: value for kind, value in paths.items() if value},
             participant=self.query_one("#participant", TextField).value.strip(),
             condition=self.query_one("#condition", TextField).value.strip(),
             seed=None,
@@ -210,30 +207,30 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     def _folder_changed(self) -> None:
         folder = self._folder
         self._apply_next = False
-        if folder != self._read:
+        if folder != self._folder_read:
             self.run_worker(
                 lambda: (folder, self._read_folder(folder)), thread=True, exclusive=True, group="say", name="say"
             )
 
     def _read_folder(self, folder: str) -> ScenarioSummary | None:
-        return self._first if self._is_first(folder) else read_summary(folder)
+        return self._current if self._is_running_folder(folder) else read_summary(folder)
 
     def _fill_fields(self, folder: str, found: ScenarioSummary | None) -> None:
-        """Another scenario has its own places, robot and mode."""
+        """Another scenario has its own paths, robot and mode."""
         if folder != self._folder:
             return  # it has changed again
-        self._read = folder
+        self._folder_read = folder
         if found is not None:
-            self._shown = found
-            for place in PLACES:
-                self.query_one(f"#{place}", TextField).value = found.places[place]
+            self._in_file = found
+            for kind in PATH_KINDS:
+                self.query_one(f"#{kind}", TextField).value = found.paths[kind]
             self.query_one("#robot", ChoiceField).set_words(found.robots, found.robot)
             self.query_one("#mode", ChoiceField).set_words(MODES, found.mode)
         if self._apply_next:
             self._apply()
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _focus_apply(self, event: Input.Submitted) -> None:
         event.stop()
         self.query_one("#apply", Button).focus()
 
@@ -247,10 +244,10 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         if not folder:
             self.findings.update("refused; nothing has changed:\nname a folder")
             return
-        self._apply_next = folder != self._read  # then it is being read: first shown, then applied
+        self._apply_next = folder != self._folder_read  # then it is being read: first shown, then applied
         self.findings.update("reading …")
         if not self._apply_next:
-            settings = self._asked = self.chosen()
+            settings = self._applied = self.chosen()
             self.run_worker(lambda: self._launcher.load_scenario(settings), thread=True, exclusive=True, name="prepare")
 
     def on_worker_state_changed(self, event: Worker.StateChanged) -> None:
@@ -262,11 +259,11 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
             self._fill_fields(*result)
         elif isinstance(result, ScenarioProblems):
             self.findings.update("\n".join(["refused; nothing has changed:", *result.lines]))
-        elif isinstance(result, Scenario) and (problem := condition_problem(result, self._asked.condition)):
+        elif isinstance(result, Scenario) and (problem := condition_problem(result, self._applied.condition)):
             self.findings.update(f"refused; nothing has changed:\n{problem}")
         elif isinstance(result, Scenario):
             self.findings.update("")
-            self._confirm(result, self._asked)
+            self._confirm(result, self._applied)
 
     def _confirm(self, scenario: Scenario, settings: SessionOptions) -> None:
         who = " · ".join(filter(None, (settings.participant, settings.condition))) or "nobody named"

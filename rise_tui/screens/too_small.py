@@ -6,14 +6,14 @@ from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Size
 
-from rise_tui.actions import key_name
+from rise_tui.key_labels import key_name
 from rise_tui.model.alarms import current_alarms
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import StyledLine, crop, wrap
 from rise_tui.widgets.static_lines import StaticLines
 
-TICK = 0.5
+REFRESH_SECONDS = 0.5
 LEAST_SIZE = (70, 20)
 """Columns and rows below which nothing could be read."""
 
@@ -25,16 +25,16 @@ def is_too_small(width: int, height: int) -> bool:
 
 def too_small_lines(size: Size, store: Store) -> list[StyledLine]:
     """Sentences in whatever room there is, the most important first."""
-    found = current_alarms(store, key_name)
-    head: list[StyledLine] = [crop(found[0].head, size.width)] if found else []
+    alarms = current_alarms(store, key_name)
+    head: list[StyledLine] = [crop(alarms[0].head, size.width)] if alarms else []
     stop, leave = key_name("stop"), key_name("quit")
-    said = [
+    sentences = [
         f"This window has {size.width} x {size.height} cells; the console needs {LEAST_SIZE[0]} x {LEAST_SIZE[1]}.",
         f"{stop} stops everything, {leave} leaves. No other key does anything here.",
         "The session goes on. Make the window larger, or its letters smaller.",
     ]
-    told: list[StyledLine] = [((line, "plain"),) for text in said for line in wrap(text, max(8, size.width))]
-    return [*head, *told][: size.height]
+    lines: list[StyledLine] = [((line, "plain"),) for text in sentences for line in wrap(text, max(8, size.width))]
+    return [*head, *lines][: size.height]
 
 
 class TooSmallScreen(SingleDismissModal[None]):
@@ -54,7 +54,7 @@ class TooSmallScreen(SingleDismissModal[None]):
         yield self.said
 
     def on_mount(self) -> None:
-        self.set_interval(TICK, self._draw)
+        self.set_interval(REFRESH_SECONDS, self._draw)
 
     def _draw(self) -> None:
         size = self.app.size

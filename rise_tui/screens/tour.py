@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.geometry import Offset, Region, Size
 
-from rise_tui.actions import key_name
+from rise_tui.key_labels import key_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import StyledLine, fixed_span, wrap
@@ -91,7 +91,7 @@ class TourScreen(SingleDismissModal[None]):
         """`part_of`: where a part stands on the screen. `room`: where a box may stand; an alarm is never covered."""
         super().__init__()
         self._part_of, self._room = part_of, room
-        self._steps, self._at = tour_steps(), 0
+        self._steps, self._step_number = tour_steps(), 0
         self._box, self._pointer = StaticLines(), StaticLines()
 
     def compose(self) -> ComposeResult:
@@ -100,18 +100,18 @@ class TourScreen(SingleDismissModal[None]):
 
     def on_mount(self) -> None:
         self._pointer.styles.width, self._pointer.styles.height = 3, 1
-        self.set_interval(FOLLOW_SECONDS, self._place)
-        self._place()
+        self.set_interval(FOLLOW_SECONDS, self._show_step)
+        self._show_step()
 
     @property
     def text(self) -> str:
         """The characters of the box."""
         return self._box.text
 
-    def _place(self) -> None:
-        step = self._steps[self._at]
+    def _show_step(self) -> None:
+        step = self._steps[self._step_number]
         part, room = self._part_of(step.part), self._room()
-        lines = box_lines(step, self._at + 1, len(self._steps), min(WIDTH, room.width))
+        lines = box_lines(step, self._step_number + 1, len(self._steps), min(WIDTH, room.width))
         size = Size(min(WIDTH, room.width), len(lines))
         at, pointer, arrow = place_box(part, size, room)
         self._box.styles.width, self._box.styles.height = size
@@ -122,14 +122,14 @@ class TourScreen(SingleDismissModal[None]):
     def on_key(self, event: events.Key) -> None:
         event.stop()
         event.prevent_default()
-        if event.key == "escape" or (event.key in ("enter", "right") and self._at == len(self._steps) - 1):
+        if event.key == "escape" or (event.key in ("enter", "right") and self._step_number == len(self._steps) - 1):
             self.dismiss(None)
         elif event.key in ("enter", "right", "left"):
-            self._at = max(0, self._at + (-1 if event.key == "left" else 1))
-            self._place()
+            self._step_number = max(0, self._step_number + (-1 if event.key == "left" else 1))
+            self._show_step()
 
     def on_resize(self) -> None:
-        self._place()
+        self._show_step()
 
 
 def box_lines(step: TourStep, number: int, of: int, width: int) -> tuple[StyledLine, ...]:

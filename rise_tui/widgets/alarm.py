@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual import events
 
-from rise_tui.actions import key_name, key_text
+from rise_tui.key_labels import key_name, key_text
 from rise_tui.messages import RunAction
 from rise_tui.model import failures
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text
@@ -13,9 +13,9 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, plain_text
 from rise_tui.widgets.static_lines import StaticLines
 
-LEAST = 5
+LEAST_ROWS = 5
 """Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
-SHARE = 4
+ROW_SHARE = 4
 """Of the rows at most one in so many: the band above says the first sentence too, and the panes must be seen."""
 
 
@@ -83,7 +83,7 @@ class FailureBar(StaticLines):
 
     def draw(self, store: Store) -> None:
         width, height = self.app.size
-        shown = failures.failure_lines(store, self.size.width or width, max(LEAST, height // SHARE), key_name)
+        shown = failures.failure_lines(store, self.size.width or width, max(LEAST_ROWS, height // ROW_SHARE), key_name)
         self.set_class(bool(shown), "-on")
         if len(shown) != len(self.lines):
             self.styles.height = max(1, len(shown))
@@ -94,7 +94,7 @@ class FailureBar(StaticLines):
         if event.y != len(self.lines) - 1:
             return
         line = plain_text(self.lines[-1])
-        places = {id: line.find(key_name(id)) for id in ("repeat", "go-on")}
-        meant = [id for id, at in places.items() if 0 <= at <= event.x]
-        if meant:
-            self.post_message(RunAction(max(meant, key=lambda id: places[id])))
+        columns = {id: line.find(key_name(id)) for id in ("repeat", "go-on")}
+        left_of_click = [id for id, at in columns.items() if 0 <= at <= event.x]
+        if left_of_click:
+            self.post_message(RunAction(max(left_of_click, key=lambda id: columns[id])))

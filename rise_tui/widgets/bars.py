@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from textual import events
 
 from rise_engine.scenario.fillers import filler_acts, next_filler
-from rise_tui.actions import BY_ID, ConsoleAction, keys_of
+from rise_tui.actions import BY_ID, ConsoleAction
+from rise_tui.key_labels import first_key_label, keys_of, why_unavailable
 from rise_tui.messages import RunAction
 from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.free_speech import SpeechEffect
@@ -51,16 +52,18 @@ class NoticeLine(StaticLines):
     def draw(self, store: Store) -> None:
         notice, width = store.notice, self.size.width
         if notice is None:
-            self._lay(crop(_offer(store), width))
+            self._show_lines(crop(_filler_offer(store), width))
             return
         glyph, tone = NOTICE_GLYPHS[notice.level]
         pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
         if len(pieces) > NOTICE_LINES:
             pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
         leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
-        self._lay(*(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False)))
+        self._show_lines(
+            *(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False))
+        )
 
-    def _lay(self, *lines: StyledLine) -> None:
+    def _show_lines(self, *lines: StyledLine) -> None:
         if len(lines) != max(1, len(self.lines)):
             self.styles.height = len(lines)
         self.show(*lines)
@@ -73,57 +76,55 @@ class KeyHints(StaticLines):
     KeyHints { background: $rise-bar; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self._places: list[tuple[int, int, str]] = []
+    def __init__(self) -> None:
+        super().__init__()
+        self._targets: list[tuple[int, int, str]] = []
 
     def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:
         if store.input_mode == "LOCKED":
             own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
         if store.gone_reason:
-            own = [action for action in own if not action.why_unavailable(store)]  # what is left is to read
+            own = [action for action in own if not why_unavailable(action, store)]  # what is left is to read
             common = [BY_ID[id] for id in GONE_ACTIONS]
         pieces = [
             (_hint(action, store, word), action.id)
             for action in dict.fromkeys((*common[:1], *own, *common[1:]))
-            if keys_of(action) and (word := _word(action, store, self.size.width))
+            if keys_of(action) and (word := _hint_word(action, store, self.size.width))
         ]
-        self._lay(pieces)
+        self._show_pieces(pieces)
 
     def draw_typing(self, store: Store, enter: str) -> None:
         """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
-        if store.input_mode == "LOCKED":
-            self.draw((), (), store)
-            return
-        self._lay(
+        self._show_pieces(
             [
-                (_stop(store), "stop"),
-                (_keyed("enter", enter), ""),
-                (_keyed("esc", "leave"), ""),
+                (_stop_hint(store), "stop"),
+                (_key_and_text("enter", enter), ""),
+                (_key_and_text("esc", "leave"), ""),
             ]
         )
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
 
     def draw_saying(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
         """While free speech is typed: what each of the two keys that say it would do."""
-        if store.input_mode == "LOCKED":
-            self.draw((), (), store)
-            return
         room = max(12, (self.size.width - 44) // 2)
         queued, at_once = (fit(text, min(len(text), room)) for text in effect)
         if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):
             at_once = "interrupts it"
-        now = _keyed("^J", at_once) if at_once and at_once != queued else []
-        said: list[StyledSpan] = (
-            [(f" {why_not} ", "wait")] if why_not else [*_keyed("enter", queued or "says it"), *now]
+        now = _key_and_text("^J", at_once) if at_once and at_once != queued else []
+        speech_hint: list[StyledSpan] = (
+            [(f" {why_not} ", "wait")] if why_not else [*_key_and_text("enter", queued or "says it"), *now]
         )
-        rest = [_keyed("tab", "complete"), _keyed("↑↓", "earlier"), _keyed("esc", "keep it for later")]
-        self._lay([(_stop(store), "stop"), (said, ""), *((piece, "") for piece in rest)])
+        rest = [
+            _key_and_text("tab", "complete"),
+            _key_and_text("↑↓", "earlier"),
+            _key_and_text("esc", "keep it for later"),
+        ]
+        self._show_pieces([(_stop_hint(store), "stop"), (speech_hint, ""), *((piece, "") for piece in rest)])
 
-    def _lay(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
+    def _show_pieces(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
         """As many as there is room for, and help always; those with an action's id can be clicked."""
         spans: list[StyledSpan] = []
-        self._places.clear()
+        self._targets.clear()
         kept = sum(line_width(piece) for piece, action in pieces if action == "help")
         for piece, action in pieces:
             start, end = line_width(spans), line_width(spans) + line_width(piece)
@@ -131,12 +132,12 @@ class KeyHints(StaticLines):
             if end + kept > self.size.width:
                 continue
             if action:
-                self._places.append((start, end - 1, action))
+                self._targets.append((start, end - 1, action))
             spans += piece
         self.show(tuple(spans))
 
     def on_click(self, event: events.Click) -> None:
-        for start, end, action in self._places:
+        for start, end, action in self._targets:
             if start <= event.x < end:
                 self.post_message(RunAction(action))
 
@@ -146,18 +147,18 @@ def next_filler_name(store: Store) -> str | None:
     return next_filler(store.scenario, store.view.latest_act_of(filler_acts(store.scenario)))
 
 
-def _offer(store: Store) -> StyledLine:
+def _filler_offer(store: Store) -> StyledLine:
     """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
     since = filler_due(store.view.cue, store.now(), store.scenario.fillers.offer_after)
     filler = next_filler_name(store)
     if since is None or filler is None or store.view.running or store.blocked_reason("start"):
         return ()
-    key = BY_ID["filler"].key_label
+    key = first_key_label(BY_ID["filler"])
     passed: StyledLine = (("   no answer for ", "plain"), (f"{passed_text(since)} s", "wait"), (":  ", "plain"))
     return (*passed, (key, "key"), (f" says {filler}", "plain"))
 
 
-def _word(action: ConsoleAction, store: Store, width: int) -> str:
+def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
     """What the hint line says about an action; empty when it would mean nothing in this session."""
     if action.id == "filler":
         filler = next_filler_name(store) or ""
@@ -174,15 +175,15 @@ def _word(action: ConsoleAction, store: Store, width: int) -> str:
 
 
 def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
-    stop, off = action.id == "stop", bool(action.why_unavailable(store))
-    key = "F9/^G" if stop else action.key_label
+    stop, off = action.id == "stop", bool(why_unavailable(action, store))
+    key = "F9/^G" if stop else first_key_label(action)
     tone: TextRole = "muted" if off else "fault" if stop else "key"
     return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 
 
-def _stop(store: Store) -> list[StyledSpan]:
+def _stop_hint(store: Store) -> list[StyledSpan]:
     return _hint(BY_ID["stop"], store, BY_ID["stop"].hint)
 
 
-def _keyed(key: str, what: str) -> list[StyledSpan]:
+def _key_and_text(key: str, what: str) -> list[StyledSpan]:
     return [(f" {key}", "key"), (f" {what} ", "plain")]

@@ -6,6 +6,7 @@ When the value changes meanwhile, a second row says so, and Enter must be presse
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from textual import events, on
@@ -57,53 +58,43 @@ class RowEditor(Vertical):
     }
     """
 
+    @dataclass
     class SaveRow(Message):
         """The editor was closed; `key` is empty when nothing is to change."""
 
-        def __init__(self, key: str, value: Any) -> None:
-            super().__init__()
-            self.key = key
-            self.value = value
+        key: str
+        value: Any
 
     def __init__(self) -> None:
         super().__init__()
         self._key = TextField(placeholder="key", classes="key", select_on_focus=False)
         self._value = TextField(placeholder="value", classes="value")
-        self._type = StaticLines()
-        self._conflict = StaticLines(id="conflict")
+        self.type_line = StaticLines()
+        self.conflict_line = StaticLines(id="conflict")
         self._editing = ""
         self._offered = ""
         self._before = PresentValue("")
-        self._seen: PresentValue | None = None
+        self._shown_conflict: PresentValue | None = None
         """Another value than the one that was to be edited, which Enter was told about."""
-        self._look: Callable[[str], PresentValue] = lambda key: PresentValue("")
+        self._value_of: Callable[[str], PresentValue] = lambda key: PresentValue("")
 
     @property
     def is_open(self) -> bool:
         return self.has_class("-open")
 
-    @property
-    def type_shown(self) -> str:
-        return self._type.text
-
-    @property
-    def conflict_shown(self) -> str:
-        """What the second row says; empty while there is none."""
-        return self._conflict.text if self.has_class("-conflict") else ""
-
     def compose(self) -> ComposeResult:
         with Horizontal():
             yield self._key
             yield self._value
-            yield self._type
-        yield self._conflict
+            yield self.type_line
+        yield self.conflict_line
 
     def open(
         self,
         editing: str,
         key: str,
         value: str,
-        look: Callable[[str], PresentValue],
+        value_of: Callable[[str], PresentValue],
         *,
         y: int,
         key_width: int,
@@ -111,10 +102,10 @@ class RowEditor(Vertical):
     ) -> None:
         """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list.
 
-        `look` gives what a key has at that moment; for a part of a value, its present state.
+        `value_of` gives what a key has at that moment; for a part of a value, its present state.
         """
-        self._editing, self._offered, self._look = editing, key, look
-        self._before, self._seen = look(editing) if editing else PresentValue(""), None
+        self._editing, self._offered, self._value_of = editing, key, value_of
+        self._before, self._shown_conflict = value_of(editing) if editing else PresentValue(""), None
         self.styles.offset = (0, y)
         self._key.styles.width, self._value.styles.width = key_width, max(6, value_width)
         self._key.disabled = bool(editing)
@@ -122,61 +113,62 @@ class RowEditor(Vertical):
         self.remove_class("-conflict")
         self.add_class("-open")
         (self._value if key else self._key).focus()
-        self._show()
+        self._draw()
 
     def check(self) -> None:
         """The memory may have changed while the editor is open."""
-        self._show()
+        self._draw()
 
     @property
     def _key_meant(self) -> str:
         typed = self._key.value
         return self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
 
-    def _now(self) -> PresentValue | None:
+    def _conflicting_value(self) -> PresentValue | None:
         """What the key has now, when that is not what was to be edited; None when nothing is in the way."""
         key = self._key_meant
         if not key:
             return None
-        now = self._look(key)
+        now = self._value_of(key)
         return None if now.text == self._before.text else now
 
-    def _show(self) -> None:
+    def _draw(self) -> None:
         _, kind, remark = parse_typed_value(self._value.value)
-        self._type.show(_remarked(kind, remark, self._type.size.width) if remark else ((kind, "accent"),))
-        now = self._now()
+        self.type_line.show(_type_line(kind, remark, self.type_line.size.width) if remark else ((kind, "accent"),))
+        now = self._conflicting_value()
         self.set_class(now is not None, "-conflict")
         if now is None:
-            self._seen = None
+            self._shown_conflict = None
+            self.conflict_line.show()
             return
         says = f"is now {now.text}" if now.text else "is deleted now"
         who = f" by {now.source}" if now.source and now.text else ""
         was = f"was {self._before.text}, {says}" if self._before.text else f"there is one already: {says[7:]}"
-        told = "enter again: yours" if now == self._seen else "enter twice: yours"
-        width = self._conflict.size.width or self.size.width - 2
-        self._conflict.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((told, "key"),), max(1, width)))
+        hint = "enter again: yours" if now == self._shown_conflict else "enter twice: yours"
+        width = self.conflict_line.size.width or self.size.width - 2
+        self.conflict_line.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((hint, "key"),), max(1, width)))
 
     @on(StaticLines.DrawAgain)
     def _resized(self, event: StaticLines.DrawAgain) -> None:
         event.stop()
-        self._show()
+        self._draw()
 
     @on(Input.Changed)
-    def _typed(self, event: Input.Changed) -> None:
+    def _draw_changed(self, event: Input.Changed) -> None:
         event.stop()
-        self._show()
+        self._draw()
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _accept(self, event: Input.Submitted) -> None:
         event.stop()
         key = self._key_meant
         if event.input is self._key or not key:
             (self._value if key else self._key).focus()
             return
-        now = self._now()
-        if now is not None and now != self._seen:
-            self._seen = now
-            self._show()
+        now = self._conflicting_value()
+        if now is not None and now != self._shown_conflict:
+            self._shown_conflict = now
+            self._draw()
             return
         self._close(key, parse_typed_value(self._value.value)[0])
 
@@ -191,7 +183,7 @@ class RowEditor(Vertical):
         self.post_message(self.SaveRow(key, value))
 
 
-def _remarked(kind: str, remark: str, width: int) -> StyledLine:
+def _type_line(kind: str, remark: str, width: int) -> StyledLine:
     """The type and why it is not what it looks like, in as many words as there is room for."""
     ways: tuple[StyledLine, ...] = (
         ((kind, "accent"), (f"  {remark}", "wait")),

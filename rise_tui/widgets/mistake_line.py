@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from textual import events
 from textual.message import Message
 from textual.timer import Timer
@@ -14,7 +16,7 @@ from rise_tui.widgets.static_lines import StaticLines
 
 WIDE = 100
 """Cells from which on the choices stand apart; below it the name of what was done needs the room."""
-SECONDS = 4.0
+OPEN_SECONDS = 4.0
 """How long the line waits for a letter."""
 
 
@@ -26,16 +28,19 @@ class MistakeLine(StaticLines, can_focus=True):
     MistakeLine.-open { display: block; }
     """
 
-    class Chosen(Message):
-        def __init__(self, task: int, mark: str) -> None:
-            super().__init__()
-            self.task, self.mark = task, mark
+    @dataclass
+    class ChooseMark(Message):
+        """This is what was wrong about the task."""
 
+        task: int
+        mark: str
+
+    @dataclass
     class EndMarking(Message):
-        def __init__(self, back: Widget | None) -> None:
-            super().__init__()
-            self.back = back
-            """What had the focus before."""
+        """The line has closed; the keys go back to what had them."""
+
+        back: Widget | None
+        """What had the focus before."""
 
     def __init__(self) -> None:
         super().__init__(id="mistake")
@@ -57,7 +62,7 @@ class MistakeLine(StaticLines, can_focus=True):
         self.screen.set_focus(self)
         if self._timer is not None:
             self._timer.stop()
-        self._timer = self.set_timer(SECONDS, self.close)
+        self._timer = self.set_timer(OPEN_SECONDS, self.close)
 
     def close(self) -> None:
         """Give the keys back."""
@@ -93,7 +98,7 @@ class MistakeLine(StaticLines, can_focus=True):
         event.stop()
         event.prevent_default()
         if choice is not None:
-            self.post_message(self.Chosen(self.marked, choice.mark))
+            self.post_message(self.ChooseMark(self.marked, choice.mark))
         self.close()
 
     def on_blur(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from textual import events, on
 from textual.message import Message
 from textual.widget import Widget
@@ -20,14 +22,13 @@ class NoteLine(TextField):
     }
     """
 
+    @dataclass
     class SaveNote(Message):
         """Closed; `text` is empty when nothing is to be noted."""
 
-        def __init__(self, text: str, back: Widget | None) -> None:
-            super().__init__()
-            self.text = text
-            self.back = back
-            """What had the focus before."""
+        text: str
+        back: Widget | None
+        """What had the focus before."""
 
     def __init__(self) -> None:
         super().__init__(placeholder="note for the record; enter adds it, esc leaves", select_on_focus=False)
@@ -37,16 +38,16 @@ class NoteLine(TextField):
     def is_open(self) -> bool:
         return self.has_class("-open")
 
-    def open(self, kept: str) -> None:
+    def open(self, text: str) -> None:
         """Begin, with what was not taken the last time."""
         if not self.is_open:
             self._back = self.screen.focused
-            self.value = kept
+            self.value = text
             self.add_class("-open")
         self.screen.set_focus(self)
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
         self._close(self.value.strip())
 

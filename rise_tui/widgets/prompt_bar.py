@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from textual import events, on
 from textual.containers import Horizontal
 from textual.message import Message
@@ -22,16 +24,11 @@ class PromptBar(Horizontal):
     }
     """
 
+    @dataclass
     class PromptMessage(Message):
         """Something has happened in a bar."""
 
-        def __init__(self, bar: PromptBar) -> None:
-            super().__init__()
-            self.bar = bar
-
-        @property
-        def control(self) -> PromptBar:
-            return self.bar
+        bar: PromptBar
 
     class Edited(PromptMessage):
         """The text has changed."""
@@ -70,13 +67,13 @@ class PromptBar(Horizontal):
         self.remove_class("-open")
 
     @on(Input.Changed)
-    def _typed(self, event: Input.Changed) -> None:
+    def _input_changed(self, event: Input.Changed) -> None:
         event.stop()
         if self.is_open:
             self.post_message(self.Edited(self))
 
     @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
+    def _input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
         self.post_message(self.Accepted(self))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from time import monotonic
 from typing import ClassVar
 
@@ -40,22 +41,17 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         Binding("end", "edge(1)", show=False),
     ]
 
+    @dataclass
     class CursorMoved(Message):
         """The wizard moved the cursor."""
 
-        def __init__(self, rows: RowView) -> None:
-            super().__init__()
-            self.rows = rows
-
-        @property
-        def control(self) -> RowView:
-            return self.rows
+        rows: RowView
 
     class Resized(Message):
         """The width changed."""
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
-        super().__init__(id=id, classes=classes)
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
         self.cursor = -1
         self.displaced_at = float("-inf")
         """When the cursor's row last vanished, so that the cursor fell to another; monotonic."""
@@ -80,11 +76,6 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         return self.row_at(self.cursor).id if 0 <= self.cursor < self.count else ""
 
     @property
-    def line_width(self) -> int:
-        """Cells of a painted line."""
-        return self.size.width
-
-    @property
     def row_width(self) -> int:
         """Cells of one row, without the scrollbar."""
         return self.scrollable_content_region.width
@@ -94,13 +85,9 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         """Also before the scrollbar of a list that has just become longer is laid out."""
         return True
 
-    def set_content_size(self, size: Size) -> None:
-        """Give the content its size: so many cells wide, so many rows."""
-        self.virtual_size = size
-
     def render_line(self, y: int) -> Strip:
         index = y + self.scroll_offset.y
-        width = self.line_width
+        width = self.size.width
         if not 0 <= index < self.count:
             return self.to_strip((), width)
         return self.to_strip(self.row_at(index).line, width, self.background_of(index))
@@ -183,8 +170,8 @@ class RowView(ScrollView, StyledLines, can_focus=True):
 class RowList(RowView):
     """A list of rows held in memory. The cursor stays on its row when others come and go."""
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
-        super().__init__(id=id, classes=classes)
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
         self._rows: Sequence[ListRow] = ()
 
     @property
@@ -206,7 +193,7 @@ class RowList(RowView):
         self.cursor = self._find(current, before)
         if current and self.current_id != current:
             self.displaced_at = monotonic()
-        self.set_content_size(Size(self.row_width, len(rows)))
+        self.virtual_size = Size(self.row_width, len(rows))
         for index in range(max(len(old), len(rows))):
             if index >= len(old) or index >= len(rows) or old[index].line != rows[index].line:
                 self._refresh_row(index)

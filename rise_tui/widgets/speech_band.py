@@ -5,11 +5,11 @@ from __future__ import annotations
 from textual import events
 from textual.geometry import Size
 
-from rise_tui.actions import key_name
+from rise_tui.key_labels import key_name
 from rise_tui.messages import RequestStart, RunAction
 from rise_tui.model.key_action import action_of_key
 from rise_tui.model.key_strip import KeyStripPiece, key_strip_height, key_strip_lines
-from rise_tui.model.speech_band import changes_by_tenths, sentence_height, speech_band_lines
+from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.store import Store
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -32,10 +32,6 @@ class SpeechBand(StaticLines):
         rows = int(height.value) if height is not None else 2
         self.show(*speech_band_lines(store, self.size.width, rows - 1, key_name))
 
-    def changes_by_tenths(self, store: Store) -> bool:
-        """Whether it changes by tenths of a second."""
-        return changes_by_tenths(store)
-
 
 class KeyStrip(StaticLines):
     """The study's own keys; each can be clicked."""
@@ -44,8 +40,8 @@ class KeyStrip(StaticLines):
     KeyStrip { height: 1; background: $surface; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
+    def __init__(self) -> None:
+        super().__init__()
         self._pieces: tuple[KeyStripPiece, ...] = ()
         self._store: Store | None = None
 

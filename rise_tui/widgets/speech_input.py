@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from textual import events, on
@@ -13,7 +14,8 @@ from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rise_tui.actions import BY_ID, key_name
+from rise_tui.actions import BY_ID
+from rise_tui.key_labels import key_name, why_unavailable
 from rise_tui.model.free_speech import (
     SpeechEffect,
     SpeechHistory,
@@ -48,12 +50,11 @@ class SpeechField(TextField):
         Binding("escape", "leave", show=False),
     ]
 
-    class Entered(Message):
+    @dataclass
+    class SubmitSpeech(Message):
         """To be said: in its turn, or at once."""
 
-        def __init__(self, at_once: bool) -> None:
-            super().__init__()
-            self.at_once = at_once
+        at_once: bool
 
     class Postpone(Message):
         """Not now; what was typed stays for later."""
@@ -63,32 +64,34 @@ class SpeechField(TextField):
         self._line = line
 
     def action_complete(self) -> None:
-        if going_on := self._line.suggest(self.value):
-            self._put(going_on)
+        if completion := self._line.suggest(self.value):
+            self._replace_text(completion)
 
     def action_earlier(self) -> None:
-        self._put(self._line.history.earlier(self.value))
+        self._replace_text(self._line.history.earlier(self.value))
 
     def action_later(self) -> None:
-        self._put(self._line.history.later(self.value))
+        self._replace_text(self._line.history.later(self.value))
 
     def action_interrupt(self) -> None:
-        self.post_message(self.Entered(at_once=True))
+        self.post_message(self.SubmitSpeech(at_once=True))
 
     def action_leave(self) -> None:
         self.post_message(self.Postpone())
 
     @on(Input.Submitted)
-    def _submitted(self, event: Input.Submitted) -> None:
+    def _input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
-        self.post_message(self.Entered(at_once=False))
+        self.post_message(self.SubmitSpeech(at_once=False))
 
-    def _put(self, text: str) -> None:
+    def _replace_text(self, text: str) -> None:
         self.value = text
         self.cursor_position = len(text)
 
 
 class Suggestion(Suggester):
+    """Stands behind what is typed."""
+
     def __init__(self, line: SpeechInput) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
         self._line = line
@@ -111,19 +114,19 @@ class SpeechInput(Vertical):
     }
     """
 
+    @dataclass
     class Speak(Message):
         """Say this: `typed` as it stands in the field, `text` with the memory's values."""
 
-        def __init__(self, typed: str, text: str, at_once: bool) -> None:
-            super().__init__()
-            self.typed, self.text, self.at_once = typed, text, at_once
+        typed: str
+        text: str
+        at_once: bool
 
+    @dataclass
     class ReturnFocus(Message):
         """Nothing is typed any more; `back` had the focus before."""
 
-        def __init__(self, back: Widget | None) -> None:
-            super().__init__()
-            self.back = back
+        back: Widget | None
 
     def __init__(self, store: Store) -> None:
         super().__init__(id="say")
@@ -182,11 +185,11 @@ class SpeechInput(Vertical):
         width = self.size.width
         if self.is_open:
             self.prompt.show(((PROMPT, "accent"),))
-            self.preview.show(crop(self._preview(), width))
+            self.preview.show(crop(self._preview_line(), width))
         else:
-            self.shown.show(crop(((PROMPT, "muted"), *self._became()), width))
+            self.shown.show(crop(((PROMPT, "muted"), *self._status_line()), width))
 
-    def _preview(self) -> StyledLine:
+    def _preview_line(self) -> StyledLine:
         if not self.field.value.strip():
             return (("  will say  ", "muted"), ("nothing yet; {key} is filled from the memory", "muted"))
         text, problem = fill_speech(self.field.value, self._store.memory)
@@ -194,22 +197,22 @@ class SpeechInput(Vertical):
             return ((" ✗ cannot be said: ", "wait"), (problem, "wait"))
         return (("  will say  ", "muted"), (f"“{text}”", "strong"))
 
-    def _became(self) -> StyledLine:
+    def _status_line(self) -> StyledLine:
         """Sent, waiting, running or just said; else the draft, or how to begin."""
         store = self._store
         sent = next((sent for sent in reversed(store.sent.values()) if sent.function == "say"), None)
         if sent is not None:
-            return _state(SENT, "", sent.behavior)
+            return _state_line(SENT, "", sent.behavior)
         task = store.view.tasks.get(store.newest_speech)
         if task is not None and (task.ended is None or store.now() - task.ended < DONE_SECONDS):
             state = SAID if task.status == "SUCCEEDED" else task_state(task)
             running = task.status == "ACTIVE" and task.started is not None
-            return _state(
+            return _state_line(
                 state, f" {format_seconds(store.now() - (task.started or 0.0))} s" if running else "", task.behavior
             )
         if self.field.value.strip():
             return ((self.field.value, "plain"), (f"   not said; {key_name('say')} goes on", "muted"))
-        why_not = BY_ID["say"].why_unavailable(store)
+        why_not = why_unavailable(BY_ID["say"], store)
         return ((why_not or f"{key_name('say')} to type what the robot says", "muted"),)
 
     def _close(self) -> None:
@@ -219,26 +222,26 @@ class SpeechInput(Vertical):
             self.post_message(self.ReturnFocus(self._back))
 
     @on(Input.Changed)
-    def _changed(self, event: Input.Changed) -> None:
+    def _input_changed(self, event: Input.Changed) -> None:
         event.stop()
         self.draw()
 
     @on(SpeechField.Postpone)
-    def _left(self, event: SpeechField.Postpone) -> None:
+    def _postpone(self, event: SpeechField.Postpone) -> None:
         event.stop()
         self._close()
 
-    @on(SpeechField.Entered)
-    def _entered(self, event: SpeechField.Entered) -> None:
+    @on(SpeechField.SubmitSpeech)
+    def _submit_speech(self, event: SpeechField.SubmitSpeech) -> None:
         event.stop()
         text, problem = fill_speech(self.field.value, self._store.memory)
         if text and not problem:
             self.post_message(self.Speak(self.field.value, text, event.at_once))
 
     def on_click(self, event: events.Click) -> None:
-        if event.widget is self.shown and not BY_ID["say"].why_unavailable(self._store):
+        if event.widget is self.shown and not why_unavailable(BY_ID["say"], self._store):
             self.open()
 
 
-def _state(state: StateLabel, more: str, text: str) -> StyledLine:
+def _state_line(state: StateLabel, more: str, text: str) -> StyledLine:
     return ((f"{state.glyph} {state.word}{more}  ", state.tone), (f"“{text}”", "plain"))

@@ -21,20 +21,12 @@ class StaticLines(StyledLines):
     class DrawAgain(Message):
         """The width changed: lines that depend on it should be made anew."""
 
-        def __init__(self, lines: StaticLines) -> None:
-            super().__init__()
-            self.lines = lines
-
-        @property
-        def control(self) -> StaticLines:
-            return self.lines
-
         def can_replace(self, message: Message) -> bool:
             """Of several that wait one is enough: whoever makes one line anew makes them all."""
             return isinstance(message, StaticLines.DrawAgain)
 
-    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
-        super().__init__(id=id, classes=classes)
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
         self.lines: tuple[StyledLine, ...] = ()
 
     def show(self, *lines: StyledLine) -> None:
@@ -55,4 +47,4 @@ class StaticLines(StyledLines):
         return self.to_strip(self.lines[y] if y < len(self.lines) else (), self.size.width)
 
     def on_resize(self, event: events.Resize) -> None:
-        self.post_message(self.DrawAgain(self))
+        self.post_message(self.DrawAgain())

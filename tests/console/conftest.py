@@ -11,6 +11,7 @@ from textual.widgets import Input
 
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.console.app import ConsoleApp
+from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.panes.pane import Pane
 from rise_tui.widgets.row_list import RowList
@@ -60,6 +61,10 @@ class Console:
             raise NoConsole
         return screen
 
+    @property
+    def bars(self) -> ConsoleBars:
+        return self.screen.bars
+
     def pane(self, name: str) -> Pane:
         return self.screen.pane_layout.panes[name]
 
@@ -74,7 +79,7 @@ class Console:
 
     @property
     def notice(self) -> str:
-        return self.screen.notice_line.text
+        return self.bars.notice_line.text
 
     async def press(self, *keys: str) -> None:
         """Like a person: a moment between two keys."""

@@ -20,7 +20,7 @@ def act(*waits: str) -> Act:
 
 def drawn(some: Act, most: int = 12) -> list[str]:
     return [
-        f"{row.level if row.first else ' '} {row.rails} {some.actions[row.place].id}" for row in act_rows(some, most)
+        f"{row.level if row.first else ' '} {row.rails} {some.actions[row.position].id}" for row in act_rows(some, most)
     ]
 
 
@@ -73,7 +73,7 @@ def read(rows: list[ActRow], some: Act) -> set[tuple[str, str]]:
     owners: dict[int, str] = {}
     found = set()
     for row in rows:
-        me = some.actions[row.place].id
+        me = some.actions[row.position].id
         touched = [at for at, character in enumerate(row.rails) if character in "╭┬├┼╰┴"]
         begins = [at for at in touched if row.rails[at] in "╭┬"]
         assert len(begins) <= 1
@@ -107,15 +107,15 @@ def acts(draw: st.DrawFn) -> Act:
 @given(acts(), st.integers(0, 12))
 def test_the_lines_say_who_waits_for_whom(some: Act, most: int) -> None:
     rows = act_rows(some, most)
-    assert sorted(row.place for row in rows) == list(range(len(some.actions)))
+    assert sorted(row.position for row in rows) == list(range(len(some.actions)))
     assert len({len(row.rails) for row in rows}) == 1 and len(rows[0].rails) <= most + 1
     wanted = {(action.id, one) for action in some.actions for one in action.wait_for}
-    words = {(some.actions[row.place].id, one) for row in rows for one in row.untold}
+    words = {(some.actions[row.position].id, one) for row in rows for one in row.untold}
     lines = read(rows, some)
     assert lines | words == wanted and not lines & words
     if most == 12:
         assert not words, "twelve actions have room for every line"
-    level = {some.actions[row.place].id: row.level for row in rows}
+    level = {some.actions[row.position].id: row.level for row in rows}
     assert all(level[one] < level[me] for me, one in wanted)
     assert [row.first for row in rows] == [n == 0 or rows[n - 1].level != row.level for n, row in enumerate(rows)]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from rise_engine.kernel.records import RobotRecord
-from rise_tui.actions import key_name
+from rise_tui.key_labels import key_name
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text, group_parts
 from rise_tui.model.notice import Notice
 from rise_tui.model.store import Store
@@ -156,36 +156,36 @@ def test_parts_of_several_robots() -> None:
 async def test_a_lost_robot_stays_on_the_screen_until_it_is_back(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
         lose(it.client)
-        await it.until(lambda: "ROBOT LOST   for 0 s" in it.screen.alarm_bar.text and it.screen.alarm_bar.display)
-        height = it.screen.alarm_bar.region.height
+        await it.until(lambda: "ROBOT LOST   for 0 s" in it.bars.alarm_bar.text and it.bars.alarm_bar.display)
+        height = it.bars.alarm_bar.region.height
         it.client.time += 4
-        await it.until(lambda: "ROBOT LOST   for 4 s" in it.screen.alarm_bar.text)
+        await it.until(lambda: "ROBOT LOST   for 4 s" in it.bars.alarm_bar.text)
         await it.press("down", "escape")
-        assert it.screen.alarm_bar.display and it.screen.alarm_bar.region.height == height == 3
+        assert it.bars.alarm_bar.display and it.bars.alarm_bar.region.height == height == 3
         it.client.journal(trouble=FULL)
-        await it.until(lambda: "NOT RECORDING" in it.screen.alarm_bar.text)
-        assert it.screen.alarm_bar.region.height == 3
+        await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text)
+        assert it.bars.alarm_bar.region.height == 3
         it.client.journal()
         it.client.emit(RobotRecord(0, 0.0, "", status="connected", detail=""))
-        await it.until(lambda: not it.screen.alarm_bar.display)
+        await it.until(lambda: not it.bars.alarm_bar.display)
 
 
 async def test_a_degraded_robot_takes_one_amber_line_also_beside_the_question_for_control() -> None:
     async with console(size=(80, 24)) as it:
         it.client.emit(RobotRecord(0, 0.0, "", status="degraded", detail="no server for gaze"))
         await it.until(
-            lambda: "no server for gaze" in it.screen.attention_bar.text and it.screen.attention_bar.region.height == 1
+            lambda: "no server for gaze" in it.bars.attention_bar.text and it.bars.attention_bar.region.height == 1
         )
         it.client.control_record("asked", "wizard:ben", "wizard:anna")
-        await it.until(lambda: it.screen.attention_bar.region.height == 2)
-        assert it.screen.attention_bar.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
-        assert not it.screen.alarm_bar.display
+        await it.until(lambda: it.bars.attention_bar.region.height == 2)
+        assert it.bars.attention_bar.text.splitlines()[0].strip() == "ben asks for control: F8 to answer"
+        assert not it.bars.alarm_bar.display
 
 
 async def test_an_alarm_is_no_notice_that_a_key_takes_away() -> None:
     async with console() as it:
         lose(it.client)
-        await it.until(lambda: it.screen.alarm_bar.display)
+        await it.until(lambda: it.bars.alarm_bar.display)
         it.screen.session.show_notice(Notice("something else"))
         await it.until(lambda: "something else" in it.notice)
-        assert "ROBOT LOST" in it.screen.alarm_bar.text
+        assert "ROBOT LOST" in it.bars.alarm_bar.text

@@ -11,7 +11,8 @@ from rise_engine.kernel.records import MemoryRecord
 from rise_engine.protocol.messages import with_tasks, without_tasks
 from rise_engine.scenario import load
 from rise_engine.scenario.model import Scenario
-from rise_tui.actions import BY_ID, key_name
+from rise_tui.actions import BY_ID
+from rise_tui.key_labels import key_name, why_unavailable
 from rise_tui.model.failures import Unsaid, failure_lines, unanswered_failures, unsaid_texts
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
@@ -150,7 +151,7 @@ def test_while_nothing_may_start_only_going_on_is_offered() -> None:
     store.input_mode = "SAFE"
     *_, keys = bar(store)
     assert "not now: SAFE" in keys and "ctrl+e" not in keys and "ctrl+k go on" in keys
-    assert BY_ID["repeat"].why_unavailable(store) and not BY_ID["go-on"].why_unavailable(store)
+    assert why_unavailable(BY_ID["repeat"], store) and not why_unavailable(BY_ID["go-on"], store)
 
 
 @pytest.mark.parametrize("width", [40, 80, 120, 200])
@@ -169,7 +170,7 @@ def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width:
 
 
 async def shown(it: Console) -> None:
-    await it.until(lambda: it.screen.failure_bar.display and it.screen.failure_bar.region.height >= 4)
+    await it.until(lambda: it.bars.failure_bar.display and it.bars.failure_bar.region.height >= 4)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
@@ -179,12 +180,12 @@ async def test_it_stays_on_every_pane_until_it_is_answered(size: tuple[int, int]
         await shown(it)
         for _ in range(6):
             await it.press("f3")
-            assert it.screen.failure_bar.display and "Greet" in it.screen.failure_bar.text
+            assert it.bars.failure_bar.display and "Greet" in it.bars.failure_bar.text
         await it.press("f4", "escape", "g")  # zoomed, left, and another act started
-        assert "ctrl+e repeat" in it.screen.failure_bar.text or "runs again" in it.screen.failure_bar.text
+        assert "ctrl+e repeat" in it.bars.failure_bar.text or "runs again" in it.bars.failure_bar.text
         await it.press("ctrl+k")
         await it.sent("goOn", str(id))
-        await it.until(lambda: not it.screen.failure_bar.display)
+        await it.until(lambda: not it.bars.failure_bar.display)
 
 
 async def test_beside_an_alarm_the_panes_can_still_be_seen() -> None:
@@ -192,9 +193,9 @@ async def test_beside_an_alarm_the_panes_can_still_be_seen() -> None:
         it.client.task("say", " ".join(["word"] * 200), "ABORTED", reason="a reason of some length " * 9)
         await shown(it)
         it.client.stop("latched", ("pepper/speech",))
-        await it.until(lambda: it.screen.alarm_bar.display and it.screen.alarm_bar.region.height == 3)
-        await it.until(lambda: "ctrl+k go on" in it.screen.failure_bar.text)
-        assert it.screen.pane_layout.region.height >= 4 and it.screen.failure_bar.region.height >= 5
+        await it.until(lambda: it.bars.alarm_bar.display and it.bars.alarm_bar.region.height == 3)
+        await it.until(lambda: "ctrl+k go on" in it.bars.failure_bar.text)
+        assert it.screen.pane_layout.region.height >= 4 and it.bars.failure_bar.region.height >= 5
 
 
 async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_bar_away() -> None:
@@ -204,26 +205,26 @@ async def test_repeating_starts_it_as_it_was_asked_for_and_its_success_puts_the_
         await it.press("ctrl+e")
         await it.sent(ACT, "Greet")
         assert it.client.sent[-1].calling_type == "Blocking"
-        await it.until(lambda: "it runs again" in it.screen.failure_bar.text)
+        await it.until(lambda: "it runs again" in it.bars.failure_bar.text)
         it.client.end_task(2, "Greet")
-        await it.until(lambda: not it.screen.failure_bar.display)
+        await it.until(lambda: not it.bars.failure_bar.display)
 
 
 async def test_its_keys_can_be_clicked_too() -> None:
     async with console(size=(80, 24)) as it:
         it.client.act("Greet", "ABORTED", reason="no voice")
         await shown(it)
-        *others, keys = it.screen.failure_bar.text.splitlines()
-        await it.pilot.click(it.screen.failure_bar, offset=(keys.index("repeat"), 0))
-        await it.pilot.click(it.screen.failure_bar, offset=(0, len(others)))
+        *others, keys = it.bars.failure_bar.text.splitlines()
+        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("repeat"), 0))
+        await it.pilot.click(it.bars.failure_bar, offset=(0, len(others)))
         assert it.client.asked() == []
-        await it.pilot.click(it.screen.failure_bar, offset=(keys.index("without"), len(others)))
+        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("without"), len(others)))
         await it.sent("goOn", "1")
         assert it.client.asked() == [("goOn", "1")]
         it.client.act("Praise", "ABORTED", reason="no voice")
-        await it.until(lambda: "Praise" in it.screen.failure_bar.text and it.screen.failure_bar.display)
-        *others, keys = it.screen.failure_bar.text.splitlines()
-        await it.pilot.click(it.screen.failure_bar, offset=(keys.index("repeat"), len(others)))
+        await it.until(lambda: "Praise" in it.bars.failure_bar.text and it.bars.failure_bar.display)
+        *others, keys = it.bars.failure_bar.text.splitlines()
+        await it.pilot.click(it.bars.failure_bar, offset=(keys.index("repeat"), len(others)))
         await it.sent(ACT, "Praise")
 
 
@@ -231,7 +232,7 @@ async def test_what_was_said_freely_is_said_again() -> None:
     async with console() as it:
         it.client.task("say", "One moment please", "ABORTED", reason="no voice")
         await shown(it)
-        assert "“One moment please”" in it.screen.failure_bar.text
+        assert "“One moment please”" in it.bars.failure_bar.text
         await it.press("ctrl+e")
         await it.sent("say", "One moment please")
 
@@ -244,9 +245,7 @@ async def test_the_same_care_as_for_every_start() -> None:
         await it.until(lambda: "not now, SAFE" in it.notice)
         await it.press("ctrl+x")
         it.client.stop("latched", ("pepper/speech",))
-        await it.until(
-            lambda: "STOPPED" in it.screen.alarm_bar.text and "not now: STOPPED" in it.screen.failure_bar.text
-        )
+        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text and "not now: STOPPED" in it.bars.failure_bar.text)
         await it.press("ctrl+e")
         await it.until(lambda: "Repeat the failed act: not now, STOPPED" in it.notice)
         assert it.client.asked() == []

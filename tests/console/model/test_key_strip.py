@@ -142,7 +142,7 @@ def test_a_scenario_without_keys_has_no_strip() -> None:
 
 async def test_a_key_in_the_strip_can_be_clicked_and_the_rest_opens_help() -> None:
     async with console(size=(70, 24)) as it:
-        bar = it.screen.refresh_scheduler.key_strip
+        bar = it.bars.key_strip
         x = bar.text.index("n next")
         await it.pilot.click(bar, offset=(x, 0))
         await it.sent("raiseEventTopic", "/next")

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from rise_engine.kernel.records import CueRecord, MemoryRecord, SessionRecord
 from rise_engine.scenario import load
 from rise_engine.scenario.model import FillerSettings, Scenario
-from rise_tui.actions import key_name
+from rise_tui.key_labels import key_name
 from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import TextRole, line_width, plain_text
@@ -322,11 +322,11 @@ def test_the_session_is_over() -> None:
 @pytest.mark.parametrize("size", SIZES)
 async def test_it_stands_below_the_top_line_with_a_height_that_never_changes(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
-        region = it.screen.refresh_scheduler.speech_band.region
-        assert region.y == 1 and region.height == len(it.screen.refresh_scheduler.speech_band.lines)
+        region = it.bars.speech_band.region
+        assert region.y == 1 and region.height == len(it.bars.speech_band.lines)
         it.client.rule("Main", "started", "greeting", trigger="start")
         task = it.client.act("Greet", source="rule:Main")
         it.client.action(task, "Greet", "1", "Speech", "accepted", message="Hello Ada! " * 30)
-        await it.until(lambda: "► “Hello Ada!" in it.screen.refresh_scheduler.speech_band.text)
-        assert it.screen.refresh_scheduler.speech_band.region == region
-        await it.until(lambda: "→ waiting" in it.screen.refresh_scheduler.speech_band.text)
+        await it.until(lambda: "► “Hello Ada!" in it.bars.speech_band.text)
+        assert it.bars.speech_band.region == region
+        await it.until(lambda: "→ waiting" in it.bars.speech_band.text)

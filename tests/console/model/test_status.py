@@ -159,25 +159,25 @@ async def test_a_pulse_reaches_the_line_with_the_clock() -> None:
     client = FakeClient(demo())
     async with console(client=client) as it:
         client.pulse(client.time - 5)
-        await it.until(lambda: "connected 5.0 s" in it.screen.status_line.text)
+        await it.until(lambda: "connected 5.0 s" in it.bars.status_line.text)
 
 
 async def test_a_second_repaints_the_status_line_once() -> None:
     async with console() as it:
-        await it.until(lambda: "LIVE" in it.screen.status_line.text)
+        await it.until(lambda: "LIVE" in it.bars.status_line.text)
         painted: list[tuple[int, int]] = []
-        refresh = it.screen.status_line.refresh
+        refresh = it.bars.status_line.refresh
 
         def watched(*regions: Region, **options: Any) -> StatusLine:
             painted.extend((region.x, region.width) for region in regions)
             refresh(*regions, **options)
-            return it.screen.status_line
+            return it.bars.status_line
 
-        it.screen.status_line.refresh = watched  # type: ignore[method-assign]
+        it.bars.status_line.refresh = watched  # type: ignore[method-assign]
         it.client.time += 1
         await it.until(lambda: painted)
-        assert painted == [(0, it.screen.status_line.size.width)]
-        assert "00:01" in it.screen.status_line.text
+        assert painted == [(0, it.bars.status_line.size.width)]
+        assert "00:01" in it.bars.status_line.text
 
 
 def test_a_robot_that_has_just_come_back_was_just_heard_of() -> None:

@@ -83,7 +83,7 @@ async def test_what_was_found_is_marked_not_only_by_colour() -> None:
         pane.set_filter("topic2")
         await it.until(lambda: log.count == 1)
         assert [text for text, tone in log.row_at(0).line if tone == "match"] == ["topic2"]
-        style = log.style_for("match")
+        style = log.styles_on("")["match"]
         assert style.bold and style.underline
 
 
@@ -159,7 +159,7 @@ async def test_a_mistake_shows_in_its_row_and_can_be_found() -> None:
             pane.set_filter("late")
             assert log.count == 0
             it.client.emit(MistakeRecord(0, 0.0, "", task, "Greet", "late", "wizard:anna"))
-            await it.until(lambda log=log: 0 in log._painted and "! late" in plain_text(log._painted[0][1]))  # type: ignore[misc]
+            await it.until(lambda log=log: "! late" in plain_text(log._lines.get(0, ())))  # type: ignore[misc]
             assert "Greet" in plain_text(log.row_at(0).line) and "✓" in plain_text(log.row_at(0).line)
             pane.set_filter("! late")
             assert log.count == 1
@@ -410,7 +410,7 @@ async def test_scrolling_keeps_no_rows() -> None:
             log.scroll_to(y=top, animate=False)
             for y in range(log.size.height):
                 log.render_line(y)
-        assert len(log._painted) <= 600
+        assert len(log._lines) <= log.size.height
         assert len(list(log.query("*"))) == 0
 
 

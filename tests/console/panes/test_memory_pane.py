@@ -123,11 +123,11 @@ async def test_a_change_while_typing_must_be_confirmed() -> None:
             await it.press("enter")
             await typed(it, "5")
             remember(it, "task", 3)
-            await it.until(lambda pane=pane: "was 2, is now 3" in pane.editor.conflict_shown)  # type: ignore[misc]
+            await it.until(lambda pane=pane: "was 2, is now 3" in pane.editor.conflict_line.text)  # type: ignore[misc]
             await it.press("enter")
-            assert it.client.sent == [] and "enter again" in pane.editor.conflict_shown
+            assert it.client.sent == [] and "enter again" in pane.editor.conflict_line.text
             remember(it, "task", 4)
-            await it.until(lambda pane=pane: "is now 4" in pane.editor.conflict_shown)  # type: ignore[misc]
+            await it.until(lambda pane=pane: "is now 4" in pane.editor.conflict_line.text)  # type: ignore[misc]
             await it.press("enter")
             assert it.client.sent == []  # it has changed once more
             await it.press("enter")
@@ -140,9 +140,9 @@ async def test_a_value_that_is_as_before_again_is_no_conflict() -> None:
         await it.press("enter")
         await typed(it, "5")
         remember(it, "task", 3)
-        await it.until(lambda: pane.editor.conflict_shown)
+        await it.until(lambda: pane.editor.conflict_line.text)
         remember(it, "task", 2)
-        await it.until(lambda: not pane.editor.conflict_shown)
+        await it.until(lambda: not pane.editor.conflict_line.text)
         await it.press("enter")
         await it.sent("assignValue", '{"task": 5}')
 
@@ -152,7 +152,7 @@ async def test_a_key_deleted_while_typing_is_a_conflict() -> None:
         pane = await at(it, "task")
         await it.press("enter")
         it.client.emit(MemoryRecord(0, 0.0, "", "task", None, 2, "rule:Main", deleted=True))
-        await it.until(lambda: "was 2, is deleted now" in pane.editor.conflict_shown)
+        await it.until(lambda: "was 2, is deleted now" in pane.editor.conflict_line.text)
         await it.press("escape")
         assert it.client.sent == []
 
@@ -162,7 +162,7 @@ async def test_adding_a_key_that_is_there_must_be_confirmed() -> None:
         pane = await at(it, "task")
         await it.press("insert")
         await typed(it, "side")
-        await it.until(lambda: "there is one already: left" in pane.editor.conflict_shown)
+        await it.until(lambda: "there is one already: left" in pane.editor.conflict_line.text)
         await it.press("enter")
         await typed(it, "up")
         await it.press("enter")
@@ -205,7 +205,7 @@ async def test_a_part_is_edited_in_its_place() -> None:
         await typed(it, "Grace")
         remember(it, "who", {**PERSON, "seen": [9]})  # another part: no conflict, and not overwritten
         await it.until(lambda: "[9]" in it.text("memory"))
-        assert pane.editor.conflict_shown == ""
+        assert pane.editor.conflict_line.text == ""
         await it.press("enter")
         await it.sent("assignValue", json.dumps({"who": {"name": "Grace", "seen": [9]}}))
 
@@ -217,11 +217,11 @@ async def test_the_same_part_changed_meanwhile_is_a_conflict() -> None:
         await it.press("right", "down", "enter")
         await typed(it, "Grace")
         remember(it, "who", {**PERSON, "name": "Alan"})
-        await it.until(lambda: "was Ada, is now Alan by rule:Main" in pane.editor.conflict_shown)
+        await it.until(lambda: "was Ada, is now Alan by rule:Main" in pane.editor.conflict_line.text)
         await it.press("enter")
         assert it.client.sent == []
         remember(it, "who", 7)
-        await it.until(lambda: "is deleted now" in pane.editor.conflict_shown)
+        await it.until(lambda: "is deleted now" in pane.editor.conflict_line.text)
         await it.press("enter", "enter")
         await it.until(lambda: "nothing was sent" in it.notice)
         assert it.client.sent == []

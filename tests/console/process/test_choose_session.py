@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.protocol.messages import SessionSummary
 from rise_tui.cli import choose_session
 from rise_tui.cli.main import main
 from rise_tui.config.settings import NothingStarted
@@ -18,16 +19,24 @@ from tests.console.fake import DEMO
 from tests.console.terminals import ROOT, environment_of
 
 
-@dataclass
-class About:
-    title: str = "LabLinking"
-    mode: str = "debug"
-    robot: str = "pepper"
-    t: float = 872.0
-    control: str | None = "wizard:anna"
-    clients: Sequence[str] = ("wizard:anna",)
-    participant: str = ""
-    condition: str = ""
+def about(**given: Any) -> SessionSummary:
+    usual: dict[str, Any] = {
+        "version": 1,
+        "title": "LabLinking",
+        "mode": "debug",
+        "robot": "pepper",
+        "seed": 1,
+        "scenario_folder": "",
+        "scenario_hash": "",
+        "folder": "",
+        "t": 872.0,
+        "seq": 1,
+        "busy": False,
+        "stopped": False,
+        "control": "wizard:anna",
+        "clients": ["wizard:anna"],
+    }
+    return SessionSummary(**{**usual, **given})
 
 
 @dataclass
@@ -39,7 +48,7 @@ class Typist:
     said: list[str] = field(default_factory=list)
     questions: int = 0
 
-    def say(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         self.said.append(line)
 
     def ask(self, question: str) -> str | None:
@@ -48,8 +57,8 @@ class Typist:
 
 
 SEVERAL = {
-    "lablinking-2fd404": About(),
-    "greeting-a1b2c3": About("Greeting", "real", "floka", 61.0, None, ()),
+    "lablinking-2fd404": about(),
+    "greeting-a1b2c3": about(title="Greeting", mode="real", robot="floka", t=61.0, control=None, clients=[]),
     "stuck-000000": None,
 }
 ONE = [("/s/2026-11-21_141503_demo_debug", "Demo (debug, pepper), begun 2026-11-21 14:15")]
@@ -81,7 +90,7 @@ def test_of_several_sessions_one_is_chosen_by_its_number() -> None:
 
 def test_several_sessions_and_several_consoles() -> None:
     typist = Typist(["1"])
-    choose_session.choose_session({"a": About(clients=("wizard:anna", "observer:ben")), "b": About()}, typist)
+    choose_session.choose_session({"a": about(clients=("wizard:anna", "observer:ben")), "b": about()}, typist)
     assert any("anna has control, 2 attached" in line for line in typist.said)
 
 
@@ -93,9 +102,9 @@ def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
 
 
 def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
-    choose_session.check_matches("a", About())
-    choose_session.check_matches("a", About(), robot="pepper", mode="debug")
-    choose_session.check_matches("a", About(participant="P07", condition="calm"), participant="P07", condition="calm")
+    choose_session.check_matches("a", about())
+    choose_session.check_matches("a", about(), robot="pepper", mode="debug")
+    choose_session.check_matches("a", about(participant="P07", condition="calm"), participant="P07", condition="calm")
     choose_session.check_matches("a", None, robot="floka", mode="real", participant="P08")
     for wanted, said in (
         ({"robot": "floka"}, "with --robot pepper and not floka"),
@@ -103,12 +112,12 @@ def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_mea
         ({"participant": "P08"}, "running already, without --participant; for the other one"),
         ({"condition": "loud"}, "running already, without --condition"),
         ({"new": True}, "to begin a new session"),
-        ({"begins": ["--set", "--place"]}, "--set and --place can only be said of a session that begins"),
+        ({"only_for_new": ["--set", "--place"]}, "--set and --place can only be said of a session that begins"),
     ):
         with pytest.raises(NothingStarted, match=said):
-            choose_session.check_matches("a", About(), **wanted)  # type: ignore[arg-type]
+            choose_session.check_matches("a", about(), **wanted)  # type: ignore[arg-type]
     with pytest.raises(NothingStarted, match="with --participant P07 and not P08"):
-        choose_session.check_matches("a", About(participant="P07"), participant="P08")
+        choose_session.check_matches("a", about(participant="P07"), participant="P08")
 
 
 def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:
@@ -172,7 +181,7 @@ def test_without_a_terminal_the_options_are_named() -> None:
 
 def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
     typist = Typist(["1"])
-    choose_session.choose_session({"a": About("\x1b[2Jevil"), "b": About()}, typist)
+    choose_session.choose_session({"a": about(title="\x1b[2Jevil"), "b": about()}, typist)
     choose_session.choose_recovery([("/s/\x1bx", "\x9b31m")], typist := Typist(["n"]))
     assert not any("\x1b" in line or "\x9b" in line for line in typist.said)
 

@@ -214,7 +214,7 @@ def test_info_tells_which_sessions_run_and_not_who_takes_part() -> None:
 
 def test_a_start_ends_with_its_status(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(start, "prepare_textual", lambda *_: None)
-    monkeypatch.setattr(start, "_attach", lambda *_: start._nothing("why"))
+    monkeypatch.setattr(start, "_attach", lambda *_: start._refuse_start("why"))
     with pytest.raises(SystemExit) as ended:
         start.start(CommandLine(keys="none"))
     assert ended.value.code == 2

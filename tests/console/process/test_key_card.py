@@ -12,8 +12,9 @@ import pytest
 from rich.cells import cell_len
 
 from rise_engine.scenario.model import Scenario
-from rise_tui.actions import ACTIONS, use_own_keys
+from rise_tui.actions import ACTIONS
 from rise_tui.cli.key_card import KeyCardEntry, KeyCardSection, html_page, printed_key, sections, text_lines
+from rise_tui.key_labels import use_own_keys
 from tests.console.fake import DEMO, demo
 from tests.console.terminals import ROOT, environment_of
 

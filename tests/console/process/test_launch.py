@@ -74,7 +74,7 @@ def test_a_console_that_attaches_knows_what_its_session_was_started_with() -> No
 
 async def test_what_there_is_to_say_about_a_recovery_is_said_first() -> None:
     client = FakeClient(demo())
-    app = ConsoleApp(wizard="anna", launcher=FakeLauncher(client), client=client, told="1 action counts as lost")
+    app = ConsoleApp(wizard="anna", launcher=FakeLauncher(client), client=client, notice="1 action counts as lost")
     async with app.run_test(size=(120, 40)) as pilot:
         it = Console(pilot, client, FakeLauncher())
         await it.until(lambda: app.console_screen is not None and "counts as lost" in it.notice)

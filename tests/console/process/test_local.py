@@ -39,11 +39,11 @@ async def test_a_session_from_the_first_key_to_the_last(place: Path) -> None:
         await it.press("home", "enter", "backspace", "7", "enter")
         await it.until(lambda: it.row("memory", "task").split()[1] == "7")
         await it.press("f9")
-        await it.until(lambda: "STOPPED" in it.screen.alarm_bar.text, "the stop was not confirmed")
+        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text, "the stop was not confirmed")
         await it.press("g")
         assert "not started" in it.notice
         await it.press("ctrl+r", "r")
-        await it.until(lambda: "LIVE" in it.screen.status_line.text)
+        await it.until(lambda: "LIVE" in it.bars.status_line.text)
         await it.press("m")
         await it.until(lambda: "running" in it.row("rules", "Main"))
         await pilot.pause(0.6)  # its debounce time

@@ -46,7 +46,7 @@ async def test_a_running_act_shows_progress_and_time_and_then_what_became_of_it(
         await it.until(lambda: "1/4" in it.row("acts", "Greet") and "2.1/" in it.row("acts", "Greet"))
         it.client.end_task(task, "Greet", "ABORTED", "the robot refused action 1")
         await it.until(lambda: "✗ failed" in it.row("acts", "Greet"))
-        await it.until(lambda: "the robot refused action 1" in it.screen.failure_bar.text)
+        await it.until(lambda: "the robot refused action 1" in it.bars.failure_bar.text)
         assert it.notice == ""
 
 
@@ -242,7 +242,7 @@ async def test_a_value_is_edited_in_its_place_and_its_type_shows_while_typing(
         assert isinstance(it.app.focused, Input)
         assert it.app.focused.value == "2" and it.app.focused.region.y == pane.row_list.region.y
         it.app.focused.value = typed
-        await it.until(lambda: pane.editor.type_shown == kind)
+        await it.until(lambda: pane.editor.type_line.text == kind)
         await it.press("enter")
         await it.sent("assignValue", json.dumps({"task": value}))
         assert pane.row_list.has_focus
@@ -256,7 +256,7 @@ async def test_broken_json_is_a_string_and_says_so() -> None:
         it.app.focused.value = '{"a": '
         pane = it.pane("memory")
         assert isinstance(pane, MemoryPane)
-        await it.until(lambda: "string  not JSON" in pane.editor.type_shown)
+        await it.until(lambda: "string  not JSON" in pane.editor.type_line.text)
 
 
 async def test_a_change_by_somebody_else_shows_while_editing() -> None:
@@ -266,7 +266,7 @@ async def test_a_change_by_somebody_else_shows_while_editing() -> None:
         it.client.emit(MemoryRecord(0, 0.0, "", "task", 3, 2, "rule:Main"))
         pane = it.pane("memory")
         assert isinstance(pane, MemoryPane)
-        await it.until(lambda: "is now 3 by rule:Main" in pane.editor.conflict_shown)
+        await it.until(lambda: "is now 3 by rule:Main" in pane.editor.conflict_line.text)
 
 
 async def test_esc_leaves_the_editor_and_sends_nothing() -> None:
@@ -304,7 +304,7 @@ async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() ->
     client = FakeClient(demo())
     client.answers = False
     async with console(client=client) as it:
-        alarm = it.screen.alarm_bar
+        alarm = it.bars.alarm_bar
         await it.press("f9")
         await it.until(lambda: "STOP sent" in alarm.text and alarm.display)
         client.task("stopAll", "", "SUCCEEDED", ref=client.sent[0].ref)
@@ -312,7 +312,7 @@ async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() ->
         client.stop("requested")
         await it.until(lambda: "STOP requested" in alarm.text)
         client.stop("latched", ("pepper/speech", "pepper/gaze"), ("pepper/base",))
-        await it.until(lambda: "STOPPED" in alarm.text and "STOPPED" in it.screen.status_line.text)
+        await it.until(lambda: "STOPPED" in alarm.text and "STOPPED" in it.bars.status_line.text)
         assert "pepper: speech, gaze" in alarm.text
         assert "NOT CONFIRMED  pepper: base" in alarm.text
         await it.press("escape", "enter", "g")
@@ -324,7 +324,7 @@ async def test_stop_shows_who_confirmed_and_stays_until_released_on_purpose() ->
         await it.press("ctrl+r", "r")
         await it.sent("releaseStop", "")
         client.stop("released")
-        await it.until(lambda: "STOPPED" not in it.screen.status_line.text and "LIVE" in it.screen.status_line.text)
+        await it.until(lambda: "STOPPED" not in it.bars.status_line.text and "LIVE" in it.bars.status_line.text)
 
 
 async def test_release_is_there_only_while_stopped_and_says_why_not() -> None:
@@ -340,8 +340,8 @@ async def test_release_is_there_only_while_stopped_and_says_why_not() -> None:
 async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
     async with console() as it:
         it.client.end("the engine stopped: a bug")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
-        assert "a bug" in it.screen.alarm_bar.text
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "a bug" in it.bars.alarm_bar.text
         await it.press("g", "enter", "f9")
         assert it.client.sent == []
         assert "the engine has gone" in it.notice
@@ -350,10 +350,10 @@ async def test_an_engine_that_has_ended_is_told_and_keys_do_nothing() -> None:
 async def test_without_an_engine_hints_name_what_is_left_to_do() -> None:
     async with console() as it:
         it.screen.pane_layout.focus_pane("memory")
-        await it.until(lambda: "del delete" in it.screen.key_hints.text)
+        await it.until(lambda: "del delete" in it.bars.key_hints.text)
         it.client.end("its process is not there any more")
-        await it.until(lambda: it.screen.key_hints.text.startswith(" ^C leave"))
-        hints = it.screen.key_hints.text
+        await it.until(lambda: it.bars.key_hints.text.startswith(" ^C leave"))
+        hints = it.bars.key_hints.text
         assert "unfold" in hints and "find" in hints
         assert not any(word in hints for word in ("STOP", "edit", "add", "delete", "undo", "say", "cue"))
 
@@ -362,13 +362,13 @@ async def test_a_send_that_fails_does_not_end_the_console() -> None:
     async with console() as it:
         it.client.gone = "the process was killed"
         await it.press("g")
-        await it.until(lambda: "the process was killed" in it.screen.alarm_bar.text)
+        await it.until(lambda: "the process was killed" in it.bars.alarm_bar.text)
 
 
 async def test_a_lost_robot_is_told() -> None:
     async with console() as it:
         it.client.emit(RobotRecord(0, 0.0, "", status="lost", detail="no answer for 3 s"))
-        await it.until(lambda: "✗ lost" in it.screen.status_line.text and "no answer for 3 s" in it.notice)
+        await it.until(lambda: "✗ lost" in it.bars.status_line.text and "no answer for 3 s" in it.notice)
 
 
 # --- layout, help, palette, settings --------------------------------------------------------------------------------
@@ -423,7 +423,7 @@ async def test_resizing_the_terminal_changes_the_layout() -> None:
 
 async def test_hints_and_tabs_can_be_clicked() -> None:
     async with console() as it:
-        hints = it.screen.key_hints
+        hints = it.bars.key_hints
         await it.pilot.click(hints, offset=(hints.text.index("? help") + 1, 0))
         await it.until(lambda: isinstance(it.app.screen, HelpScreen))
         await it.press("escape")
@@ -479,7 +479,7 @@ async def test_settings_apply_after_asking_and_end_the_running_session_first() -
         assert first.closed == []
         await it.press("e", "n", "d", "enter")
         await it.until(lambda: first.closed == [True])
-        await it.until(lambda: "REAL" in it.screen.status_line.text)
+        await it.until(lambda: "REAL" in it.bars.status_line.text)
         assert launcher.started[1].mode == "real" and launcher.started[1].participant == "P08"
 
 
@@ -507,5 +507,5 @@ async def test_help_is_always_among_the_hints(width: int) -> None:
     async with console(size=(width, 30)) as it:
         for name in it.screen.pane_layout.panes:
             it.screen.pane_layout.focus_pane(name)
-            await it.until(lambda: it.screen.key_hints.text.count("? help") == 1, name)
-            assert it.screen.key_hints.text.startswith(" F9/^G STOP")
+            await it.until(lambda: it.bars.key_hints.text.count("? help") == 1, name)
+            assert it.bars.key_hints.text.startswith(" F9/^G STOP")

@@ -107,33 +107,33 @@ async def test_a_held_space_bar_is_one_cue() -> None:
 async def test_the_status_line_counts_from_the_cue_until_the_answer() -> None:
     async with console() as it:
         mark(it)
-        await it.until(lambda: "◔ cue 0.0 s" in it.screen.status_line.text)
+        await it.until(lambda: "◔ cue 0.0 s" in it.bars.status_line.text)
         it.client.time += 1.4
-        await it.until(lambda: "◑ cue 1.4 s" in it.screen.status_line.text)
+        await it.until(lambda: "◑ cue 1.4 s" in it.bars.status_line.text)
         it.client.time += 1.0
-        await it.until(lambda: "● cue 2.4 s !" in it.screen.status_line.text)
+        await it.until(lambda: "● cue 2.4 s !" in it.bars.status_line.text)
         mark(it, "answered")
-        await it.until(lambda: "✓ answered 2.4 s" in it.screen.status_line.text)
+        await it.until(lambda: "✓ answered 2.4 s" in it.bars.status_line.text)
         it.client.time += 6
-        await it.until(lambda: "answered" not in it.screen.status_line.text)
+        await it.until(lambda: "answered" not in it.bars.status_line.text)
 
 
 async def test_the_cue_moves_nothing_else_in_the_status_line() -> None:
     for size in ((80, 24), (120, 40), (200, 50)):
         async with console(size=size) as it:
-            await it.until(lambda it=it: "LIVE" in it.screen.status_line.text)  # type: ignore[misc]
-            before = it.screen.status_line.text
+            await it.until(lambda it=it: "LIVE" in it.bars.status_line.text)  # type: ignore[misc]
+            before = it.bars.status_line.text
             mark(it)
             it.client.time += 0.4
-            await it.until(lambda it=it: "cue 0.4 s" in it.screen.status_line.text)  # type: ignore[misc]
-            after = it.screen.status_line.text
+            await it.until(lambda it=it: "cue 0.4 s" in it.bars.status_line.text)  # type: ignore[misc]
+            after = it.bars.status_line.text
             for word in ("DEBUG", "REC", "LIVE", "anna"):
                 assert before.index(word) == after.index(word)
 
 
 async def test_the_comma_asks_for_the_next_filler_and_its_hint_names_it() -> None:
     async with console() as it:
-        await it.until(lambda: ", Filler" in it.screen.key_hints.text)
+        await it.until(lambda: ", Filler" in it.bars.key_hints.text)
         await it.press("comma")
         await it.sent("nextFiller", "")
         assert it.client.sent[-1].pressed is not None
@@ -143,7 +143,7 @@ async def test_a_filler_is_offered_when_it_is_due_and_never_said_by_the_console(
     async with console() as it:
         mark(it)
         it.client.time += 1.0
-        await it.until(lambda: "cue 1.0 s" in it.screen.status_line.text)
+        await it.until(lambda: "cue 1.0 s" in it.bars.status_line.text)
         assert "Filler" not in it.notice
         it.client.time += 1.1
         await it.until(lambda: "no answer for 2.1 s:  , says Filler" in it.notice)
@@ -166,8 +166,8 @@ async def test_nothing_is_offered_that_could_not_be_said() -> None:
 async def test_a_scenario_without_fillers_names_none() -> None:
     client = FakeClient(replace(demo(), act_settings={}))
     async with console(client=client) as it:
-        await it.until(lambda: "space cue" in it.screen.key_hints.text)
-        assert ", " not in it.screen.key_hints.text
+        await it.until(lambda: "space cue" in it.bars.key_hints.text)
+        assert ", " not in it.bars.key_hints.text
         await it.press("comma")
         await it.until(lambda: "this scenario has no filler" in it.notice)
         assert client.asked() == []

@@ -25,7 +25,7 @@ from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
 async def asking_to_release(it: Console) -> Dialog:
     it.client.stop("latched", ("pepper/speech",))
-    await it.until(lambda: "STOPPED" in it.screen.status_line.text)
+    await it.until(lambda: "STOPPED" in it.bars.status_line.text)
     await it.press("ctrl+r")
     await it.until(lambda: isinstance(it.app.screen, Dialog))
     dialog = it.app.screen
@@ -199,7 +199,7 @@ async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tup
         await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
         question = it.app.screen
         assert isinstance(question, EndSessionDialog)
-        said = "\n".join(question._said)
+        said = "\n".join(question._lines)
         assert "P07 · calm" in said and "Then a new one starts for P08" in said
 
 
@@ -218,7 +218,7 @@ async def test_a_home_folder_that_nobody_has_can_be_typed() -> None:
     async with console() as it:
         screen = await settings_of(it)
         screen.query_one("#folder", TextField).value = "~nobody-has-this"
-        await it.until(lambda: screen._read == "~nobody-has-this")
+        await it.until(lambda: screen._folder_read == "~nobody-has-this")
         assert screen.query_one("#robot", ChoiceField).value == "pepper"
     assert str(expand_home("~nobody-has-this/x")) == "~nobody-has-this/x"
 

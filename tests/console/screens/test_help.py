@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, key_label, key_name, use_own_keys
+from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES
+from rise_tui.key_labels import key_label, key_name, use_own_keys
 from rise_tui.model.filtering import Filter
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from textual import events
 
-from rise_tui.actions import key_name, why_task_blocked
+from rise_tui.key_labels import key_name, why_task_blocked
 from rise_tui.model.blocked import BlockedReason, blocked_text
 from rise_tui.model.input_lock import InputMode, mode_notice, toggle_lock, toggle_safe
 from rise_tui.model.store import Store
@@ -46,7 +46,7 @@ async def quiet(it: Console) -> None:
 async def test_safe_starts_nothing_and_says_why(key: str) -> None:
     async with console() as it:
         await it.press("ctrl+x")
-        await it.until(lambda: " SAFE " in it.screen.status_line.text and "LIVE" not in it.screen.status_line.text)
+        await it.until(lambda: " SAFE " in it.bars.status_line.text and "LIVE" not in it.bars.status_line.text)
         await it.press(key)
         await it.until(lambda: "SAFE: ctrl+x makes keys act" in it.notice)
         await quiet(it)
@@ -71,11 +71,11 @@ async def test_in_safe_marks_notes_and_stopping_work() -> None:
 async def test_in_safe_speech_can_be_prepared_and_is_not_said() -> None:
     async with console() as it:
         await it.press("ctrl+x", "ctrl+t", *"hello")
-        assert "SAFE: ctrl+x makes keys act" in it.screen.key_hints.text
+        assert "SAFE: ctrl+x makes keys act" in it.bars.key_hints.text
         await it.press("enter")
         await it.until(lambda: "not said: SAFE" in it.notice)
         await quiet(it)
-        assert it.client.asked() == [] and it.screen.say_line.field.value == "hello"
+        assert it.client.asked() == [] and it.bars.speech_input.field.value == "hello"
 
 
 async def test_the_keys_of_acts_that_cannot_be_started_are_dimmed_and_the_row_says_why() -> None:
@@ -97,32 +97,32 @@ async def test_a_rule_that_runs_says_that_it_cannot_be_started_again() -> None:
 async def test_locked_swallows_every_key_and_click_but_three() -> None:
     async with console() as it:
         await it.press("ctrl+n")
-        await it.until(lambda: " LOCKED " in it.screen.status_line.text)
-        assert it.screen.key_hints.text.split() == ["F9/^G", "STOP", "^C", "leave", "^N", "unlock"]
+        await it.until(lambda: " LOCKED " in it.bars.status_line.text)
+        assert it.bars.key_hints.text.split() == ["F9/^G", "STOP", "^C", "leave", "^N", "unlock"]
         for key in ("g", "ctrl+x", "colon", "question_mark", "ctrl+t", "tab", "space", "ctrl+o", "f8"):
             await it.press(key)
             await it.until(lambda: "LOCKED: ctrl+n unlocks" in it.notice)
-        await it.pilot.click(it.screen.say_line)
+        await it.pilot.click(it.bars.speech_input)
         await quiet(it)
         assert it.app.screen is it.screen and it.client.asked() == [] and it.pane("acts").row_view.has_focus
-        assert not it.screen.say_line.is_open
+        assert not it.bars.speech_input.is_open
         await it.press("f9")
         await it.sent("stopAll", "")
         it.client.stop("requested")
         await it.press("ctrl+n")
         # Both: SAFE still holds when the stop is released.
-        await it.until(lambda: " STOPPED  SAFE " in it.screen.status_line.text)
+        await it.until(lambda: " STOPPED  SAFE " in it.bars.status_line.text)
 
 
 async def test_nothing_can_be_pasted_while_locked() -> None:
     async with console() as it:
         await it.press("ctrl+t", "a", "ctrl+n")
-        await it.until(lambda: " LOCKED " in it.screen.status_line.text)
+        await it.until(lambda: " LOCKED " in it.bars.status_line.text)
         it.app.post_message(events.Paste("text"))
         await it.press("b")
         assert isinstance(it.screen.focused, SpeechField)
         await it.press("ctrl+n", "c")
-        await it.until(lambda: it.screen.say_line.field.value == "ac")
+        await it.until(lambda: it.bars.speech_input.field.value == "ac")
 
 
 async def test_a_locked_console_can_be_left() -> None:
@@ -142,7 +142,7 @@ async def test_locking_closes_what_is_open_unanswered() -> None:
         await it.press("question_mark")
         await it.until(lambda: isinstance(it.app.screen, HelpScreen))
         await it.press("ctrl+n")
-        await it.until(lambda: it.app.screen is it.screen and " LOCKED " in it.screen.status_line.text)
+        await it.until(lambda: it.app.screen is it.screen and " LOCKED " in it.bars.status_line.text)
         await it.press("ctrl+n", "f9")
         it.client.stop("latched")
         await it.until(lambda: it.screen.session.store.view.stop.latched)
@@ -168,7 +168,7 @@ async def test_a_console_that_watches_is_not_called_live() -> None:
     client = FakeClient(demo(), you="wizard:ben", holder="wizard:anna")
     async with console(client=client) as it:
         await it.press("ctrl+x")
-        await it.until(lambda: " SAFE " in it.screen.status_line.text and "WATCHING" in it.screen.status_line.text)
+        await it.until(lambda: " SAFE " in it.bars.status_line.text and "WATCHING" in it.bars.status_line.text)
 
 
 @pytest.mark.parametrize("guard", ["SAFE", "LOCKED"])

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from rise_tui.actions import ACTIONS, BY_ID, key_label, keys_of, use_own_keys
+from rise_tui.actions import ACTIONS, BY_ID
 from rise_tui.config.key_file import FIXED, read_keys
 from rise_tui.config.keymap import KeyFile, textual_keymap
 from rise_tui.config.paths import config_folder, key_file_path
+from rise_tui.key_labels import first_key_label, key_label, keys_of, use_own_keys
 from tests.console.conftest import console
 from tests.console.fake import DEMO, demo
 from tests.console.terminals import ROOT, terminal
@@ -177,11 +178,11 @@ async def test_the_console_follows_the_file(tmp_path: Path) -> None:
 async def test_the_keys_shown_are_the_keys_that_work(tmp_path: Path) -> None:
     keys = written(tmp_path, '[keys]\nhelp = "f5"\ncue = "%"\n')
     async with console(keys=keys) as it:
-        hints = it.screen.key_hints.text
+        hints = it.bars.key_hints.text
         assert "F5 help" in hints and "? help" not in hints
-        assert BY_ID["cue"].key_label == "%" and keys_of(BY_ID["help"]) == ("f5",)
+        assert first_key_label(BY_ID["cue"]) == "%" and keys_of(BY_ID["help"]) == ("f5",)
     async with console() as it:
-        assert "? help" in it.screen.key_hints.text, "the keys of another console are left over"
+        assert "? help" in it.bars.key_hints.text, "the keys of another console are left over"
 
 
 async def test_a_clash_with_the_scenario_opens_no_console(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ async def test_a_key_takes_the_notice_away() -> None:
     async with console() as it:
         it.screen.show_notice("read me")
         await it.until(lambda: "read me" in it.notice)
-        it.screen.refresh_scheduler._noticed_at -= 2  # it has been there long enough to be read
+        it.screen.refresh_scheduler._notice_at -= 2  # it has been there long enough to be read
         await it.press("down")
         await it.until(lambda: not it.notice)
 
@@ -89,7 +89,7 @@ async def test_a_key_takes_no_notice_away_that_has_not_been_shown(monkeypatch: p
         painting, store = it.screen.refresh_scheduler, it.screen.session.store
         it.screen.show_notice("read me")
         await it.until(lambda: "read me" in it.notice)
-        painting._noticed_at -= 2
+        painting._notice_at -= 2
         monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
         painting.dismiss_read_notices()
         assert store.notice is None
@@ -103,8 +103,8 @@ async def test_a_key_takes_no_word_of_control_away_that_has_not_been_shown(monke
         painting, store = it.screen.refresh_scheduler, it.screen.session.store
         store.control_lost = TAKEN
         painting.schedule({"status"})
-        await it.until(lambda: painting._taken_at)
-        painting._taken_at -= 2  # it has been there long enough to be read
+        await it.until(lambda: painting._control_lost_at)
+        painting._control_lost_at -= 2  # it has been there long enough to be read
         monkeypatch.setattr(painting, "_paint", lambda: None)  # two keys in the time of one frame
         painting.dismiss_read_notices()
         assert store.control_lost is None

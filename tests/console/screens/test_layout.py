@@ -64,7 +64,7 @@ async def test_what_nobody_sees_yet_is_made_after_the_first_frame() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["act", "memory", "scheduler", "log"])
 async def test_who_is_quicker_than_that_sees_the_pane_all_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Layout, "_fill", lambda self: None)
+    monkeypatch.setattr(Layout, "_mount_hidden", lambda self: None)
     async with console(size=(70, 20)) as it:
         panes = it.screen.pane_layout
         assert [pane.SCOPE for pane in panes.panes.values() if pane.children] == ["acts", "rules", "rule"]
@@ -74,7 +74,7 @@ async def test_who_is_quicker_than_that_sees_the_pane_all_the_same(name: str, mo
         await it.until(lambda: it.pane(name).row_view.size.height > 0)
         assert len(it.pane(name).children) > 1
         made: list[str] = []
-        monkeypatch.setattr(Pane, "_contents", lambda self: made.append(self.PLACE) or iter(()))
+        monkeypatch.setattr(Pane, "_contents", lambda self: made.append(self.SCOPE) or iter(()))
         panes.focus_pane("rule")
         panes.focus_pane(name)
         assert made == []

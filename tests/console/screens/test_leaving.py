@@ -35,7 +35,7 @@ async def asked_to_end(it: Console) -> str:
     await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
     question = it.app.screen
     assert isinstance(question, EndSessionDialog)
-    return "\n".join([str(question.query_one("#box").border_title), *question._said])
+    return "\n".join([str(question.query_one("#box").border_title), *question._lines])
 
 
 def begun(client: FakeClient, participant: str, condition: str = "") -> FakeClient:
@@ -199,8 +199,8 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
     async with console(client=client, launcher=FakeLauncher(client, recover=recover)) as it:
         gone = it.screen
         client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
-        assert "recovers the session, or leaves" in it.screen.alarm_bar.text
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "recovers the session, or leaves" in it.bars.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
         await it.press("r")
         await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
@@ -212,7 +212,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         await it.press("question_mark")  # a screen above it, while the engine starts
         await it.until(lambda: it.app.screen is not gone)
         going.set()
-        await it.until(lambda: it.screen is not gone and not it.screen.alarm_bar.text)
+        await it.until(lambda: it.screen is not gone and not it.bars.alarm_bar.text)
         await it.until(lambda: "3 actions were lost" in it.notice)
         assert asked == [client.hello().folder] * 2 and client.closed == [False]
         assert sum(isinstance(screen, ConsoleScreen) for screen in it.app.screen_stack) == 1
@@ -226,8 +226,8 @@ async def test_who_does_not_recover_leaves() -> None:
     launcher = FakeLauncher(client, recover=lambda hello, tell: RecoveredClient(client))
     async with console(client=client, launcher=launcher) as it:
         client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
-        assert "watches again once it is recovered, or leaves" in it.screen.alarm_bar.text
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "watches again once it is recovered, or leaves" in it.bars.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Watch (r)", "Leave (l)"]
         await it.press("l")
         await it.until(lambda: not it.app.is_running)
@@ -236,7 +236,7 @@ async def test_who_does_not_recover_leaves() -> None:
 async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:
     async with console() as it:
         it.client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
         assert "the engine has gone; to recover the session: rise-tui --config " in it.app.exit_message
@@ -245,7 +245,7 @@ async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_reco
 async def test_leaving_a_session_that_somebody_has_ended() -> None:
     async with console() as it:
         it.client.end_in_order("ended by wizard:ben")
-        await it.until(lambda: "SESSION ENDED" in it.screen.alarm_bar.text)
+        await it.until(lambda: "SESSION ENDED" in it.bars.alarm_bar.text)
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
         assert it.app.exit_message.startswith("ended: the record is in ")

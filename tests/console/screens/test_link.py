@@ -37,7 +37,7 @@ async def test_a_cut_connection_comes_back_by_itself_with_the_true_state() -> No
         assert "cut and is back" in it.notice and "may or may not have arrived: look at the log" in it.notice
         it.client.act("Filler")
         await it.until(lambda: it.pane("log").row_view.count == 3)
-        assert "LIVE" in it.screen.status_line.text and not it.screen.alarm_bar.display
+        assert "LIVE" in it.bars.status_line.text and not it.bars.alarm_bar.display
 
 
 async def test_what_was_sent_while_it_was_cut_is_not_shown_as_sent_any_more() -> None:
@@ -56,7 +56,7 @@ async def test_a_stop_that_was_on_its_way_is_asked_for_again() -> None:
     client.answers = False
     async with console(client=client) as it:
         await it.press("f9")
-        await it.until(lambda: "STOP sent" in it.screen.alarm_bar.text)
+        await it.until(lambda: "STOP sent" in it.bars.alarm_bar.text)
         client.cut()
         await attached_again(it)
         await it.until(lambda: "STOP may not have arrived: press F9 again" in it.notice)
@@ -67,17 +67,17 @@ async def test_while_it_is_cut_the_screen_says_so_and_keys_are_refused() -> None
     async with console(client=client) as it:
         client.unreachable = 10_000
         client.cut()
-        await it.until(lambda: "CUT, attaching again" in it.screen.status_line.text)
+        await it.until(lambda: "CUT, attaching again" in it.bars.status_line.text)
         await it.press("g")
         await it.until(lambda: "Greet not started: the connection is cut" in it.notice)
-        await it.until(lambda: "CONNECTION CUT" in it.screen.alarm_bar.text and it.screen.alarm_bar.display)
+        await it.until(lambda: "CONNECTION CUT" in it.bars.alarm_bar.text and it.bars.alarm_bar.display)
         assert client.sent == []
         await it.press("f9")
-        await it.until(lambda: "STOP NOT SENT" in it.screen.alarm_bar.text)
-        assert "STOP was NOT sent" in it.notice and "its own switch" in it.screen.alarm_bar.text
+        await it.until(lambda: "STOP NOT SENT" in it.bars.alarm_bar.text)
+        assert "STOP was NOT sent" in it.notice and "its own switch" in it.bars.alarm_bar.text
         client.unreachable = 0
         await attached_again(it)
-        await it.until(lambda: not it.screen.alarm_bar.display)
+        await it.until(lambda: not it.bars.alarm_bar.display)
         assert client.sent == [], "nothing was queued"
 
 
@@ -86,8 +86,8 @@ async def test_control_that_was_lost_while_it_was_cut_is_told() -> None:
         it.client.cut()
         it.client.control_record("taken", "wizard:ben", "wizard:ben")
         await attached_again(it)
-        await it.until(lambda: "ben took control while the connection was cut" in it.screen.attention_bar.text)
-        assert "WATCHING · ben has control" in it.screen.status_line.text
+        await it.until(lambda: "ben took control while the connection was cut" in it.bars.attention_bar.text)
+        assert "WATCHING · ben has control" in it.bars.status_line.text
 
 
 async def test_control_comes_back_with_the_connection_when_nobody_else_has_it() -> None:
@@ -95,16 +95,16 @@ async def test_control_comes_back_with_the_connection_when_nobody_else_has_it() 
         it.client.cut()
         it.client.you = "wizard:anna#2"  # the engine has not yet noticed that the first one is cut
         await attached_again(it)
-        await it.until(lambda: "WATCHING · anna has control" in it.screen.status_line.text)
-        assert not it.screen.attention_bar.display
+        await it.until(lambda: "WATCHING · anna has control" in it.bars.status_line.text)
+        assert not it.bars.attention_bar.display
         it.client.control_record("released", "wizard:anna", None)
         await it.until(lambda: it.client.verbs == ["take"])
-        await it.until(lambda: "LIVE" in it.screen.status_line.text and "anna#2" in it.screen.status_line.text)
+        await it.until(lambda: "LIVE" in it.bars.status_line.text and "anna#2" in it.bars.status_line.text)
 
 
 async def test_a_second_console_of_the_same_wizard_is_another_one() -> None:
     async with console(client=FakeClient(demo(), you="wizard:anna#2")) as it:
-        await it.until(lambda: "WATCHING · anna has control" in it.screen.status_line.text)
+        await it.until(lambda: "WATCHING · anna has control" in it.bars.status_line.text)
         it.client.task("assignValue", '{"task": 3}', "SUCCEEDED", ref="anna-1")
         await it.pilot.pause(0.2)
         assert "task = 3" not in it.notice
@@ -116,31 +116,31 @@ async def test_a_second_console_of_the_same_wizard_is_another_one() -> None:
 async def test_an_engine_that_has_gone_says_that_the_session_can_be_recovered() -> None:
     async with console(size=(80, 24)) as it:
         it.client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
-        assert "its process is not there any more" in it.screen.alarm_bar.text
-        assert "ctrl+c recovers the session, or leaves" in it.screen.alarm_bar.text
-        assert "GONE" in it.screen.status_line.text
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "its process is not there any more" in it.bars.alarm_bar.text
+        assert "ctrl+c recovers the session, or leaves" in it.bars.alarm_bar.text
+        assert "GONE" in it.bars.status_line.text
 
 
 async def test_an_engine_that_goes_while_the_connection_is_cut() -> None:
     async with console() as it:
         it.client.gone = "its process is not there any more"
         it.client.cut()
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
 
 
 async def test_nothing_to_recover_is_not_promised() -> None:
     async with console(client=FakeClient(demo(), folder="")) as it:
         it.client.end("a bug")
-        await it.until(lambda: "ENGINE GONE" in it.screen.alarm_bar.text)
-        assert "recovered" not in it.screen.alarm_bar.text
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "recovered" not in it.bars.alarm_bar.text
 
 
 async def test_a_session_that_somebody_ends_is_told_as_that() -> None:
     async with console() as it:
         it.client.end_in_order("ended by wizard:ben")
-        await it.until(lambda: "SESSION ENDED" in it.screen.alarm_bar.text)
-        assert "ENDED" in it.screen.status_line.text and "recovered" not in it.screen.alarm_bar.text
+        await it.until(lambda: "SESSION ENDED" in it.bars.alarm_bar.text)
+        assert "ENDED" in it.bars.status_line.text and "recovered" not in it.bars.alarm_bar.text
         await it.press("g")
         assert "the session is over" in it.notice
 
@@ -152,19 +152,19 @@ async def test_a_session_that_somebody_ends_is_told_as_that() -> None:
 async def test_a_record_that_fails_is_an_alarm_and_nothing_starts(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
         it.client.journal(trouble="no space is left on the disk")
-        await it.until(lambda: "NOT RECORDING" in it.screen.alarm_bar.text and it.screen.alarm_bar.display)
-        said = it.screen.alarm_bar.text
+        await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text and it.bars.alarm_bar.display)
+        said = it.bars.alarm_bar.text
         assert "no space is left on the disk" in said
         assert "the session is paused: nothing starts until the disk takes records again" in said
         assert "F9 still stops the robot" in said and "…" not in said
-        assert "PAUSED" in it.screen.status_line.text and "LIVE" not in it.screen.status_line.text
+        assert "PAUSED" in it.bars.status_line.text and "LIVE" not in it.bars.status_line.text
         await it.press("g")
         await it.until(lambda: "Greet not started: NOT RECORDING, the session is paused: no space" in it.notice)
         assert it.client.sent == []
         await it.press("f9")
         await it.sent("stopAll", "")
         it.client.journal()
-        await it.until(lambda: "NOT RECORDING" not in it.screen.alarm_bar.text)
+        await it.until(lambda: "NOT RECORDING" not in it.bars.alarm_bar.text)
         assert "the disk takes records again" in it.notice
 
 
@@ -172,32 +172,32 @@ async def test_a_stop_and_a_failing_record_both_show() -> None:
     async with console(size=(80, 24)) as it:
         it.client.journal(trouble="no space is left on the disk")
         it.client.stop("latched", ("pepper/speech",), ("pepper/base",))
-        await it.until(lambda: "STOPPED" in it.screen.alarm_bar.text)
-        lines = it.screen.alarm_bar.text.splitlines()
+        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text)
+        lines = it.bars.alarm_bar.text.splitlines()
         assert len(lines) == 3
         assert "STOPPED" in lines[0] and "NOT CONFIRMED  pepper: base" in lines[1]
         assert "NOT RECORDING" in lines[2] and "no space is left" in lines[2]
         it.client.stop("latched", ("pepper/speech", "pepper/base"))
-        await it.until(lambda: "confirmed      pepper: speech, base" in it.screen.alarm_bar.text)
+        await it.until(lambda: "confirmed      pepper: speech, base" in it.bars.alarm_bar.text)
         it.client.stop("requested")
-        await it.until(lambda: "STOP requested" in it.screen.alarm_bar.text)
-        assert "NOT RECORDING" in it.screen.alarm_bar.text
+        await it.until(lambda: "STOP requested" in it.bars.alarm_bar.text)
+        assert "NOT RECORDING" in it.bars.alarm_bar.text
 
 
 async def test_a_disk_that_lags_shows() -> None:
     async with console(size=(80, 24)) as it:
         it.client.journal(behind=0.4)
         it.client.journal(behind=3.2)
-        await it.until(lambda: "disk 3 s behind" in it.screen.status_line.text)
+        await it.until(lambda: "disk 3 s behind" in it.bars.status_line.text)
         it.client.journal()
-        await it.until(lambda: "behind" not in it.screen.status_line.text)
+        await it.until(lambda: "behind" not in it.bars.status_line.text)
 
 
 async def test_trouble_that_was_there_before_shows_at_once() -> None:
     client = FakeClient(demo())
     client.journal(trouble="the disk is read-only")
     async with console(client=client) as it:
-        await it.until(lambda: "NOT RECORDING" in it.screen.alarm_bar.text)
+        await it.until(lambda: "NOT RECORDING" in it.bars.alarm_bar.text)
 
 
 # --- a replay ---------------------------------------------------------------------------------------------------------
@@ -206,8 +206,8 @@ async def test_trouble_that_was_there_before_shows_at_once() -> None:
 async def test_a_replay_says_so_and_starts_nothing() -> None:
     client = FakeClient(demo(), you="observer:replay", role="observer", replay=True)
     async with console(client=client) as it:
-        await it.until(lambda: "REPLAY" in it.screen.status_line.text)
-        assert "DEBUG" not in it.screen.status_line.text and "LIVE" not in it.screen.status_line.text
+        await it.until(lambda: "REPLAY" in it.bars.status_line.text)
+        assert "DEBUG" not in it.bars.status_line.text and "LIVE" not in it.bars.status_line.text
         await it.press("g")
         await it.until(lambda: "Greet not started: this is a replay" in it.notice)
         for key in ("f8", "ctrl+o"):
@@ -246,9 +246,9 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         assert (
             store.log.all == [row_of(task) for task in (old, greet, greet + 1)] and it.pane("log").row_view.count == 3
         )
-        assert not store.sent and store.attach_count == 0 and not it.screen.alarm_bar.display
+        assert not store.sent and store.attach_count == 0 and not it.bars.alarm_bar.display
         assert "leaves some of it out" in it.notice
-        await it.until(lambda: "✓ “Hello there.”" in it.screen.refresh_scheduler.speech_band.text)
+        await it.until(lambda: "✓ “Hello there.”" in it.bars.speech_band.text)
         it.client.act("Filler")
         await it.until(lambda: it.pane("log").row_view.count == 4)
         await it.press("f9")

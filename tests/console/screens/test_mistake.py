@@ -63,13 +63,11 @@ async def test_the_newest_act_is_wrong_at_once() -> None:
         await it.press("exclamation_mark")
         await it.until(lambda: marks(it) == [f"{id} wrong"])
         assert it.client.sent[-1].pressed is not None
-        assert it.screen.mistake_line.has_focus
+        assert it.bars.mistake_line.has_focus
         record(it, id, "wrong")
-        await it.until(
-            lambda: "! marked wrong" in it.screen.mistake_line.text and "Greet" in it.screen.mistake_line.text
-        )
+        await it.until(lambda: "! marked wrong" in it.bars.mistake_line.text and "Greet" in it.bars.mistake_line.text)
         for piece in ("w wrong", "l late", "e early", "d double", "u undo", "esc"):
-            assert piece in it.screen.mistake_line.text
+            assert piece in it.bars.mistake_line.text
 
 
 @pytest.mark.slow
@@ -79,8 +77,8 @@ async def test_a_letter_is_the_better_word(key: str, mark: str) -> None:
         id = it.client.act("Greet")
         await it.press("exclamation_mark", key)
         await it.until(lambda: marks(it) == [f"{id} wrong", f"{id} {mark}"])
-        await it.until(lambda: it.pane("acts").row_view.has_focus and not it.screen.mistake_line.is_open)
-        assert it.screen.notice_line.display
+        await it.until(lambda: it.pane("acts").row_view.has_focus and not it.bars.mistake_line.is_open)
+        assert it.bars.notice_line.display
 
 
 @pytest.mark.parametrize("key", ["w", "escape"])
@@ -88,7 +86,7 @@ async def test_wrong_it_is_already(key: str) -> None:
     async with console() as it:
         id = it.client.act("Greet")
         await it.press("exclamation_mark", key)
-        await it.until(lambda: not it.screen.mistake_line.is_open)
+        await it.until(lambda: not it.bars.mistake_line.is_open)
         await it.pilot.pause(0.1)
         assert marks(it) == [f"{id} wrong"]
 
@@ -111,17 +109,17 @@ async def test_any_other_key_closes_it_and_does_what_it_always_does() -> None:
         id = it.client.act("Greet")
         await it.press("exclamation_mark", "p")
         await it.sent(ACT, "Praise")
-        assert marks(it) == [f"{id} wrong"] and not it.screen.mistake_line.is_open
+        assert marks(it) == [f"{id} wrong"] and not it.bars.mistake_line.is_open
         await it.press("exclamation_mark", "f3")
         await it.until(lambda: it.pane("rule").row_view.has_focus)
 
 
 async def test_it_closes_by_itself_and_then_swallows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(line, "SECONDS", 0.2)
+    monkeypatch.setattr(line, "OPEN_SECONDS", 0.2)
     async with console() as it:
         it.client.act("Greet")
         await it.press("exclamation_mark")
-        await it.until(lambda: not it.screen.mistake_line.is_open and it.pane("acts").row_view.has_focus)
+        await it.until(lambda: not it.bars.mistake_line.is_open and it.pane("acts").row_view.has_focus)
         await it.press("g")
         await it.sent(ACT, "Greet")
 
@@ -147,8 +145,8 @@ async def test_whatever_key_was_pressed_last_is_marked_by_its_name(
         await it.press("exclamation_mark")
         await it.until(lambda: marks(it) == ["2 wrong"])
         record(it, 2, "wrong")
-        await it.until(lambda: "! marked wrong" in it.screen.mistake_line.text)
-        assert f" {name} " in it.screen.mistake_line.text and "d double" in it.screen.mistake_line.text
+        await it.until(lambda: "! marked wrong" in it.bars.mistake_line.text)
+        assert f" {name} " in it.bars.mistake_line.text and "d double" in it.bars.mistake_line.text
 
 
 async def test_a_second_console_is_the_same_person() -> None:
@@ -166,7 +164,7 @@ async def test_without_a_deed_there_is_nothing_to_mark() -> None:
         it.client.task("raiseEventTopic", "/next", "SUCCEEDED", source="ros:camera")
         await it.press("exclamation_mark")
         await it.until(lambda: "you have done nothing yet" in it.notice)
-        assert marks(it) == [] and not it.screen.mistake_line.is_open
+        assert marks(it) == [] and not it.bars.mistake_line.is_open
 
 
 async def test_the_mark_stands_in_the_log() -> None:

@@ -24,11 +24,11 @@ def with_driver(driver: str) -> Scenario:
 
 async def test_a_real_session_on_a_simulated_robot_says_so_for_ever() -> None:
     async with console(client=FakeClient(with_driver("simulated"), mode="real"), size=(80, 24)) as it:
-        await it.until(lambda: "REAL (simulated!)" in it.screen.status_line.text)
+        await it.until(lambda: "REAL (simulated!)" in it.bars.status_line.text)
     async with console(client=FakeClient(with_driver("ros"), mode="real")) as it:
-        await it.until(lambda: "REAL  pepper ●" in it.screen.status_line.text)
+        await it.until(lambda: "REAL  pepper ●" in it.bars.status_line.text)
     async with console(client=FakeClient(with_driver("ros"))) as it:
-        await it.until(lambda: "DEBUG  pepper (sim) ●" in it.screen.status_line.text)
+        await it.until(lambda: "DEBUG  pepper (sim) ●" in it.bars.status_line.text)
 
 
 def event(source: str, taken_by: str | None = None, topic: str = "/next") -> EventRecord:
@@ -153,8 +153,8 @@ async def test_the_remark_about_json_is_never_cut() -> None:
             pane = it.pane("memory")
             assert isinstance(pane, MemoryPane)
             await it.press("home", "enter", "left_curly_bracket")
-            await it.until(lambda pane=pane: "not JSON" in pane.editor.type_shown)  # type: ignore[misc]
-            assert len(pane.editor.type_shown) <= pane.editor._type.size.width
+            await it.until(lambda pane=pane: "not JSON" in pane.editor.type_line.text)  # type: ignore[misc]
+            assert len(pane.editor.type_line.text) <= pane.editor.type_line.size.width
 
 
 async def test_the_end_of_a_state_stays_in_the_list_of_rules() -> None:

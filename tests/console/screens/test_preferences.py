@@ -109,13 +109,13 @@ async def changed(it: Console) -> None:
 
 @pytest.mark.slow
 async def test_layout_filters_and_theme_come_back() -> None:
-    async with console(keeper=UiState(Preferences())) as it:
+    async with console(ui_state=UiState(Preferences())) as it:
         await changed(it)
         await it.press("f4")  # zoomed, which is for the moment
         await it.until(lambda: kept_places().filters == {"acts": "gre"} and kept_places().layout["upper"] == "memory")
         await it.until(lambda: load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].theme == "light")
     preferences = load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0]
-    async with console(keeper=UiState(preferences), theme=preferences.theme) as it:
+    async with console(ui_state=UiState(preferences), theme=preferences.theme) as it:
         assert it.screen.pane_layout.panes["acts"].filter_text == "gre" and "Praise" not in it.text("acts")
         assert it.screen.pane_layout.panes["memory"].display and not it.screen.pane_layout.is_zoomed
         assert short_name(it.app.theme) == "light"
@@ -124,11 +124,11 @@ async def test_layout_filters_and_theme_come_back() -> None:
 @pytest.mark.slow
 async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() -> None:
     """The next participant's console has nothing of the one before but the theme."""
-    async with console(keeper=UiState(Preferences())) as it:
+    async with console(ui_state=UiState(Preferences())) as it:
         await changed(it)
         await it.until(lambda: kept_places().filters and kept_places().session)
     client = FakeClient(demo(), folder="/home/lab/rise-sessions/2026-11-21_160000_demo-study_debug")
-    async with console(client=client, keeper=UiState(Preferences())) as it:
+    async with console(client=client, ui_state=UiState(Preferences())) as it:
         assert it.screen.pane_layout.panes["acts"].filter_text == "" and "Praise" in it.text("acts")
         assert it.screen.pane_layout.panes["rule"].display and not it.screen.pane_layout.panes["memory"].display
         assert it.pane("acts").row_view.has_focus
@@ -136,24 +136,24 @@ async def test_a_new_session_begins_with_the_usual_layout_and_without_filters() 
 
 @pytest.mark.slow
 async def test_with_fresh_nothing_comes_back() -> None:
-    async with console(keeper=UiState(Preferences())) as it:
+    async with console(ui_state=UiState(Preferences())) as it:
         await changed(it)
         await it.until(lambda: kept_places().filters)
-    async with console(keeper=UiState(Preferences(), fresh=True)) as it:
+    async with console(ui_state=UiState(Preferences(), fresh=True)) as it:
         assert (
             it.screen.pane_layout.panes["acts"].filter_text == "" and not it.screen.pane_layout.panes["memory"].display
         )
 
 
 async def test_those_who_only_watch_change_nothing() -> None:
-    async with console(keeper=UiState(Preferences(), keeps=False)) as it:
+    async with console(ui_state=UiState(Preferences(), keeps_changes=False)) as it:
         await changed(it)
         await it.pilot.pause(1.3)
         assert not state_folder().exists()
 
 
 async def test_a_theme_that_was_not_changed_is_not_kept() -> None:
-    async with console(keeper=UiState(Preferences(theme="light")), theme="contrast") as it:
+    async with console(ui_state=UiState(Preferences(theme="light")), theme="contrast") as it:
         it.screen.pane_layout.focus_pane("memory")
         await it.until(lambda: kept_places().layout.get("upper") == "memory")
         assert not (state_folder() / PREFERENCES_NAME).exists(), "a theme of the command line is for once"
@@ -172,7 +172,7 @@ async def test_a_broken_file_is_told_once_and_harms_nothing(name: str) -> None:
     state_folder().mkdir()
     (state_folder() / name).write_text("{")
     preferences, said = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
-    async with console(keeper=UiState(preferences, said=said)) as it:
+    async with console(ui_state=UiState(preferences, remark=said)) as it:
         await it.until(lambda: f"{name} was not used" in it.notice)
         assert len(list(it.screen.pane_layout.visible_panes())) == 4
 
@@ -182,7 +182,7 @@ async def test_panes_that_are_unknown_change_nothing() -> None:
     write_saved(
         state_folder() / f"{session_name(demo().folder)}.json", SavedLayout(layout, {"nothing": "x", "log": "/("})
     )
-    async with console(keeper=UiState(Preferences())) as it:
+    async with console(ui_state=UiState(Preferences())) as it:
         assert it.screen.pane_layout.panes["rule"].display
 
 

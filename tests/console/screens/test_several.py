@@ -10,6 +10,7 @@ from textual.widgets import Input
 
 from rise_engine.kernel.records import NoteRecord
 from rise_tui.actions import ACTIONS
+from rise_tui.key_labels import why_unavailable
 from rise_tui.screens.dialog import Dialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
@@ -28,21 +29,21 @@ async def opened(it: Console, key: str = "f8") -> str:
     await it.until(lambda: isinstance(it.app.screen, Dialog) and it.app.screen.query("#buttons"))
     dialog = it.app.screen
     assert isinstance(dialog, Dialog)
-    return "\n".join([*dialog._said, *(str(button.label) for button in dialog.query("Button").results())])  # type: ignore[attr-defined]
+    return "\n".join([*dialog._lines, *(str(button.label) for button in dialog.query("Button").results())])  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
 async def test_every_screen_says_who_has_control(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
-        await it.until(lambda: "anna" in it.screen.status_line.text and "LIVE" in it.screen.status_line.text)
-        assert "control" not in it.screen.status_line.text
+        await it.until(lambda: "anna" in it.bars.status_line.text and "LIVE" in it.bars.status_line.text)
+        assert "control" not in it.bars.status_line.text
         it.client.control_record("taken", BEN, BEN)
-        await it.until(lambda: "WATCHING · ben has control" in it.screen.status_line.text)
-        assert "LIVE" not in it.screen.status_line.text
-        assert ("● ok" if size[0] < 100 else "● connected") in it.screen.status_line.text
+        await it.until(lambda: "WATCHING · ben has control" in it.bars.status_line.text)
+        assert "LIVE" not in it.bars.status_line.text
+        assert ("● ok" if size[0] < 100 else "● connected") in it.bars.status_line.text
         it.client.control_record("released", BEN, None)
-        await it.until(lambda: "nobody has control" in it.screen.status_line.text)
+        await it.until(lambda: "nobody has control" in it.bars.status_line.text)
 
 
 async def test_a_console_that_watches_starts_nothing_and_says_who_can() -> None:
@@ -63,8 +64,8 @@ async def test_a_console_that_watches_can_stop_everything() -> None:
         await it.sent("stopAll", "")
         assert it.client.sent[0].source == BEN
         it.client.stop("latched", ("speech",))
-        await it.until(lambda: "STOPPED" in it.screen.alarm_bar.text)
-        assert "ctrl+r" not in it.screen.alarm_bar.text
+        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text)
+        assert "ctrl+r" not in it.bars.alarm_bar.text
         await it.press("ctrl+r")
         assert it.app.screen is it.screen and "anna has control" in it.notice
 
@@ -73,7 +74,7 @@ async def test_a_console_that_watches_can_stop_everything() -> None:
 async def test_who_watches_is_not_told_to_be_live(client: Callable[[], FakeClient] | None, told: str) -> None:
     async with console(client=client() if client is not None else None) as it:
         it.client.stop("latched", ("speech",))
-        await it.until(lambda: "STOPPED" in it.screen.alarm_bar.text)
+        await it.until(lambda: "STOPPED" in it.bars.alarm_bar.text)
         it.client.stop("released")
         await it.until(lambda: it.notice.strip().endswith(told))
 
@@ -88,11 +89,11 @@ async def test_one_takes_control_or_asks_for_it(open_with: str, key: str, verb: 
         await it.press(key)
         await it.until(lambda: it.client.verbs == [verb])
         if verb == "take":
-            await it.until(lambda: "LIVE" in it.screen.status_line.text and "ben" in it.screen.status_line.text)
+            await it.until(lambda: "LIVE" in it.bars.status_line.text and "ben" in it.bars.status_line.text)
             assert "you have control" in it.notice
         else:
             await it.until(lambda: "anna sees that you ask for control" in it.notice)
-            assert "WATCHING · anna has control" in it.screen.status_line.text
+            assert "WATCHING · anna has control" in it.bars.status_line.text
             said = await opened(it)
             assert "Ask no longer (r)" in said and "Take it (t)" in said
             await it.press("r")
@@ -111,20 +112,18 @@ async def test_who_has_control_is_asked_in_a_line_that_stays_and_gives_it() -> N
     async with console() as it:
         it.client.control_record("asked", BEN, ANNA)
         await it.until(
-            lambda: (
-                "ben asks for control: F8 to answer" in it.screen.attention_bar.text and it.screen.attention_bar.display
-            )
+            lambda: "ben asks for control: F8 to answer" in it.bars.attention_bar.text and it.bars.attention_bar.display
         )
         await it.pilot.pause(1.1)
         await it.press("down", "up")
-        assert it.screen.attention_bar.display, "a key is no answer"
-        assert "F8 control" in it.screen.key_hints.text
+        assert it.bars.attention_bar.display, "a key is no answer"
+        assert "F8 control" in it.bars.key_hints.text
         said = await opened(it)
         assert "ben asks for control" in said and "Give it to ben (g)" in said
         await it.press("g")
         await it.until(lambda: it.client.verbs == ["give"])
-        await it.until(lambda: "WATCHING · ben has control" in it.screen.status_line.text)
-        assert not it.screen.attention_bar.display and "you gave control to ben" in it.notice
+        await it.until(lambda: "WATCHING · ben has control" in it.bars.status_line.text)
+        assert not it.bars.attention_bar.display and "you gave control to ben" in it.notice
 
 
 async def test_who_has_control_releases_it() -> None:
@@ -132,7 +131,7 @@ async def test_who_has_control_releases_it() -> None:
         assert "Release it (r)" in await opened(it)
         await it.press("r")
         await it.until(lambda: it.client.verbs == ["release"])
-        await it.until(lambda: "nobody has control" in it.screen.status_line.text)
+        await it.until(lambda: "nobody has control" in it.bars.status_line.text)
         assert "you released control" in it.notice
 
 
@@ -141,22 +140,22 @@ async def test_control_that_was_taken_shows_until_a_key_is_pressed() -> None:
         it.client.time = 872.0
         it.client.control_record("taken", BEN, BEN)
         line = "ben took control at 00:14:32; you are watching; F8 takes it back"
-        await it.until(lambda: line in it.screen.attention_bar.text and it.screen.attention_bar.display)
+        await it.until(lambda: line in it.bars.attention_bar.text and it.bars.attention_bar.display)
         await it.press("g")
-        assert it.screen.attention_bar.display, "a key that was on its way has read nothing"
+        assert it.bars.attention_bar.display, "a key that was on its way has read nothing"
         assert it.client.sent == []
         await it.pilot.pause(1.1)
         await it.press("down")
-        await it.until(lambda: not it.screen.attention_bar.display)
-        assert "WATCHING · ben has control" in it.screen.status_line.text
+        await it.until(lambda: not it.bars.attention_bar.display)
+        assert "WATCHING · ben has control" in it.bars.status_line.text
 
 
 async def test_control_that_comes_back_clears_the_line() -> None:
     async with console() as it:
         it.client.control_record("taken", BEN, BEN)
-        await it.until(lambda: it.screen.attention_bar.display)
+        await it.until(lambda: it.bars.attention_bar.display)
         it.client.control_record("given", BEN, ANNA)
-        await it.until(lambda: not it.screen.attention_bar.display)
+        await it.until(lambda: not it.bars.attention_bar.display)
         assert "ben gave you control" in it.notice
 
 
@@ -166,7 +165,7 @@ async def test_a_question_about_control_is_closed_when_control_changes() -> None
         it.client.control_record("taken", "wizard:carol", "wizard:carol")
         await it.until(lambda: it.app.screen is it.screen)
         assert it.client.verbs == []
-        await it.until(lambda: "carol has control" in it.screen.status_line.text)
+        await it.until(lambda: "carol has control" in it.bars.status_line.text)
 
 
 async def test_a_refused_verb_says_why() -> None:
@@ -181,13 +180,13 @@ async def test_a_refused_verb_says_why() -> None:
 async def test_an_observer_never_takes_control() -> None:
     client = FakeClient(demo(), you="observer:ben", role="observer")
     async with console(client=client) as it:
-        await it.until(lambda: "WATCHING · anna has control" in it.screen.status_line.text)
+        await it.until(lambda: "WATCHING · anna has control" in it.bars.status_line.text)
         await it.press("f8")
         assert it.app.screen is it.screen and "only watches (--observe)" in it.notice
         await it.press("g")
         await it.until(lambda: "anna has control and this console only watches" in it.notice)
         client.control_record("released", ANNA, None)
-        await it.until(lambda: "WATCHING · nobody has control" in it.screen.status_line.text)
+        await it.until(lambda: "WATCHING · nobody has control" in it.bars.status_line.text)
         await it.press("f9")
         await it.sent("stopAll", "")
         assert client.verbs == []
@@ -197,13 +196,13 @@ async def test_an_observer_never_takes_control() -> None:
 async def test_a_note_is_added_from_every_console(you: str) -> None:
     async with console(client=FakeClient(demo(), you=you)) as it:
         await it.press("ctrl+o")
-        await it.until(lambda: isinstance(it.app.focused, Input) and it.screen.note_line.display)
+        await it.until(lambda: isinstance(it.app.focused, Input) and it.bars.note_line.display)
         await it.press(*"gmn", "enter")
         await it.until(lambda: bool(it.client.notes))
         assert (it.client.notes[0].text, it.client.notes[0].source) == ("gmn", you)
         assert it.client.sent == []
         await it.until(lambda: f"note by {you[7:]}: gmn" in it.notice)
-        assert it.pane("acts").row_view.has_focus and not it.screen.note_line.display
+        assert it.pane("acts").row_view.has_focus and not it.bars.note_line.display
 
 
 async def test_esc_leaves_the_note_and_stop_works_while_it_is_typed() -> None:
@@ -211,7 +210,7 @@ async def test_esc_leaves_the_note_and_stop_works_while_it_is_typed() -> None:
         await it.press("ctrl+o", "x", "f9")
         await it.sent("stopAll", "")
         await it.press("escape")
-        await it.until(lambda: not it.screen.note_line.display)
+        await it.until(lambda: not it.bars.note_line.display)
         assert it.client.notes == []
 
 
@@ -222,7 +221,7 @@ async def test_a_note_that_was_not_taken_is_there_the_next_time() -> None:
         await it.press("ctrl+o", *"cup", "enter")
         await it.until(lambda: "the note was not taken: the disk is full" in it.notice)
         await it.press("ctrl+o")
-        await it.until(lambda: it.screen.note_line.value == "cup")
+        await it.until(lambda: it.bars.note_line.value == "cup")
 
 
 async def test_a_note_of_somebody_else_is_told() -> None:
@@ -238,7 +237,7 @@ def test_what_changes_a_session_needs_control() -> None:
     client = ben()
     hello = client.hello()
     store = Store(hello, "ben", client.now)
-    free = {action.id for action in ACTIONS if not action.why_unavailable(store)}
+    free = {action.id for action in ACTIONS if not why_unavailable(action, store)}
     assert free == {
         *("stop", "quit", "palette", "help", "lists", "next-pane", "zoom", "filter", "theme"),
         *("control", "note", "log.follow", "safe", "lock", "previous-pane", "jump", "tour", "redraw"),

@@ -111,11 +111,11 @@ def test_what_speaking_now_would_do(running: list[TaskView], waiting: list[TaskV
 
 
 def preview(it: Console) -> str:
-    return it.screen.say_line.preview.text
+    return it.bars.speech_input.preview.text
 
 
 def shown(it: Console) -> str:
-    return it.screen.say_line.shown.text
+    return it.bars.speech_input.shown.text
 
 
 def said(client: FakeClient) -> list[tuple[str, str]]:
@@ -129,14 +129,14 @@ async def test_what_is_shown_is_said_in_its_turn_or_at_once(key: str, calling_ty
         assert "say > ctrl+t to type" in shown(it)
         await it.press("ctrl+t", *"To the ", "left_curly_bracket", *"si", "tab")
         await it.until(lambda: "will say  “To the left”" in preview(it))
-        assert it.screen.say_line.field.value == "To the {side}"
+        assert it.bars.speech_input.field.value == "To the {side}"
         before = it.client.now()
         await it.press(key)
         await it.sent("say", "To the left")
         assert said(it.client) == [("To the left", calling_type)]
         assert it.client.sent[-1].pressed == pytest.approx(before, abs=0.5)
         await it.until(lambda: it.pane("acts").row_view.has_focus)
-        assert not it.screen.say_line.is_open
+        assert not it.bars.speech_input.is_open
 
 
 async def test_in_safe_nothing_is_said_and_what_was_typed_is_kept() -> None:
@@ -145,7 +145,7 @@ async def test_in_safe_nothing_is_said_and_what_was_typed_is_kept() -> None:
         await it.until(lambda: it.screen.session.store.input_mode == "SAFE")
         await it.press("ctrl+t", *"Hello", "enter")
         await it.until(lambda: "not said: SAFE" in it.notice)
-        assert said(it.client) == [] and it.screen.say_line.field.value == "Hello"
+        assert said(it.client) == [] and it.bars.speech_input.field.value == "Hello"
 
 
 async def test_a_missing_value_says_so_and_is_not_said() -> None:
@@ -154,14 +154,14 @@ async def test_a_missing_value_says_so_and_is_not_said() -> None:
         await it.until(lambda: "cannot be said: nobody has no value" in preview(it))
         await it.press("enter", "ctrl+j")
         await it.pilot.pause(0.1)
-        assert it.client.asked() == [] and it.screen.say_line.is_open
+        assert it.client.asked() == [] and it.bars.speech_input.is_open
 
 
 async def test_letters_in_the_field_start_nothing() -> None:
     async with console() as it:
         await it.press("ctrl+t", *"gmnp", "space", "comma", "exclamation_mark")
         await it.pilot.pause(0.1)
-        assert it.client.asked() == [] and it.screen.say_line.field.value == "gmnp ,!"
+        assert it.client.asked() == [] and it.bars.speech_input.field.value == "gmnp ,!"
 
 
 async def test_it_is_sent_until_the_engine_answers_and_then_what_the_robot_does() -> None:
@@ -189,7 +189,7 @@ async def test_what_was_rejected_is_still_there() -> None:
         await it.until(lambda: "say Hi was rejected: the robot cannot speak" in it.notice)
         await it.until(lambda: "Hi   not said; ctrl+t goes on" in shown(it))
         await it.press("ctrl+t")
-        assert it.screen.say_line.field.value == "Hi"
+        assert it.bars.speech_input.field.value == "Hi"
 
 
 async def test_esc_keeps_what_was_typed() -> None:
@@ -198,7 +198,7 @@ async def test_esc_keeps_what_was_typed() -> None:
         await it.until(lambda: "Hi   not said" in shown(it))
         assert it.pane("rules").row_view.has_focus
         await it.press("ctrl+t", *" Ada")
-        assert it.screen.say_line.field.value == "Hi Ada"
+        assert it.bars.speech_input.field.value == "Hi Ada"
 
 
 async def test_earlier_speech_also_that_of_another_console() -> None:
@@ -208,7 +208,7 @@ async def test_earlier_speech_also_that_of_another_console() -> None:
         await it.press("ctrl+t", *"Hi", "enter")
         await it.sent("say", "Hi")
         await it.press("ctrl+t", "x", "up")
-        field = it.screen.say_line.field
+        field = it.bars.speech_input.field
         assert field.value == "Hi"
         await it.press("up")
         assert field.value == "Once upon a time"
@@ -223,10 +223,10 @@ async def test_the_hints_name_both_keys_and_what_each_does() -> None:
     async with console() as it:
         it.client.act("Greet")
         await it.press("ctrl+t")
-        await it.until(lambda: "enter waits for Greet  ^J interrupts it" in it.screen.key_hints.text)
-        assert "F9/^G STOP" in it.screen.key_hints.text
+        await it.until(lambda: "enter waits for Greet  ^J interrupts it" in it.bars.key_hints.text)
+        assert "F9/^G STOP" in it.bars.key_hints.text
         it.client.act("Praise", "PENDING")
-        await it.until(lambda: "enter waits for Greet and 1 more  ^J interrupts Greet" in it.screen.key_hints.text)
+        await it.until(lambda: "enter waits for Greet and 1 more  ^J interrupts Greet" in it.bars.key_hints.text)
 
 
 async def test_a_pasted_text_with_a_line_end_is_not_said() -> None:
@@ -234,10 +234,10 @@ async def test_a_pasted_text_with_a_line_end_is_not_said() -> None:
         await it.press("ctrl+t")
         for key in ("a", "b", "enter"):
             it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
-        it.screen.say_line.field.value = "ab"
-        it.screen.say_line.field.post_message(SpeechField.Entered(at_once=False))
+        it.bars.speech_input.field.value = "ab"
+        it.bars.speech_input.field.post_message(SpeechField.SubmitSpeech(at_once=False))
         await it.until(lambda: "faster than anybody types" in it.notice)
-        assert it.client.asked() == [] and it.screen.say_line.field.value == "ab"
+        assert it.client.asked() == [] and it.bars.speech_input.field.value == "ab"
 
 
 async def test_what_is_said_now_stands_over_the_acts() -> None:
@@ -250,9 +250,9 @@ async def test_what_is_said_now_stands_over_the_acts() -> None:
 @pytest.mark.parametrize("size", [(80, 24), (120, 40)])
 async def test_it_takes_one_row_and_while_it_is_open_one_more(size: tuple[int, int]) -> None:
     async with console(size=size) as it:
-        assert it.screen.say_line.size.height == 1
+        assert it.bars.speech_input.size.height == 1
         await it.press("ctrl+t")
-        await it.until(lambda: it.screen.say_line.size.height == 2)
+        await it.until(lambda: it.bars.speech_input.size.height == 2)
 
 
 async def press_at_once(it: Console, *keys: str) -> None:
@@ -277,7 +277,7 @@ async def test_the_very_next_key_goes_into_the_field() -> None:
         await it.until(taken)
         assert isinstance(focused[-1], SpeechField)  # in the same moment
         await it.press("g", "m")
-        assert it.screen.say_line.field.value == "gm" and it.client.asked() == []
+        assert it.bars.speech_input.field.value == "gm" and it.client.asked() == []
 
 
 @pytest.mark.slow
@@ -302,4 +302,4 @@ async def test_a_pasted_text_opens_nothing_and_answers_nothing() -> None:
             it.app.post_message(events.Key(key, {"exclamation_mark": "!", "colon": ":", "space": " "}.get(key, key)))
         await it.until(lambda: "several keys at once" in it.notice)
         await it.pilot.pause(0.2)
-        assert it.client.asked() == [] and it.app.screen is it.screen and not it.screen.mistake_line.is_open
+        assert it.client.asked() == [] and it.app.screen is it.screen and not it.bars.mistake_line.is_open

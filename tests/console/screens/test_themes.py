@@ -110,12 +110,12 @@ async def main_screens(it: Console) -> str:
     running = it.client.act("Greet")
     it.client.act("Praise", "ABORTED", reason="the robot cannot")
     await it.until(lambda: "running" in it.row("acts", "Greet"))
-    found += [it.text("acts"), it.text("log"), it.screen.status_line.text]
+    found += [it.text("acts"), it.text("log"), it.bars.status_line.text]
     it.client.end_task(running, "Greet")
     it.client.stop("latched", ("speech",), ("robot",))
     await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
     await it.pilot.pause(0.2)
-    found += [it.text("acts"), it.screen.alarm_bar.text]
+    found += [it.text("acts"), it.bars.alarm_bar.text]
     return "\n".join(found)
 
 

@@ -103,7 +103,7 @@ async def test_enter_and_right_go_on_left_goes_back_and_the_last_one_ends_it(siz
             await it.until(lambda number=number: f"{number} of 5" in screen.text)  # type: ignore[misc]
             await it.until(lambda: screen._box.region.height == len(screen._box.lines))
             assert Region(0, 0, *size).contains_region(screen._box.region)
-            assert not it.screen.status_line.region.overlaps(screen._box.region)
+            assert not it.bars.status_line.region.overlaps(screen._box.region)
         await it.press("enter")
         await it.until(lambda: it.app.screen is it.screen)
         assert it.client.sent == [] and it.pane("acts").row_view.has_focus
@@ -117,8 +117,8 @@ async def test_keys_trigger_nothing_stop_works_and_the_alarm_is_not_covered() ->
         await it.press("f9")
         await it.sent("stopAll", "")
         it.client.stop("latched", ("pepper/speech",))
-        await it.until(lambda: it.screen.alarm_bar.display and it.screen.alarm_bar.region.height == 3)
-        await it.until(lambda: not screen._box.region.overlaps(it.screen.alarm_bar.region))
+        await it.until(lambda: it.bars.alarm_bar.display and it.bars.alarm_bar.region.height == 3)
+        await it.until(lambda: not screen._box.region.overlaps(it.bars.alarm_bar.region))
         await it.press("escape")
         await it.until(lambda: it.app.screen is it.screen)
         assert it.client.asked() == [("stopAll", "")]
@@ -148,7 +148,7 @@ async def test_a_first_run_is_offered_the_tour_once(tmp_path: Path, monkeypatch:
         client = FakeClient(demo())
         client.time = 2.0
         preferences, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
-        async with console(client=client, keeper=UiState(preferences)) as it:
+        async with console(client=client, ui_state=UiState(preferences)) as it:
             if run == "first":
                 await it.until(lambda: isinstance(it.app.screen, TourScreen))
                 await it.press("escape")
@@ -157,13 +157,13 @@ async def test_a_first_run_is_offered_the_tour_once(tmp_path: Path, monkeypatch:
             assert it.app.screen is it.screen
 
 
-@pytest.mark.parametrize("options", [{"fresh": True}, {"keeps": False}])
+@pytest.mark.parametrize("options", [{"fresh": True}, {"keeps_changes": False}])
 async def test_no_tour_where_nothing_is_restored_or_kept(
     options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     client = FakeClient(demo())
     client.time = 2.0
-    async with console(client=client, keeper=UiState(Preferences(), **options)) as it:
+    async with console(client=client, ui_state=UiState(Preferences(), **options)) as it:
         await it.pilot.pause(0.1)
         assert it.app.screen is it.screen

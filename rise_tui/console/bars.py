@@ -1,0 +1,105 @@
+"""The bars above and below the panes: which there are, and what of the store each of them shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from textual.geometry import Size
+from textual.widget import Widget
+from textual.widgets import Input
+
+from rise_tui.actions import BY_ID, ConsoleAction, actions_in
+from rise_tui.console.layout import Layout
+from rise_tui.key_labels import why_blocked, why_unavailable
+from rise_tui.model.store import Store
+from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar
+from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
+from rise_tui.widgets.mistake_line import MistakeLine
+from rise_tui.widgets.note_line import NoteLine
+from rise_tui.widgets.speech_band import KeyStrip, SpeechBand
+from rise_tui.widgets.speech_input import SpeechField, SpeechInput
+
+COMMON_ACTIONS = (
+    *("stop", "say", "cue", "filler", "mistake", "palette", "help", "safe"),
+    *("filter", "note", "lists", "next-pane", "zoom", "jump", "lock", "control"),
+)
+"""Actions that the hint line names for every pane."""
+
+
+class ConsoleBars:
+    """Made and composed by the console; `RefreshScheduler` says when each is drawn."""
+
+    def __init__(self, store: Store, panes: Layout) -> None:
+        """`panes`: what stands between the bars; the hints are those of the pane that has the focus."""
+        self._store, self._panes = store, panes
+        self.status_line, self.speech_band = StatusLine(), SpeechBand()
+        self.alarm_bar, self.attention_bar, self.failure_bar = AlarmBar(), AttentionBar(), FailureBar()
+        self.notice_line, self.mistake_line, self.note_line = NoticeLine(), MistakeLine(), NoteLine()
+        self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(), KeyHints()
+
+    def above(self) -> Iterator[Widget]:
+        """Those above the panes, from the top."""
+        yield from (self.status_line, self.speech_band, self.alarm_bar, self.attention_bar, self.failure_bar)
+
+    def below(self) -> Iterator[Widget]:
+        """Those below them."""
+        yield from (self.notice_line, self.mistake_line, self.note_line)
+        yield from (self.speech_input, self.key_strip, self.key_hints)
+
+    def fit_terminal(self, size: Size) -> None:
+        """Take the rows that a terminal of this size has for the bars whose height depends on it."""
+        self.speech_band.fit_terminal(self._store, size)
+        self.key_strip.fit_terminal(self._store, size)
+
+    @property
+    def is_typing(self) -> bool:
+        """Whether a line is open that shows what becomes of tasks and values."""
+        return self.speech_input.is_open or self.mistake_line.is_open
+
+    def open_mistake(self, task: int) -> None:
+        """Ask what was wrong about a task, where the notice stands."""
+        self.notice_line.display = False
+        self.mistake_line.open(task)
+        self.mistake_line.draw(self._store)
+
+    def open_note(self, text: str) -> None:
+        """Ask for a note, beginning with `text`, where the notice stands."""
+        self.notice_line.display = False
+        self.note_line.open(text)
+
+    def draw_speech(self) -> None:
+        """What the robot says, what comes next, and the keys by which the wizard answers."""
+        self.speech_band.draw(self._store)
+        self.key_strip.draw(self._store)
+
+    def draw_failure(self) -> None:
+        self.failure_bar.draw(self._store)
+
+    def draw_open_lines(self) -> None:
+        """The lines in which something is typed or chosen; the say line is one while it is closed, too."""
+        self.speech_input.draw()
+        self.mistake_line.draw(self._store)
+
+    def draw_hints(self) -> None:
+        """What keys do now, by what has the focus."""
+        focused, store = self._panes.screen.focused, self._store
+        if store.input_mode == "LOCKED":
+            self.key_hints.draw((), (), store)
+        elif isinstance(focused, SpeechField):
+            self.key_hints.draw_saying(store, self.speech_input.effect, why_blocked(store, "start"))
+        elif isinstance(focused, Input):
+            self.key_hints.draw_typing(store, "add the note" if isinstance(focused, NoteLine) else "take")
+        else:
+            pane = self._panes.focused_pane()
+            own = list(actions_in(pane.SCOPE)) if pane is not None else []
+            self.key_hints.draw([*self._urgent_actions(), *own], [BY_ID[id] for id in COMMON_ACTIONS], store)
+
+    def _urgent_actions(self) -> Iterator[ConsoleAction]:
+        """What a wizard who cannot act, or is asked, wants first."""
+        store = self._store
+        if store.key_state == "STOPPED":
+            yield BY_ID["release"]
+        if store.input_mode == "SAFE":
+            yield BY_ID["safe"]
+        if not why_unavailable(BY_ID["control"], store) and (store.asker or not store.has_control):
+            yield BY_ID["control"]
