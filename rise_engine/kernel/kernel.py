@@ -9,6 +9,7 @@ byte for byte. The first record that a `Submit` causes is the record of its own 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from typing import Any, Literal, TypeAlias
 
 from rise_engine.kernel.commands import Command
@@ -45,6 +46,8 @@ class Kernel:
         number from which everything comes that the session does by chance."""
         self.scenario = scenario
         self.seed = seed
+        self.seq = 0
+        """The number of the last record."""
         self.participant = self.condition = ""
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
@@ -101,25 +104,21 @@ class Kernel:
         else:
             core.continued_macrostep = core.macrostep
         core.cause = None
-        records: list[AnyRecord] = []
-        commands: list[Command] = []
-        core.records, core.commands = records, commands
+        records = core.records = []
+        commands = core.commands = []
         if kind is Submit:
             pressed: float | None = input.pressed  # type: ignore[union-attr]
             core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
-            functions = self._handlers
-            (functions.by_name.get(input.function) or functions.reject_unknown)(input)  # type: ignore[union-attr, arg-type]
+            handlers = self._handlers
+            (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)  # type: ignore[union-attr, arg-type]
             if input.source.startswith("wizard:"):  # type: ignore[union-attr]
                 self.wizard_marks.note_task(records[0])  # type: ignore[arg-type]
         else:
             core.key_at = None
             self._input_handlers[kind](input)
         self.rules.run_to_completion()
-        number = core.seq
-        for record in records:  # the one place that gives records their numbers
-            number += 1
-            record.seq = number
-        core.seq = number
+        if records:
+            self.seq = records[-1].seq
         return records, commands
 
     # --- snapshot ---
@@ -135,7 +134,7 @@ class Kernel:
             scenario=core.scenario.hash,
             seed=self.seed,
             t=core.t,
-            seq=core.seq,
+            seq=self.seq,
             rng=core.rng.state,
             next_task=core.next_task,
             next_timer=core.next_timer,
@@ -169,7 +168,9 @@ class Kernel:
 
     def _restore(self, snapshot: Snapshot) -> None:
         core, runner = self.core, self.scheduler.runner
-        core.t, core.seq = snapshot.t, snapshot.seq
+        core.t = snapshot.t
+        self.seq = snapshot.seq
+        core.numbers = count(self.seq + 1)
         core.rng.state = snapshot.rng
         core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
         core.timers = snapshot.timers

@@ -6,9 +6,9 @@ content, here *blocks* of ops; a transition without event or time is eventless. 
 rules) share one queue of events, and one of them at most takes an event.
 
 Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
-that moved last, and mostly the one that moves next. For the others, each topic has a line of the rules that wait for
-it, each memory key one of those that watch it. A line is a dict in stack order: a rule that takes a transition moves to
-the top, so that joining lines at the end keeps them sorted; only a start below others has to sort.
+that moved last, and mostly the one that moves next. Each topic has a list of the others that wait for it, in stack
+order: a rule joins when another one takes the top from it, so that joining at the end keeps the list sorted; only a
+start below the top has to sort. Each memory key has a list of the rules that watch it.
 
 Functions run on an explicit list of frames, not on Python's stack: a rule that starts a rule that starts a rule, ten
 thousand deep, is no deeper than the first.
@@ -30,9 +30,8 @@ from rise_engine.kernel.compiled_rules import (
     CompiledState,
     CompiledTransition,
     Op,
-    WaitList,
 )
-from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
+from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
@@ -90,7 +89,7 @@ class RuleMachine:
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
         self._memory = WorkingMemory(core, self.key_changed)
-        self._watchers: dict[str, WaitList] = {}
+        self._watchers: dict[str, RuleList] = {}
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
         }
@@ -123,13 +122,16 @@ class RuleMachine:
             run.priority = max(run.priority, top.priority)
         self.recency = run.recency = self.recency + 1
         self.stack[name] = run
-        self._join_wait_lists(run)
+        _join(run, run.state.watch_lists)
         if top is not None and run.priority < top.priority:
             self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            for line, _ in run.state.wait_lists:
-                _sort_wait_list(line)
+            _join(run, run.state.wait_lists)
+            for wait_list in run.state.wait_lists:
+                _sort_by_rank(wait_list)
         else:
             self._top = run
+            if top is not None:
+                _join(top, top.state.wait_lists)
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
         step = self._core.macrostep
@@ -153,13 +155,17 @@ class RuleMachine:
     def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
         core = self._core
         run.alive = False
-        self._leave_wait_lists(run)
-        self._cancel_timers(run)
+        self._on_left(run)
         self._to_reevaluate.pop(run, None)
         del self.stack[run.name]
         self.step_counts[run.name] = (run.macrostep, run.step_count)
         if self._top is run:
-            self._top = self.stack[next(reversed(self.stack))] if self.stack else None
+            run_below = self.stack[next(reversed(self.stack))] if self.stack else None
+            if run_below is not None:
+                _leave(run_below, run_below.state.wait_lists)
+            self._top = run_below
+        else:
+            _leave(run, run.state.wait_lists)
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
         run.task.status = task_status  # type: ignore[assignment]
         core.record_task(run.task, reason)
@@ -198,8 +204,10 @@ class RuleMachine:
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
             run.macrostep, run.step_count = step, rule.steps
+            if self._top is not None:
+                _join(self._top, self._top.state.wait_lists)
             self.stack[run.name] = self._top = run
-            self._join_wait_lists(run)
+            _join(run, run.state.watch_lists)
         self.step_counts = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
         self.recency = snapshot.recency
 
@@ -221,27 +229,37 @@ class RuleMachine:
             elif events:
                 topic, source, core.cause = events.popleft()
                 run = self._top
+                transition = run.state.by_topic.get(topic) if run is not None else None
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
-                transition = run.state.unconditional.get(topic) if run is not None else None
-                if transition is None:
+                if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
                 if run is None or transition is None:
-                    core.records.append(EventRecord(0, core.t, "", topic.with_slash, source, None))
+                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, None))
                 else:
-                    core.records.append(EventRecord(0, core.t, "", topic.with_slash, source, run.name))
+                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, run.name))
                     self._take_transition(run, transition)
             elif not frames:
                 return
 
-    def _find_taker(self, topic: EventTopic) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
+    def _find_taker(
+        self, topic: EventTopic
+    ) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
         """The highest rule that would take an event, and the transition."""
-        for run, sure in reversed(topic.wait_list.items()):
-            if sure is not None:
-                return run, sure
-            for transition in run.state.by_topic[topic]:
-                if transition.condition is None or self._evaluate(run, transition.condition):
-                    return run, transition
+        if self._top is not None and (transition := self._find_transition(self._top, topic)) is not None:
+            return self._top, transition
+        for run in reversed(topic.wait_list):
+            if (transition := self._find_transition(run, topic)) is not None:
+                return run, transition
         return None, None
+
+    def _find_transition(self, run: RuleRun, topic: EventTopic) -> CompiledTransition | None:
+        """The first transition of a rule, in document order, that would take an event."""
+        transition = run.state.by_topic.get(topic)
+        while transition is not None and transition.condition is not None:
+            if self._evaluate(run, transition.condition):
+                break
+            transition = transition.next
+        return transition
 
     def _take_eventless(self) -> None:
         """Let the highest of the rules that have something to look at take an eventless transition."""
@@ -290,19 +308,13 @@ class RuleMachine:
         run.step_count = steps
         previous = run.state
         if not previous.trivial:
-            self._cancel_timers(run)
-            run.latched.clear()
-        self.recency = run.recency = self.recency + 1
+            self._on_left(run)
         if self._top is not run:
             self._promote(run)
-        for line, _ in previous.wait_lists:
-            del line[run]
-        for line, sure in state.wait_lists:
-            line[run] = sure
         run.state = state
         core.records.append(
             RuleRecord(
-                0,
+                next(core.numbers),
                 core.t,
                 "",
                 run.name,
@@ -315,6 +327,7 @@ class RuleMachine:
             )
         )
         if not state.trivial:
+            _join(run, state.watch_lists)
             self._on_entered(run, (run.name, core.cause))
         elif state.entry is not None:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
@@ -334,10 +347,8 @@ class RuleMachine:
         else:
             run.macrostep = self._core.macrostep
             run.step_count = steps
-            self.recency = run.recency = self.recency + 1
-            self._promote(run)
-            self._leave_wait_lists(run)
-            self._join_wait_lists(run)
+            if self._top is not run:
+                self._promote(run)
             self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
             frames.append((run, transition.block, True, None, cause))
 
@@ -406,7 +417,7 @@ class RuleMachine:
                     id = core.next_task
                     core.next_task = id + 1
                     core.records.append(
-                        TaskRecord(0, core.t, "", id, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED")
+                        TaskRecord(next(core.numbers), core.t, "", id, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED")
                     )
                     core.events.append((op.topic, op.source, cause))
                     op = op.next
@@ -451,33 +462,32 @@ class RuleMachine:
         values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
-            ConditionRecord(0, core.t, "", run.name, run.state.id, condition.text, values, result, error, missing)
+            ConditionRecord(next(core.numbers), core.t, "", run.name, run.state.id, condition.text, values, result, error, missing)
         )
         return result
 
-    # --- the stack and the lines ---
+    # --- the stack ---
 
     def _promote(self, run: RuleRun) -> None:
         """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
         top = self._top
-        if top is not None and top is not run:
-            run.priority = top.priority
-            del self.stack[run.name]
-            self.stack[run.name] = self._top = run
+        assert top is not None
+        run.priority = top.priority
+        self.recency = run.recency = self.recency + 1
+        for wait_list in run.state.wait_lists:
+            del wait_list[run]
+        for wait_list in top.state.wait_lists:
+            wait_list[top] = None
+        del self.stack[run.name]
+        self.stack[run.name] = self._top = run
 
-    def _join_wait_lists(self, run: RuleRun) -> None:
-        """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
-        for line, sure in run.state.wait_lists:
-            line[run] = sure
-
-    def _leave_wait_lists(self, run: RuleRun) -> None:
-        for line, _ in run.state.wait_lists:
-            del line[run]
-
-    def _cancel_timers(self, run: RuleRun) -> None:
+    def _on_left(self, run: RuleRun) -> None:
+        """A state is left, or the rule ends: it watches no key any more, and its timers are no longer wanted."""
+        _leave(run, run.state.watch_lists)
         for timer in run.timers:
             self._core.cancel_timer(timer)
         run.timers.clear()
+        run.latched.clear()
 
     def _record(self, run: RuleRun, status: str, previous: str | None, trigger: str, transition: int | None) -> None:
         self._core.emit(
@@ -496,8 +506,19 @@ def _rank(run: RuleRun) -> Rank:
     return (run.priority, run.recency)
 
 
-def _sort_wait_list(line: WaitList) -> None:
-    """Put a line that a rule has joined below others into stack order again, in place: states hold on to it."""
-    entries = sorted(line.items(), key=lambda entry: _rank(entry[0]))
-    line.clear()
-    line.update(entries)
+def _join(run: RuleRun, lists: tuple[RuleList, ...]) -> None:
+    """Put a rule into lists, last: right for whoever is above all others in them."""
+    for rules in lists:
+        rules[run] = None
+
+
+def _leave(run: RuleRun, lists: tuple[RuleList, ...]) -> None:
+    for rules in lists:
+        del rules[run]
+
+
+def _sort_by_rank(rules: RuleList) -> None:
+    """Put a list that a rule has joined below others into stack order again, in place: states hold on to it."""
+    sorted_rules = sorted(rules, key=_rank)
+    rules.clear()
+    rules.update(dict.fromkeys(sorted_rules))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.core import Core, EventTopic, Task
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import TaskStatus
+from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.speech import why_not_speak
@@ -131,10 +131,27 @@ class TaskHandlers:
                 self._reject(task, "the event has no name")
                 return
             topic = core.topics.get(name) or EventTopic(name)
-        core.record_finished_task(
-            "raiseEventTopic", task.behavior, task.source, "SUCCEEDED", "", task.calling_type or "None", task.ref
+        id = core.next_task
+        core.next_task = id + 1
+        source = task.source
+        calling_type = task.calling_type or "None"
+        core.records.append(
+            TaskRecord(
+                next(core.numbers),
+                core.t,
+                "",
+                id,
+                "raiseEventTopic",
+                task.behavior,
+                calling_type,
+                source,
+                "SUCCEEDED",
+                "",
+                None,
+                task.ref,
+            )
         )
-        core.events.append((topic, task.source, core.cause))
+        core.events.append((topic, source, None))
 
     def _assign(self, task: Submit) -> None:
         memory = self._rules.memory

@@ -230,7 +230,7 @@ class Replay:
             yield ReplayedStep(input.n, text, records, written)
             if self.inputs % 1_000 == 0:
                 self._progress.report(lambda: f"{self.compared:,} of {contents.records:,} records")
-        if contents.last_seq > kernel.core.seq:
+        if contents.last_seq > kernel.seq:
             self.difference = _first_beyond(contents, tape, line)
 
     def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:
