@@ -51,7 +51,7 @@ class ExpressionCompiler:
                         value = env.memory[name]
                     except KeyError:
                         value = env.value_of_absent_key(name, False)
-                    return value is True or (value is not False and is_true(value))
+                    return is_true(value)
 
                 return holds
             case Compare():

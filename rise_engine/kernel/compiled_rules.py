@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from copy import copy
 from functools import lru_cache
-from typing import Any
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
@@ -80,7 +79,17 @@ class Op:
 
 
 class CompiledTransition:
-    __slots__ = ("after", "block", "condition", "entered_at_once", "entry_after_actions", "index", "next", "topic", "trigger")
+    __slots__ = (
+        "after",
+        "block",
+        "condition",
+        "entered_at_once",
+        "entry_after_actions",
+        "index",
+        "next",
+        "topic",
+        "trigger",
+    )
 
     def __init__(self, transition: Transition, index: int, blocks: BlockCompiler, topics: EventTopics) -> None:
         self.index = index
@@ -166,19 +175,22 @@ class CompiledRule:
                 state.id,
                 blocks.compile(state.on_entry),
                 blocks.compile(state.on_exit),
-                [CompiledTransition(way, index, blocks, topics) for index, way in enumerate(state.transitions)],
+                [
+                    CompiledTransition(transition, index, blocks, topics)
+                    for index, transition in enumerate(state.transitions)
+                ],
             )
             for state in rule.states.values()
         }
         for state in rule.states.values():
-            for way, transition in zip(self.states[state.id].transitions, state.transitions, strict=True):
+            for transition, compiled in zip(state.transitions, self.states[state.id].transitions, strict=True):
                 if transition.target is not None:
-                    landing = way
+                    entering = compiled
                     if transition.block or state.on_exit:
-                        landing = way.entry_after_actions = copy(way)
-                    landing.entered_at_once = self.states[transition.target]
-        for code in self.states.values():
-            code.watch_lists = tuple(watchers.setdefault(key, {}) for key in code.watched_keys)
+                        entering = compiled.entry_after_actions = copy(compiled)
+                    entering.entered_at_once = self.states[transition.target]
+        for compiled_state in self.states.values():
+            compiled_state.watch_lists = tuple(watchers.setdefault(key, {}) for key in compiled_state.watched_keys)
         self.initial = self.states[rule.initial]
 
 

@@ -1,14 +1,9 @@
-"""The rules: run to completion, one taker per event, the stack (semantics.md 5, semantics.md 6).
+"""The rules: run to completion, one taker per event (semantics.md 5, semantics.md 6).
 
-In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): what one input sets off is a macrostep, here a *go*; each
+In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): what one input sets off is a macrostep; each
 transition that a rule takes in it is a microstep, here a *step*; the functions in `onEntry` and `onExit` are executable
 content, here *blocks* of ops; a transition without event or time is eventless. Unlike there, several machines (the
 rules) share one queue of events, and one of them at most takes an event.
-
-Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
-that moved last, and mostly the one that moves next. Each topic has a list of the others that wait for it, in stack
-order: a rule joins when another one takes the top from it, so that joining at the end keeps the list sorted; only a
-start below the top has to sort. Each memory key has a list of the rules that watch it.
 
 Functions run on an explicit list of frames, not on Python's stack: a rule that starts a rule that starts a rule, ten
 thousand deep, is no deeper than the first.
@@ -27,58 +22,19 @@ from rise_engine.kernel.compiled_rules import (
     TEST,
     CompiledCondition,
     CompiledRule,
-    CompiledState,
     CompiledTransition,
     Op,
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.rule_stack import RuleRun, RuleStack, join, leave, rank
 from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 
-Rank = tuple[float, int]
-"""Priority and recency: larger is nearer the top of the stack. Unique, because stamps are."""
-
-
-class RuleRun:
-    """A running rule."""
-
-    __slots__ = (
-        "alive",
-        "latched",
-        "macrostep",
-        "name",
-        "priority",
-        "recency",
-        "rule",
-        "state",
-        "step_count",
-        "task",
-        "timers",
-    )
-
-    def __init__(self, code: CompiledRule, state: CompiledState, task: Task) -> None:
-        self.rule = code
-        self.name = code.name
-        self.state = state
-        self.task = task
-        self.priority = code.priority
-        self.recency = 0
-        """Grows whenever the rule moves to the top: its recency."""
-        self.alive = True
-        self.timers: dict[int, CompiledTransition] = {}
-        self.latched: set[int] = set()
-        """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
-        self.macrostep = -1
-        """The input (`Core.macrostep`) during which it last took a transition."""
-        self.step_count = 0
-        """How many it has taken during that input."""
-
-
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
-transition that then arrives, and what all that comes of."""
+transition that then enters its target, and what all that comes of."""
 
 
 class RuleMachine:
@@ -96,14 +52,10 @@ class RuleMachine:
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose conditions without event have to be looked at, and what that comes of."""
-        self.recency = 0
+        self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
         """Of rules that have ended: the input in which they last did something, and how many steps they took in it. A
         rule that is stopped and started again within one go goes on counting."""
-        self.stack: dict[str, RuleRun] = {}
-        """The running rules by name, bottom first."""
-        self._top: RuleRun | None = None
-        """The last of the stack."""
         self._long_macrostep = (-1, 0)
         """The input in which a rule went on although it had taken STEP_LIMIT steps, and how often that was in it."""
 
@@ -115,23 +67,10 @@ class RuleMachine:
 
     def start(self, name: str, task: Task, on_top: bool) -> None:
         """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
-        code = self._compiled[name]
-        run = RuleRun(code, code.initial, task)
-        top = self._top
-        if on_top and top is not None:
-            run.priority = max(run.priority, top.priority)
-        self.recency = run.recency = self.recency + 1
-        self.stack[name] = run
-        _join(run, run.state.watch_lists)
-        if top is not None and run.priority < top.priority:
-            self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            _join(run, run.state.wait_lists)
-            for wait_list in run.state.wait_lists:
-                _sort_by_rank(wait_list)
-        else:
-            self._top = run
-            if top is not None:
-                _join(top, top.state.wait_lists)
+        rule = self._compiled[name]
+        run = RuleRun(rule, rule.initial, task)
+        self.stack.start(run, on_top)
+        join(run, run.state.watch_lists)
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
         step = self._core.macrostep
@@ -157,15 +96,8 @@ class RuleMachine:
         run.alive = False
         self._on_left(run)
         self._to_reevaluate.pop(run, None)
-        del self.stack[run.name]
+        self.stack.remove(run)
         self.step_counts[run.name] = (run.macrostep, run.step_count)
-        if self._top is run:
-            run_below = self.stack[next(reversed(self.stack))] if self.stack else None
-            if run_below is not None:
-                _leave(run_below, run_below.state.wait_lists)
-            self._top = run_below
-        else:
-            _leave(run, run.state.wait_lists)
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
         run.task.status = task_status  # type: ignore[assignment]
         core.record_task(run.task, reason)
@@ -190,26 +122,24 @@ class RuleMachine:
             for run in self.stack.values()
         ]
         ended = {name: steps for name, (last, steps) in self.step_counts.items() if last == step}
-        return RulesSnapshot(running, ended, self.recency)
+        return RulesSnapshot(running, ended, self.stack.recency)
 
     def restore(self, snapshot: RulesSnapshot) -> None:
         """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
         step = self._core.macrostep
         for rule in snapshot.running:
-            code = self._compiled[rule.name]
-            run = RuleRun(code, code.states[rule.state], rule.task)
+            compiled = self._compiled[rule.name]
+            run = RuleRun(compiled, compiled.states[rule.state], rule.task)
             run.priority, run.recency = rule.priority, rule.recency
             run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
             if any(transition.after is None for transition in run.timers.values()):
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
             run.macrostep, run.step_count = step, rule.steps
-            if self._top is not None:
-                _join(self._top, self._top.state.wait_lists)
-            self.stack[run.name] = self._top = run
-            _join(run, run.state.watch_lists)
+            self.stack.add(run)
+            join(run, run.state.watch_lists)
         self.step_counts = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
-        self.recency = snapshot.recency
+        self.stack.recency = snapshot.recency
 
     # --- run to completion ---
 
@@ -221,6 +151,7 @@ class RuleMachine:
         core = self._core
         events = core.events
         frames = self._frames
+        stack = self.stack
         while True:
             if frames:
                 self._run_actions()
@@ -228,7 +159,7 @@ class RuleMachine:
                 self._take_eventless()
             elif events:
                 topic, source, core.cause = events.popleft()
-                run = self._top
+                run = stack.top
                 transition = run.state.by_topic.get(topic) if run is not None else None
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
                 if transition is None or transition.condition is not None:
@@ -241,12 +172,11 @@ class RuleMachine:
             elif not frames:
                 return
 
-    def _find_taker(
-        self, topic: EventTopic
-    ) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
+    def _find_taker(self, topic: EventTopic) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
         """The highest rule that would take an event, and the transition."""
-        if self._top is not None and (transition := self._find_transition(self._top, topic)) is not None:
-            return self._top, transition
+        top = self.stack.top
+        if top is not None and (transition := self._find_transition(top, topic)) is not None:
+            return top, transition
         for run in reversed(topic.wait_list):
             if (transition := self._find_transition(run, topic)) is not None:
                 return run, transition
@@ -263,7 +193,7 @@ class RuleMachine:
 
     def _take_eventless(self) -> None:
         """Let the highest of the rules that have something to look at take an eventless transition."""
-        run = max(self._to_reevaluate, key=_rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
+        run = max(self._to_reevaluate, key=rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
         self._core.cause = self._to_reevaluate.pop(run)
         for transition in run.state.eventless:
             if transition.condition is None or self._evaluate(run, transition.condition):
@@ -309,8 +239,8 @@ class RuleMachine:
         previous = run.state
         if not previous.trivial:
             self._on_left(run)
-        if self._top is not run:
-            self._promote(run)
+        if self.stack.top is not run:
+            self.stack.promote(run)
         run.state = state
         core.records.append(
             RuleRecord(
@@ -327,7 +257,7 @@ class RuleMachine:
             )
         )
         if not state.trivial:
-            _join(run, state.watch_lists)
+            join(run, state.watch_lists)
             self._on_entered(run, (run.name, core.cause))
         elif state.entry is not None:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
@@ -338,17 +268,15 @@ class RuleMachine:
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
-        if (
-            transition.entry_after_actions is not None
-        ):  # innermost last: onExit, the transition's own, then the move, which counts
+        if transition.entry_after_actions is not None:
+            # Innermost last: onExit, the transition's own, then the move to its target, which counts as the step.
             frames.append((run, None, False, transition.entry_after_actions, before))
             frames.append((run, transition.block, False, None, cause))
             frames.append((run, run.state.exit, False, None, cause))
         else:
             run.macrostep = self._core.macrostep
             run.step_count = steps
-            if self._top is not run:
-                self._promote(run)
+            self.stack.promote(run)
             self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
             frames.append((run, transition.block, True, None, cause))
 
@@ -405,7 +333,7 @@ class RuleMachine:
         frames = self._frames
         core = self._core
         while frames:
-            run, op, entered, landing, cause = frames.pop()
+            run, op, entered, entering, cause = frames.pop()
             if not run.alive:
                 continue
             core.cause = cause
@@ -417,14 +345,24 @@ class RuleMachine:
                     id = core.next_task
                     core.next_task = id + 1
                     core.records.append(
-                        TaskRecord(next(core.numbers), core.t, "", id, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED")
+                        TaskRecord(
+                            next(core.numbers),
+                            core.t,
+                            "",
+                            id,
+                            "raiseEventTopic",
+                            op.argument,
+                            "None",
+                            op.source,
+                            "SUCCEEDED",
+                        )
                     )
                     core.events.append((op.topic, op.source, cause))
                     op = op.next
                 elif kind == ASSIGN:
                     op = op.next if self._assign(run, op) else None  # an error skips the rest of the block
                 elif kind == CALL:
-                    frames.append((run, op.next, entered, landing, cause))
+                    frames.append((run, op.next, entered, entering, cause))
                     self._submit(op.function, op.argument, op.source)
                     break  # what it started comes first, and it may have stopped this rule
                 else:
@@ -432,8 +370,8 @@ class RuleMachine:
             else:
                 if entered:
                     self._after_onentry(run, cause)
-                elif landing is not None:
-                    self._take_transition(run, landing)
+                elif entering is not None:
+                    self._take_transition(run, entering)
 
     def _assign(self, run: RuleRun, op: Op) -> bool:
         """False when the value could not be computed."""
@@ -462,28 +400,15 @@ class RuleMachine:
         values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
-            ConditionRecord(next(core.numbers), core.t, "", run.name, run.state.id, condition.text, values, result, error, missing)
+            ConditionRecord(
+                next(core.numbers), core.t, "", run.name, run.state.id, condition.text, values, result, error, missing
+            )
         )
         return result
 
-    # --- the stack ---
-
-    def _promote(self, run: RuleRun) -> None:
-        """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
-        top = self._top
-        assert top is not None
-        run.priority = top.priority
-        self.recency = run.recency = self.recency + 1
-        for wait_list in run.state.wait_lists:
-            del wait_list[run]
-        for wait_list in top.state.wait_lists:
-            wait_list[top] = None
-        del self.stack[run.name]
-        self.stack[run.name] = self._top = run
-
     def _on_left(self, run: RuleRun) -> None:
         """A state is left, or the rule ends: it watches no key any more, and its timers are no longer wanted."""
-        _leave(run, run.state.watch_lists)
+        leave(run, run.state.watch_lists)
         for timer in run.timers:
             self._core.cancel_timer(timer)
         run.timers.clear()
@@ -500,25 +425,3 @@ class RuleMachine:
             transition,
             run.priority,
         )
-
-
-def _rank(run: RuleRun) -> Rank:
-    return (run.priority, run.recency)
-
-
-def _join(run: RuleRun, lists: tuple[RuleList, ...]) -> None:
-    """Put a rule into lists, last: right for whoever is above all others in them."""
-    for rules in lists:
-        rules[run] = None
-
-
-def _leave(run: RuleRun, lists: tuple[RuleList, ...]) -> None:
-    for rules in lists:
-        del rules[run]
-
-
-def _sort_by_rank(rules: RuleList) -> None:
-    """Put a list that a rule has joined below others into stack order again, in place: states hold on to it."""
-    sorted_rules = sorted(rules, key=_rank)
-    rules.clear()
-    rules.update(dict.fromkeys(sorted_rules))
