@@ -35,18 +35,20 @@ class Scheduler:
 
     def add(self, task: Task) -> None:
         self._wizard.act_accepted(task)
-        place = len(self.waiting)
+        position = len(self.waiting)
         if task.calling_type == "Interrupt":
-            place = next((at for at, other in enumerate(self.waiting) if other.calling_type != "Interrupt"), place)
-        self.waiting.insert(place, task)
-        self._core.record_task(task, position=place)
+            position = next(
+                (at for at, other in enumerate(self.waiting) if other.calling_type != "Interrupt"), position
+            )
+        self.waiting.insert(position, task)
+        self._core.record_task(task, position=position)
         if task.calling_type == "Interrupt":
             for run in [run for run in self._runner.runs.values() if _is_exclusive(run.task)]:
                 self._runner.cancel(run, f"interrupted by {act_name(task)}")
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
-        """Give a waiting task another place; the order of the others stays."""
+        """Give a waiting task another position; the order of the others stays."""
         self.waiting.remove(task)
         position = max(0, min(position, len(self.waiting)))
         self.waiting.insert(position, task)

@@ -203,16 +203,16 @@ class TaskHandlers:
         self._reject(task, f"no task {task.behavior} is running or waiting")
 
     def _move_task(self, task: Submit) -> None:
-        number, _, place = task.behavior.partition(" ")
+        number, _, position = task.behavior.partition(" ")
         waiting = self._find_waiting(number)
-        place = place.strip()
-        if not (place.isascii() and place.isdigit() and len(place) < 10):
+        position = position.strip()
+        if not (position.isascii() and position.isdigit() and len(position) < 10):
             self._reject(task, "write the task's id and its new place, as in `17 0`")
         elif waiting is None:
             self._reject(task, f"no task {number} is waiting")
         else:
             self._succeed(task)
-            self._scheduler.move(waiting, int(place))
+            self._scheduler.move(waiting, int(position))
 
     def _find_waiting(self, number: str) -> Task | None:
         return next((task for task in self._scheduler.waiting if str(task.id) == number), None)

@@ -133,9 +133,9 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
         line = source.location(offset).line
         at_line = source.line(line)
         name, before = _duplicate_key(source, line)
-        place = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
+        location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
         known = f"; it stands in line {before} already" if before else f" ({sentence})"
-        diagnostics.error("duplicate-key", place, f"`{name}` is given twice{known}")
+        diagnostics.error("duplicate-key", location, f"`{name}` is given twice{known}")
         return line
     if first:
         at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # a text is not closed

@@ -64,7 +64,7 @@ _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
 class XmlNameError(RiseError, ValueError):
-    """A character that no XML name can have, though lxml accepts it. `offset` is its place."""
+    """A character that no XML name can have, though lxml accepts it. `offset` is where it stands."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -183,7 +183,7 @@ def _text_offset_map(text: str, at: int) -> _OffsetMap:
 
 
 class LazyLocation(Struct, frozen=True):
-    """A place that is worked out only when a finding needs it."""
+    """A location that is worked out only when a finding needs it."""
 
     file: XmlFile
     element: Element
@@ -240,8 +240,8 @@ def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
                 _parse(mended.text)
                 return XmlFile(source, mended.text, mended)
             except XmlNameError as misnamed:
-                place = source.location(mended.original_offset(misnamed.offset))
-                diagnostics.error("not-well-formed", place, str(misnamed))
+                location = source.location(mended.original_offset(misnamed.offset))
+                diagnostics.error("not-well-formed", location, str(misnamed))
                 return None
             except etree.XMLSyntaxError as second:
                 error = second

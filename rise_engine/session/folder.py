@@ -140,8 +140,8 @@ def create_session(
     try:
         root.mkdir(0o700, parents=True, exist_ok=True)
         folder = _make_folder(root, name)
-        for place, data in files.items():
-            path = folder / SCENARIO_COPY / place
+        for relative_path, data in files.items():
+            path = folder / SCENARIO_COPY / relative_path
             path.parent.mkdir(0o700, parents=True, exist_ok=True)
             path.write_bytes(data)
         (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
@@ -303,7 +303,7 @@ def _make_folder(root: Path, name: str) -> Path:
 
 
 def _present_places(copy: Path) -> dict[str, str]:
-    return {kind: place for kind, place in DEFAULT_PATHS.items() if (copy / place).exists()}
+    return {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
 
 
 def _slug(title: str) -> str:

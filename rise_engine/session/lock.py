@@ -183,13 +183,13 @@ def running_message(folder: Path, holder: LockHolder | None) -> str:
     """That a session runs, where, and how it is reached and ended."""
     if holder is None:
         return f"the session {folder.name} is running: another program has locked its journal"
-    said = f"the session {folder.name} is running: {holder}"
+    sentence = f"the session {folder.name} is running: {holder}"
     if not holder.is_this_computer:
-        return f"{said}. Attach to it and end it there"
+        return f"{sentence}. Attach to it and end it there"
     if not holder.socket:
-        return f"{said}. It is just starting"
+        return f"{sentence}. It is just starting"
     where = shlex.quote(holder.socket)
-    return f"{said}. To attach: rise-tui --session {where}. To end it: rise-engine stop {where}"
+    return f"{sentence}. To attach: rise-tui --session {where}. To end it: rise-engine stop {where}"
 
 
 @contextmanager
@@ -204,13 +204,13 @@ def one_at_a_time(sessions: Path) -> Iterator[None]:
         yield
         return
     try:
-        for left in reversed(range(TRIES)):
+        for tries_left in reversed(range(TRIES)):
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 if error.errno in _NO_LOCKS:  # folders on NFS; the journals' locks are there all the same
                     break
-                if not left:
+                if not tries_left:
                     raise SessionError(f"another engine is just beginning a session in {sessions}; try again") from None
                 time.sleep(TRY_SECONDS)
             else:
@@ -236,10 +236,10 @@ def file_system(path: Path, mounts: str | None = None) -> str:
         parts = fields.split()
         if not dash or len(parts) < 5:
             continue
-        place = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
-        inside = real == place or real.startswith(place.rstrip("/") + "/")
-        if inside and len(place) >= len(found):  # the latest of one place lies on top
-            found, kind = place, rest.split()[0]
+        mount_point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
+        inside = real == mount_point or real.startswith(mount_point.rstrip("/") + "/")
+        if inside and len(mount_point) >= len(found):  # the latest of one mount point lies on top
+            found, kind = mount_point, rest.split()[0]
     return kind
 
 

@@ -35,7 +35,7 @@ CANNOT_REPLAY = (
 
 
 class ReplayDifference(Struct, frozen=True):
-    """The first place where a replay is not what was recorded."""
+    """The first record in which a replay is not what was recorded."""
 
     file: str
     line: int
@@ -50,11 +50,11 @@ class ReplayDifference(Struct, frozen=True):
     replayed: Any
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         return f"{self.file}:{self.line}"
 
     def __str__(self) -> str:
-        where = f"{self.place}: record {self.seq} (of input {self.input}, kind {self.kind})"
+        where = f"{self.location}: record {self.seq} (of input {self.input}, kind {self.kind})"
         if self.field == NO_RECORD:
             return f"{where} is in the journal, but the replay does not give it"
         recorded, replayed = _short_json(self.recorded), _short_json(self.replayed)
