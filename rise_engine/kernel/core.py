@@ -46,7 +46,7 @@ class EventTopics(dict[str, EventTopic]):
 
 
 Cause: TypeAlias = "tuple[str, Cause] | None"
-"""What led to something within one go: the rule whose step it was, and what had led to that step. Null: an input."""
+"""What led to something within one macrostep: the rule whose step it was, and what had led to that step. Null: an input."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
 """Raised and not yet routed: the topic, its source, and what it comes of."""
@@ -90,9 +90,9 @@ class Core:
         self.numbers = count(1)
         """What numbers records: each draws its own when it is put out, by `emit` or by the few that go without."""
         self.macrostep = 0
-        """Counts inputs: what happens within one of them happens in one go."""
+        """Counts what is done in one go (SCXML's word): all that one input sets off, or all timers of one moment."""
         self.continued_macrostep = -1
-        """The last go (by `step`) that took in more than one input: timers of one moment are one go."""
+        """The last macrostep that took in more than one input."""
         self.cause: Cause = None
         """What the things that happen now come of."""
         self.records: list[AnyRecord] = []

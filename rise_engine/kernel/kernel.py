@@ -121,7 +121,7 @@ class Kernel:
         if input.t > core.t:
             core.t = input.t
             core.macrostep += 1
-        elif kind is not TimerElapsed:  # timers of one moment are one go: a loop of empty waits is a runaway too
+        elif kind is not TimerElapsed:  # timers of one moment share one: a loop of empty waits is a runaway too
             core.macrostep += 1
         else:
             core.continued_macrostep = core.macrostep

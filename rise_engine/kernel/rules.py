@@ -29,7 +29,7 @@ from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, Tim
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, join, leave, rank
-from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
+from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
@@ -44,7 +44,7 @@ class RuleMachine:
         self._core = core
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
-        self._memory = WorkingMemory(core, self.key_changed)
+        self.memory = WorkingMemory(core, self._key_changed)
         self._watchers: dict[str, RuleList] = {}
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
@@ -54,14 +54,10 @@ class RuleMachine:
         """Rules whose conditions without event have to be looked at, and what that comes of."""
         self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """Of rules that have ended: the input in which they last did something, and how many steps they took in it. A
-        rule that is stopped and started again within one go goes on counting."""
-        self._long_macrostep = (-1, 0)
-        """The input in which a rule went on although it had taken STEP_LIMIT steps, and how often that was in it."""
-
-    @property
-    def memory(self) -> WorkingMemory:
-        return self._memory
+        """Of rules that have ended: the macrostep in which they last did something, and how many steps they took in it. A
+        rule that is stopped and started again within one macrostep goes on counting."""
+        self._vain_searches = (-1, 0)
+        """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
 
     # --- start and end ---
 
@@ -212,7 +208,8 @@ class RuleMachine:
         if transition.condition is None or self._evaluate(run, transition.condition):
             self._take_transition(run, transition)
 
-    def key_changed(self, key: str) -> None:
+    def _key_changed(self, key: str) -> None:
+        """Let the rules that watch a key look at their eventless transitions."""
         if runs := self._watchers.get(key):
             self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
 
@@ -299,10 +296,10 @@ class RuleMachine:
         elif run.state.eventless:
             self._to_reevaluate[run] = cause
 
-    # --- who goes round in circles ---
+    # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """A rule is about to take more than STEP_LIMIT steps in one go. Stop whoever keeps it going, as the chain of
+        """A rule is about to take more than STEP_LIMIT steps in one macrostep. Stop whoever keeps it going, as the chain of
         causes that leads to the step tells (semantics.md 6.4); whether the step is taken all the same."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
@@ -316,12 +313,12 @@ class RuleMachine:
         return run.alive
 
     def _stop_multiplier(self) -> None:
-        """Nothing goes round, and still the go may have no end that anybody lives to see: thirty rules, each of which
+        """Nothing goes round, and still the macrostep may have no end that anybody lives to see: thirty rules, each of which
         answers an event with two for the next one, take a billion steps. Stop who has raised most of what waits."""
         core = self._core
-        step, times = self._long_macrostep
-        self._long_macrostep = (core.macrostep, times + 1 if step == core.macrostep else 1)
-        if self._long_macrostep[1] > LONGEST_GO:
+        macrostep, times = self._vain_searches
+        self._vain_searches = (core.macrostep, times + 1 if macrostep == core.macrostep else 1)
+        if self._vain_searches[1] > MAX_VAIN_SEARCHES:
             name = find_multiplier(core.events, self.stack)
             if name is not None:
                 self._end(self.stack[name], "faulted", "ABORTED", MULTIPLIED)
@@ -378,12 +375,12 @@ class RuleMachine:
         core = self._core
         source = op.source
         try:
-            written = self._memory.compute(op.assignments)
+            written = self.memory.compute(op.assignments)
         except EvaluationError as error:
             core.record_finished_task("assignValue", op.argument, source, "ABORTED", str(error))
             return False
         core.record_finished_task("assignValue", op.argument, source, "SUCCEEDED")
-        self._memory.assign(written, source)
+        self.memory.assign(written, source)
         return True
 
     def _evaluate(self, run: RuleRun, condition: CompiledCondition) -> bool:

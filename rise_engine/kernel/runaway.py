@@ -1,6 +1,6 @@
 """Who goes round in circles: which rule is stopped when what one input sets off does not end (semantics.md 6.4).
 
-Only reckoning: `RuleMachine` asks, and does what comes of it.
+Pure functions: `RuleMachine` asks, and does what comes of it.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from msgspec import Struct
 from rise_engine.kernel.core import Cause, QueuedEvent
 
 STEP_LIMIT = 1_000
-"""Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
-LONGEST_GO = 100
-"""How often that is looked for in one go, in vain, before the go counts as one without an end."""
+"""Steps (starts and transitions) that one rule may take in one macrostep before it is looked for who keeps it going."""
+MAX_VAIN_SEARCHES = 100
+"""How often that is looked for in one macrostep, in vain, before it counts as one without an end."""
 
 MULTIPLIED = (
-    f"what one input set off took more than {STEP_LIMIT * LONGEST_GO:,} steps, and this rule went on adding to them; "
+    f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to them; "
     "probably it answers each event with several, and so do others before it"
 )
 

@@ -32,7 +32,7 @@ class TaskHandlers:
         self._scheduler = scheduler
         self._stop = stop
         self._wizard = wizard
-        self._rules = RuleMachine(core, self._submit_from_rule)
+        self.rules = RuleMachine(core, self._submit_from_rule)
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -51,10 +51,6 @@ class TaskHandlers:
             "markMistake": self._mark_mistake,
             "goOn": self._go_on,
         }
-
-    @property
-    def rules(self) -> RuleMachine:
-        return self._rules
 
     def reject_unknown(self, task: Submit) -> None:
         self._reject(task, f"there is no function {task.function!r}" + _did_you_mean(task.function, self.by_name))
@@ -99,7 +95,7 @@ class TaskHandlers:
         core = self._core
         if name not in self._scenario.rules:
             self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
-        elif name in self._rules.stack:
+        elif name in self.rules.stack:
             self._reject(task, f"rule {name!r} is already running")
         elif self._stop.latched:
             self._reject(task, STOPPED)
@@ -108,17 +104,17 @@ class TaskHandlers:
             core.record_task(started)
             started.status = "ACTIVE"
             core.record_task(started)
-            self._rules.start(name, started, on_top=task.source.startswith("rule:"))
+            self.rules.start(name, started, on_top=task.source.startswith("rule:"))
 
     def _stop_rule(self, task: Submit) -> None:
         name = task.behavior
         if name not in self._scenario.rules:
             self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
-        elif name not in self._rules.stack:
+        elif name not in self.rules.stack:
             self._reject(task, f"rule {name!r} is not running")
         else:
             self._succeed(task)
-            self._rules.stop(name, f"stopped by {task.source}")
+            self.rules.stop(name, f"stopped by {task.source}")
 
     # --- events and memory ---
 
@@ -154,7 +150,7 @@ class TaskHandlers:
         core.events.append((topic, source, None))
 
     def _assign(self, task: Submit) -> None:
-        memory = self._rules.memory
+        memory = self.rules.memory
         try:
             assignments = Assignment.parse_all(task.behavior)
             written = memory.compute(assignments)
@@ -179,7 +175,7 @@ class TaskHandlers:
             self._reject(task, f"the memory has no key {task.behavior!r}" + _did_you_mean(task.behavior, memory))
         else:
             self._succeed(task)
-            self._rules.memory.delete(task.behavior, task.source)
+            self.rules.memory.delete(task.behavior, task.source)
 
     # --- tasks ---
 
@@ -195,10 +191,10 @@ class TaskHandlers:
                 self._succeed(task)
                 self._scheduler.runner.cancel(run, reason)
                 return
-        for rule in self._rules.stack.values():
+        for rule in self.rules.stack.values():
             if str(rule.task.id) == task.behavior:
                 self._succeed(task)
-                self._rules.stop(rule.name, reason)
+                self.rules.stop(rule.name, reason)
                 return
         self._reject(task, f"no task {task.behavior} is running or waiting")
 
@@ -276,7 +272,7 @@ class TaskHandlers:
         self._succeed(task)
         self._stop.request(task.source)
         self._wizard.cancel_filler()
-        self._rules.stop_all(reason)
+        self.rules.stop_all(reason)
         self._scheduler.stop_all(reason)
         self._stop.ask_robot()
 
