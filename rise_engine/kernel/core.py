@@ -46,7 +46,8 @@ class EventTopics(dict[str, EventTopic]):
 
 
 Cause: TypeAlias = "tuple[str, Cause] | None"
-"""What led to something within one macrostep: the rule whose step it was, and what had led to that step. Null: an input."""
+"""What led to something within one macrostep: the rule whose step it was, and what had led to that step; null: an
+input did."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
 """Raised and not yet routed: the topic, its source, and what it comes of."""
@@ -71,7 +72,7 @@ class Task(Struct):
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `what`: after, wait, limit, cancel, stop or filler."""
+    """What a timer is for. `purpose`: after, wait, limit, cancel, stop or filler."""
 
     purpose: str
     owner: str = ""

@@ -54,8 +54,8 @@ class RuleMachine:
         """Rules whose conditions without event have to be looked at, and what that comes of."""
         self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """Of rules that have ended: the macrostep in which they last did something, and how many steps they took in it. A
-        rule that is stopped and started again within one macrostep goes on counting."""
+        """Of rules that have ended: the macrostep in which they last took a step, and how many they took in it. A rule
+        that is stopped and started again within one macrostep goes on counting."""
         self._vain_searches = (-1, 0)
         """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
 
@@ -299,8 +299,8 @@ class RuleMachine:
     # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """A rule is about to take more than STEP_LIMIT steps in one macrostep. Stop whoever keeps it going, as the chain of
-        causes that leads to the step tells (semantics.md 6.4); whether the step is taken all the same."""
+        """A rule is about to take more than STEP_LIMIT steps in one macrostep: stop who keeps it going, as the chain
+        of causes that leads to the step tells (semantics.md 6.4). Returns whether the step is taken all the same."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
         culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
@@ -313,8 +313,9 @@ class RuleMachine:
         return run.alive
 
     def _stop_multiplier(self) -> None:
-        """Nothing goes round, and still the macrostep may have no end that anybody lives to see: thirty rules, each of which
-        answers an event with two for the next one, take a billion steps. Stop who has raised most of what waits."""
+        """Nothing goes round, and still the macrostep may have no end that anybody lives to see: thirty rules, each of
+        which answers an event with two for the next one, take a billion steps. Stop who has raised most of what
+        waits."""
         core = self._core
         macrostep, times = self._vain_searches
         self._vain_searches = (core.macrostep, times + 1 if macrostep == core.macrostep else 1)

@@ -18,8 +18,8 @@ MAX_VAIN_SEARCHES = 100
 """How often that is looked for in one macrostep, in vain, before it counts as one without an end."""
 
 MULTIPLIED = (
-    f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to them; "
-    "probably it answers each event with several, and so do others before it"
+    f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to "
+    "them; probably it answers each event with several, and so do others before it"
 )
 
 

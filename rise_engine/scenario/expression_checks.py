@@ -17,7 +17,7 @@ UNREADABLE_CONDITION = Expression.parse("false")
 
 
 def expression_message(error: ExpressionError) -> str:
-    """What is wrong and how to write it, without the column (the finding has the place)."""
+    """What is wrong and how to write it, without the column (the finding has the location)."""
     return f"{error.message}; {error.hint}" if error.hint else error.message
 
 

@@ -69,21 +69,21 @@ def apply_suppressions(
     covered: set[Diagnostic] = set()
     used: set[int] = set()
     by_code: dict[tuple[str, str], dict[tuple[int, int], int]] = {}
-    for at, suppression in enumerate(suppressions):
-        by_code.setdefault((suppression.file, suppression.code), {}).setdefault(suppression.start, at)
+    for index, suppression in enumerate(suppressions):
+        by_code.setdefault((suppression.file, suppression.code), {}).setdefault(suppression.start, index)
     starts = {which: sorted(starting_points) for which, starting_points in by_code.items()}
     for diagnostic in found:
         which = (diagnostic.location.file, diagnostic.code)
         before = bisect_right(starts.get(which, ()), (diagnostic.location.line, diagnostic.location.column))
         if not before:
             continue
-        at = by_code[which][starts[which][before - 1]]
-        if suppressions[at].covers(diagnostic):
-            used.add(at)
+        index = by_code[which][starts[which][before - 1]]
+        if suppressions[index].covers(diagnostic):
+            used.add(index)
             covered.add(diagnostic)
-            silenced.append(SuppressedWarning(diagnostic, suppressions[at].reason))
-    for at, suppression in enumerate(suppressions if complete else ()):
-        if at not in used:
+            silenced.append(SuppressedWarning(diagnostic, suppressions[index].reason))
+    for index, suppression in enumerate(suppressions if complete else ()):
+        if index not in used:
             message = f"this silences nothing: there is no warning `{suppression.code}` at what follows; delete it"
             diagnostics.warning("unused-allow", suppression.location, message)
     return [diagnostic for diagnostic in diagnostics.sorted() if diagnostic not in covered], silenced
@@ -136,24 +136,24 @@ def _in_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[S
     text = source.text
     pending: list[tuple[SourceLocation, str, str]] = []
     """Read, and their element is still to come: other comments may stand between."""
-    at = 0
-    while (opened := text.find("<!", at)) >= 0:
+    position = 0
+    while (opened := text.find("<!", position)) >= 0:
         if not text.startswith("<!--", opened):
-            at = text.find("]]>", opened) if text.startswith("<![CDATA[", opened) else opened + 2
-            if at < 0:
+            position = text.find("]]>", opened) if text.startswith("<![CDATA[", opened) else opened + 2
+            if position < 0:
                 return
             continue
-        at = text.find("-->", opened)
-        if at < 0:
+        position = text.find("-->", opened)
+        if position < 0:
             return
-        parsed = _parse_comment(text[opened + 4 : at], source.location(opened), diagnostics)
+        parsed = _parse_comment(text[opened + 4 : position], source.location(opened), diagnostics)
         if parsed is not None:
             pending.append((source.location(opened), *parsed))
-        blank = _BLANK.match(text, at + 3)
-        at = blank.end() if blank else at + 3
-        if pending and not text.startswith("<!--", at):
-            element = _element_at(text, at)
-            start, end = (source.location(offset) for offset in element or (at, at))
+        blank = _BLANK.match(text, position + 3)
+        position = blank.end() if blank else position + 3
+        if pending and not text.startswith("<!--", position):
+            element = _element_at(text, position)
+            start, end = (source.location(offset) for offset in element or (position, position))
             for location, code, reason in pending:
                 if element is None:
                     message = "no element follows here; this stands directly before the element that is meant"
@@ -205,8 +205,15 @@ def memory_suppressions(
 ) -> Iterator[Suppression]:
     """The silencings of scenario.toml, for the memory file: location, code, key and reason of each."""
     for location, code, key, reason in suppressions:
-        at = keys.get(key)
-        if at is None:
+        key_location = keys.get(key)
+        if key_location is None:
             yield Suppression(location, code, reason, "")
         else:
-            yield Suppression(location, code, reason, at.file, (at.line, at.column), (at.line, at.column + 1))
+            yield Suppression(
+                location,
+                code,
+                reason,
+                key_location.file,
+                (key_location.line, key_location.column),
+                (key_location.line, key_location.column + 1),
+            )

@@ -95,7 +95,7 @@ class JournalLock:
 
         `here`: a person has decided that the computer which had the session last does not run it any more.
 
-        Raises JournalLocked when an engine runs the session; HeldElsewhere when one on another computer may;
+        Raises JournalLockedError when an engine runs the session; HeldElsewhereError when one on another computer may;
         SessionError when there is no journal, or it may not be written.
         """
         self._note = journal.with_name(HOLDER_FILE)
@@ -112,13 +112,14 @@ class JournalLock:
         """Say beside the journal who has it, and where the session is reached."""
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
-        beside = self._note.with_name(f"{HOLDER_FILE}.new")
+        new_note = self._note.with_name(f"{HOLDER_FILE}.new")
         with suppress(OSError):  # a full disk, say: it can be locked all the same
-            beside.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
-            beside.replace(self._note)
+            new_note.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
+            new_note.replace(self._note)
 
     def lock_replacement(self, path: Path) -> int:
-        """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for `moved`.
+        """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for
+        `use_replacement`. Returns the descriptor that holds the lock.
 
         Raises OSError.
         """
@@ -130,12 +131,12 @@ class JournalLock:
         return descriptor
 
     def use_replacement(self, descriptor: int) -> None:
-        """That file has taken the journal's place: let go of the one before."""
+        """The file of `lock_replacement` has taken the journal's place: unlock the one before."""
         self._descriptor, before = descriptor, self._descriptor
         os.close(before)
 
     def release(self) -> None:
-        """Let go; nobody has the session now."""
+        """Unlock the journal: nobody has the session now. Does nothing the second time."""
         if self._descriptor >= 0:
             with suppress(OSError):
                 self._note.unlink()  # while the lock is held, nobody else writes one

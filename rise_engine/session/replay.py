@@ -84,14 +84,14 @@ class ReplayComparison(Struct, frozen=True):
 
 
 def compare_replay(
-    folder: Path, scenario: Path | None = None, tell: ProgressCallback | None = None
+    folder: Path, scenario: Path | None = None, on_progress: ProgressCallback | None = None
 ) -> ReplayComparison:
     """Run the recorded inputs of the session in `folder` through a fresh kernel, and compare what comes out with what
     was recorded, byte for byte.
 
-    `scenario`: a scenario folder to use instead of the session's own copy. `tell` gets a sentence about how far it has
-    come, about twice a second, when that takes long. Returns how much was compared and the first difference, if there
-    is one; `identical` says it in a word. Nothing in the folder is changed, and the session may run. Raises
+    `scenario`: a scenario folder to use instead of the session's own copy. `on_progress` gets a sentence about how far
+    it has come, about twice a second, when that takes long. Returns how much was compared and the first difference, if
+    there is one; `identical` says it in a word. Nothing in the folder is changed, and the session may run. Raises
     SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not load.
 
         comparison = compare(find_session("2026-11-21_141503_lablinking_debug"))
@@ -99,7 +99,7 @@ def compare_replay(
     """
     info = read_info(folder)
     path = folder / JOURNAL
-    contents = read_journal(path, tell)
+    contents = read_journal(path, on_progress)
     require_inputs(path, contents)
     notes: list[str] = []
     model = (
@@ -110,7 +110,7 @@ def compare_replay(
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = Replay(Kernel(model, info.seed), contents, tell).run()
+    done = Replay(Kernel(model, info.seed), contents, on_progress).run()
     if done.unwritten and done.difference is None:
         first, last = done.unwritten[0].seq, done.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
@@ -182,10 +182,10 @@ class Replay:
     Iterate over it to its end; one step at a time is in memory.
     """
 
-    def __init__(self, kernel: Kernel, contents: JournalContents, tell: ProgressCallback | None = None) -> None:
+    def __init__(self, kernel: Kernel, contents: JournalContents, on_progress: ProgressCallback | None = None) -> None:
         self._kernel = kernel
         self._contents = contents
-        self._progress = ReadingProgress(tell)
+        self._progress = ReadingProgress(on_progress)
         self.inputs = 0
         """How many were replayed."""
         self.compared = 0

@@ -116,7 +116,7 @@ def test_lines_that_stand_in_another_order_than_they_were_written_are_the_same(m
 def test_who_waits_is_told_how_far_it_is(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journal_reader, "PROGRESS_SECONDS", 0.0)
     told: list[str] = []
-    recover(made.folder, tell=told.append)
+    recover(made.folder, on_progress=told.append)
     size, total = made.journal.stat().st_size, f"{len(made.records):,}"
     assert f"reading the record: {1:,.0f} of {size / 1e6:,.0f} MB" in told
     counts = [int(each.partition(" ")[0].replace(",", "")) for each in told if each.endswith(f" of {total} records")]
