@@ -42,7 +42,7 @@ class Culprit(Struct, frozen=True):
         return f"took {steps} steps in one go, each of which led to the next, without waiting for anything; {probably}"
 
 
-def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, int] | None = None) -> Culprit | None:
+def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, int] | None) -> Culprit | None:
     """The running rule that has the most steps in a chain of causes, and at least two; of equals the one whose first
     step is the earliest.
 

@@ -6,6 +6,7 @@ import os
 import re
 import stat
 from bisect import bisect_right
+from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
 
@@ -29,21 +30,20 @@ class SourceFile:
         self.data = data
         self.text = text
         """Decoded, without byte order mark."""
-        self._line_starts: list[int] | None = None
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        return line_starts(self.text)
 
     def location(self, offset: int) -> SourceLocation:
         """Line and column of an offset in `text`."""
         starts = self._line_starts
-        if starts is None:
-            starts = self._line_starts = line_starts(self.text)
         line = bisect_right(starts, offset)
         return SourceLocation(self.name, line, offset - starts[line - 1] + 1)
 
     def offset(self, line: int, column: int) -> int:
         """The reverse of `location`, kept within the text."""
         starts = self._line_starts
-        if starts is None:
-            starts = self._line_starts = line_starts(self.text)
         line = min(max(line, 1), len(starts))
         return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
 
@@ -105,7 +105,7 @@ class FileReader:
 
 
 def _conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
-    """Whether a merge of git was never resolved in a file: a finding for each place, and nothing else is said of it."""
+    """Whether a merge of git was never resolved in a file: a finding for each conflict, and no other about it."""
     if "<<<<<<<" not in source.text:
         return False
     opening: re.Match[str] | None = None

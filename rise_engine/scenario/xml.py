@@ -106,7 +106,7 @@ class XmlFile:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
         return self._location(self._offset_map(element, None, None).offset(index))
 
-    def tail_location(self, element: Element, index: int = 0) -> SourceLocation:
+    def tail_location(self, element: Element, index: int) -> SourceLocation:
         """Where the character number `index` of what stands behind an element stands in the file."""
         tag = _TAG.match(self._text, element.end_offset)
         return self._location(_text_offset_map(self._text, tag.end() if tag else element.end_offset).offset(index))

@@ -50,8 +50,8 @@ class RepairedText:
     def replace(self, start: int, end: int, new: str) -> None:
         self._edits.append((start, end, new))
 
-    def apply_edits(self) -> bool:
-        """Apply the edits; False when there are none."""
+    def apply_edits(self) -> None:
+        """Make `text` of the source and the edits."""
         self._edits.sort()
         pieces: list[str] = []
         position = length = 0
@@ -63,7 +63,6 @@ class RepairedText:
             position = end
         pieces.append(self.source.text[position:])
         self.text = "".join(pieces)
-        return bool(self._edits)
 
     def original_offset(self, offset: int) -> int:
         """Where an offset of `text` was before the repair."""

@@ -1,6 +1,6 @@
 """Replay: the recorded inputs once more, through a fresh kernel. What comes out must be what was recorded.
 
-`compare` is what `rise-engine replay` shows; `Replay` serves recovery too.
+`compare_replay` is what `rise-engine replay` shows; `Replay` serves recovery too.
 """
 
 from __future__ import annotations
@@ -83,23 +83,21 @@ class ReplayComparison(Struct, frozen=True):
         return self.difference is None and not self.damaged and not self.missing
 
 
-def compare_replay(
-    folder: Path, scenario: Path | None = None, on_progress: ProgressCallback | None = None
-) -> ReplayComparison:
+def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparison:
     """Run the recorded inputs of the session in `folder` through a fresh kernel, and compare what comes out with what
     was recorded, byte for byte.
 
-    `scenario`: a scenario folder to use instead of the session's own copy. `on_progress` gets a sentence about how far
-    it has come, about twice a second, when that takes long. Returns how much was compared and the first difference, if
-    there is one; `identical` says it in a word. Nothing in the folder is changed, and the session may run. Raises
-    SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not load.
+    `scenario`: a scenario folder to use instead of the session's own copy. Returns how much was compared and the first
+    difference, if there is one; `identical` says it in a word. Nothing in the folder is changed, and the session may
+    run. Raises SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not
+    load.
 
-        comparison = compare(find_session("2026-11-21_141503_lablinking_debug"))
+        comparison = compare_replay(find_session("2026-11-21_141503_lablinking_debug"))
         print("identical" if comparison.identical else comparison.difference)
     """
     info = read_info(folder)
     path = folder / JOURNAL
-    contents = read_journal(path, on_progress)
+    contents = read_journal(path)
     require_inputs(path, contents)
     notes: list[str] = []
     model = (
@@ -110,7 +108,7 @@ def compare_replay(
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = Replay(Kernel(model, info.seed), contents, on_progress).run()
+    done = Replay(Kernel(model, info.seed), contents).run()
     if done.unwritten and done.difference is None:
         first, last = done.unwritten[0].seq, done.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
