@@ -216,7 +216,7 @@ def main() -> bool:
     if xstate is None:
         report.row(f"xstate {XSTATE}", "not measured", "node or npm is missing")
     mine = next(iter(figures.values()))
-    for (name, figure), wanted in zip(list(figures.items())[1:], (1, 10, 10, 1), strict=False):
+    for (name, figure), wanted in zip(list(figures.items())[1:], (6, 10, 10, 2), strict=False):
         report.target(f"times {name}", figure.median / mine.median, wanted, at_least=True)
     return report.met
 

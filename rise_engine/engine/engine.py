@@ -144,7 +144,7 @@ class Engine:
         self._stepping = False
         self._timers: dict[int, Timer] = {}
         self._t = self._kernel.core.t
-        self._seq = self._kernel.core.seq
+        self._seq = self._kernel.seq
         self._end_reason: str | None = None
         self._last_record_made = False
         self._unrecorded_stops: list[str] = []

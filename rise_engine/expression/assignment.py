@@ -32,7 +32,7 @@ class Assignment:
     expression: Expression | None
     literal: Json
 
-    def __init__(self, text: str, key: str, expression: Expression | None, literal: Json = None) -> None:
+    def __init__(self, text: str, key: str, expression: Expression | None, literal: Json) -> None:
         self.text = text
         self.key = key
         self.expression = expression

@@ -6,12 +6,14 @@ reads it, so that no type is looked at twice.
 
 from __future__ import annotations
 
+from operator import neg
+
 from rise_engine.expression import arithmetic, comparisons, logic
 from rise_engine.expression.arithmetic import Number
 from rise_engine.expression.comparisons import Operand, Refuse
 from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
-from rise_engine.expression.functions import CONSTANTS, NUMERIC
+from rise_engine.expression.functions import CONSTANTS, NUMERIC, power
 from rise_engine.expression.logic import Condition
 from rise_engine.expression.nodes import (
     Chain,
@@ -92,9 +94,9 @@ class ExpressionCompiler:
             case Chain(first, rest):
                 return arithmetic.chain(self.number(first), [(sign, self.number(operand)) for sign, operand in rest])
             case Negative(operand):
-                return arithmetic.negative(self.number(operand))
+                return arithmetic.call(neg, [self.number(operand)])
             case Power(base, exponent):
-                return arithmetic.exponentiation(self.number(base), self.number(exponent))
+                return arithmetic.call(power, [self.number(base), self.number(exponent)])
             case FunctionCall(function, arguments) if function in NUMERIC:
                 return arithmetic.call(NUMERIC[function], [self.number(argument) for argument in arguments])
             case FunctionCall("rand", arguments):

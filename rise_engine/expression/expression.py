@@ -14,8 +14,9 @@ from rise_engine.expression.parser import parse
 class Expression:
     """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is.
 
-    `condition` and `native` are the compiled closures (built at first use): whoever evaluates often keeps an
-    `Environment` and calls them directly. They raise EvaluationError when a value does not fit, and nothing else.
+    `compiled_condition` and `compiled_value` are the compiled closures (built at first use): whoever evaluates often
+    keeps an `Environment` and calls them directly. They raise EvaluationError when a value does not fit, and nothing
+    else.
     """
 
     text: str

@@ -1,4 +1,4 @@
-"""The emulation behind `upstream`: splits a text as the public LogicExpressionParser does (2024 version, point as
+"""The emulation behind `rise1_compat`: splits a text as the public LogicExpressionParser does (2024 version, point as
 decimal sign, comma as separator). It has two entries, one for truth values and one for numbers, that call each other.
 """
 
@@ -45,7 +45,7 @@ class Rise1RefusalError(RiseError):
 
 
 def split_as_rise1(text: str) -> Node:
-    """What the parser makes of a text that stands as a condition. Raises RefusedError."""
+    """What the parser makes of a text that stands as a condition. Raises Rise1RefusalError."""
     return _Splitter().start(text)
 
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from copy import copy
 from functools import lru_cache
-from typing import Any
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.kernel.core import EventTopic, EventTopics
+from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Statement, Transition, normal_topic
 
 RAISE, ASSIGN, CALL, TEST, PICK = range(5)
@@ -80,7 +79,17 @@ class Op:
 
 
 class CompiledTransition:
-    __slots__ = ("after", "block", "condition", "entered_at_once", "entry_after_actions", "index", "topic", "trigger")
+    __slots__ = (
+        "after",
+        "block",
+        "condition",
+        "entered_at_once",
+        "entry_after_actions",
+        "index",
+        "next",
+        "topic",
+        "trigger",
+    )
 
     def __init__(self, transition: Transition, index: int, blocks: BlockCompiler, topics: EventTopics) -> None:
         self.index = index
@@ -88,6 +97,8 @@ class CompiledTransition:
         self.condition = _compile_condition(transition.condition) if transition.condition is not None else None
         self.after = transition.after
         self.block = blocks.compile(transition.block)
+        self.next: CompiledTransition | None = None
+        """The next one of the state that the same event could trigger."""
         self.entered_at_once: CompiledState | None = None
         """The state that is entered at once; null when functions come first, or when the state is not left."""
         self.entry_after_actions: CompiledTransition | None = None
@@ -113,8 +124,8 @@ class CompiledState:
         "id",
         "transitions",
         "trivial",
-        "unconditional",
         "wait_lists",
+        "watch_lists",
         "watched_keys",
     )
 
@@ -123,13 +134,12 @@ class CompiledState:
         self.entry = entry
         self.exit = exit
         self.transitions = transitions
-        by_topic: dict[EventTopic, list[CompiledTransition]] = {}
-        for transition in transitions:
+        self.by_topic: dict[EventTopic, CompiledTransition] = {}
+        """The first transition for each event; the others follow as its `next`."""
+        for transition in reversed(transitions):
             if transition.topic is not None:
-                by_topic.setdefault(transition.topic, []).append(transition)
-        self.by_topic = {topic: tuple(taken) for topic, taken in by_topic.items()}
-        self.unconditional = {topic: taken[0] for topic, taken in by_topic.items() if taken[0].condition is None}
-        """What is taken without looking at any condition."""
+                transition.next = self.by_topic.get(transition.topic)
+                self.by_topic[transition.topic] = transition
         self.delayed = tuple(t for t in transitions if t.after is not None)
         self.eventless = tuple(t for t in transitions if t.topic is None and t.after is None)
         self.watched_keys = tuple(
@@ -146,19 +156,16 @@ class CompiledState:
         self.final = not transitions
         self.trivial = not (self.delayed or self.final or self.eventless)
         """Entering it needs no more than waiting for events."""
-        self.wait_lists: tuple[tuple[WaitList, CompiledTransition | None], ...] = ()
-        """Where a rule in this state stands in line, and with what: one line per topic, one per key that it watches."""
-
-
-WaitList = dict[Any, CompiledTransition | None]
-"""A line of running rules in stack order, the highest last, each with what it takes for sure: null when that depends on
-conditions. Everything that finding the taker of an event needs lies here, near together in memory."""
+        self.wait_lists = tuple(topic.wait_list for topic in self.by_topic)
+        """Where a rule in this state waits for its events while it is not on top of the stack."""
+        self.watch_lists: tuple[RuleList, ...] = ()
+        """Where it stands for the keys that it watches."""
 
 
 class CompiledRule:
     __slots__ = ("initial", "name", "priority", "source", "states")
 
-    def __init__(self, rule: Rule, topics: EventTopics, watching: dict[str, WaitList]) -> None:
+    def __init__(self, rule: Rule, topics: EventTopics, watchers: dict[str, RuleList]) -> None:
         self.name = rule.name
         self.source = f"rule:{rule.name}"
         self.priority = float(rule.priority)
@@ -168,22 +175,22 @@ class CompiledRule:
                 state.id,
                 blocks.compile(state.on_entry),
                 blocks.compile(state.on_exit),
-                [CompiledTransition(way, index, blocks, topics) for index, way in enumerate(state.transitions)],
+                [
+                    CompiledTransition(transition, index, blocks, topics)
+                    for index, transition in enumerate(state.transitions)
+                ],
             )
             for state in rule.states.values()
         }
         for state in rule.states.values():
-            for way, transition in zip(self.states[state.id].transitions, state.transitions, strict=True):
+            for transition, compiled in zip(state.transitions, self.states[state.id].transitions, strict=True):
                 if transition.target is not None:
-                    landing = way
+                    entering = compiled
                     if transition.block or state.on_exit:
-                        landing = way.entry_after_actions = copy(way)
-                    landing.entered_at_once = self.states[transition.target]
-        for code in self.states.values():
-            code.wait_lists = (
-                *((topic.wait_list, code.unconditional.get(topic)) for topic in code.by_topic),
-                *((watching.setdefault(key, {}), None) for key in code.watched_keys),
-            )
+                        entering = compiled.entry_after_actions = copy(compiled)
+                    entering.entered_at_once = self.states[transition.target]
+        for compiled_state in self.states.values():
+            compiled_state.watch_lists = tuple(watchers.setdefault(key, {}) for key in compiled_state.watched_keys)
         self.initial = self.states[rule.initial]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from itertools import count
 from typing import Any, Concatenate, ParamSpec, TypeAlias
 
 from msgspec import Struct
@@ -17,6 +18,10 @@ from rise_engine.scenario.model import Scenario
 RecordFields = ParamSpec("RecordFields")
 
 
+RuleList: TypeAlias = dict[Any, None]
+"""Running rules (`rise_engine.kernel.rules.RuleRun`), each once, in the order in which they joined."""
+
+
 class EventTopic:
     """An event topic: one object for all who raise it or wait for it."""
 
@@ -26,8 +31,8 @@ class EventTopic:
         self.name = name
         self.with_slash = "/" + name
         """As records show it."""
-        self.wait_list: dict[Any, Any] = {}
-        """Who waits for it (`rise_engine.kernel.compiled_rules.WaitList`)."""
+        self.wait_list: RuleList = {}
+        """Who waits for it, besides the rule on top of the stack: a list in stack order, the highest last."""
 
 
 class EventTopics(dict[str, EventTopic]):
@@ -41,7 +46,8 @@ class EventTopics(dict[str, EventTopic]):
 
 
 Cause: TypeAlias = "tuple[str, Cause] | None"
-"""What led to something within one go: the rule whose step it was, and what had led to that step. Null: an input."""
+"""What led to something within one macrostep: the rule whose step it was, and what had led to that step; null: an
+input did."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
 """Raised and not yet routed: the topic, its source, and what it comes of."""
@@ -66,7 +72,7 @@ class Task(Struct):
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `what`: after, wait, limit, cancel, stop or filler."""
+    """What a timer is for. `purpose`: after, wait, limit, cancel, stop or filler."""
 
     purpose: str
     owner: str = ""
@@ -82,11 +88,12 @@ class Core:
         self.scenario = scenario
         self.rng = Rng(seed)
         self.t = 0.0
-        self.seq = 0
+        self.numbers = count(1)
+        """What numbers records: each draws its own when it is put out, by `emit` or by the few that go without."""
         self.macrostep = 0
-        """Counts inputs: what happens within one of them happens in one go."""
+        """Counts what is done in one go (SCXML's word): all that one input sets off, or all timers of one moment."""
         self.continued_macrostep = -1
-        """The last go (by `step`) that took in more than one input: timers of one moment are one go."""
+        """The last macrostep that took in more than one input."""
         self.cause: Cause = None
         """What the things that happen now come of."""
         self.records: list[AnyRecord] = []
@@ -116,12 +123,12 @@ class Core:
         *fields: RecordFields.args,
         **named: RecordFields.kwargs,
     ) -> None:
-        """Put out a record of `kind` with these fields; `Kernel.handle` numbers it, and the engine fills in `wall`.
+        """Put out a record of `kind` with these fields, numbered; the engine fills in `wall`.
 
-        What rules do all the time (an event, a state that is entered, a condition, a task that ends at once) goes
-        into `records` without this call, which would cost more than the record itself (benchmarks/kernel_events).
+        What rules do all the time (an event is raised, or taken; a condition; a state that is entered) goes into
+        `records` without this call, which would cost more than the record itself (benchmarks/kernel_events).
         """
-        self.records.append(kind(0, self.t, "", *fields, **named))
+        self.records.append(kind(next(self.numbers), self.t, "", *fields, **named))
 
     def new_task(self, function: str, behavior: str, calling_type: str, source: str, ref: str | None) -> Task:
         task = Task(self.next_task, function, behavior, calling_type, source, ref)
@@ -156,9 +163,7 @@ class Core:
         """The one record of a task that ends at once: everything but starts."""
         id = self.next_task
         self.next_task = id + 1
-        self.records.append(
-            TaskRecord(0, self.t, "", id, function, behavior, calling_type, source, status, reason, None, ref)
-        )
+        self.emit(TaskRecord, id, function, behavior, calling_type, source, status, reason, ref=ref)
 
     def record_note(self, text: str, source: str = "engine") -> None:
         self.emit(NoteRecord, text, source)

@@ -20,7 +20,7 @@ TaskFunction: TypeAlias = Literal[
     # Ours, by the same path, so that one log shows everything (docs/decisions):
     "deleteValue",  # behavior: the memory key
     "cancelTask",  # behavior: the id of a running or waiting task
-    "moveTask",  # behavior: "<id> <position>", a waiting task's new place, 0 is next
+    "moveTask",  # behavior: "<id> <position>", a waiting task's new position, 0 is next
     "stopAll",  # behavior is empty
     "releaseStop",  # behavior is empty
     "say",  # behavior: the text, as it is to be said

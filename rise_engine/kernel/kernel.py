@@ -9,6 +9,7 @@ byte for byte. The first record that a `Submit` causes is the record of its own 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from typing import Any, Literal, TypeAlias
 
 from rise_engine.kernel.commands import Command
@@ -38,13 +39,36 @@ _SessionStatus: TypeAlias = Literal["started", "recovered", "ended"]
 
 
 class Kernel:
-    """A session's state and its only way to change. Pure: it knows no clock, disk, robot, thread or screen."""
+    """A session's state and its only way to change. Pure: it knows no clock, disk, robot, thread or screen.
+
+    What a session looks like from outside is a `rise_engine.kernel.view.SessionView`, which is made of the records:
+
+        >>> from rise_engine.kernel.inputs import SessionStarted, Submit
+        >>> from rise_engine.kernel.view import SessionView
+        >>> from rise_engine.scenario import load
+        >>> kernel, view = Kernel(load("scenarios/greeting").scenario, seed=1), SessionView()
+        >>> for input in (SessionStarted(), Submit(t=2.5, function="startCommunicationRobotAct", behavior="R_Nod")):
+        ...     records, commands = kernel.handle(input)
+        ...     for record in records:
+        ...         view.apply(record)
+        >>> view.tasks[view.running[0]].behavior, kernel.is_busy
+        ('R_Nod', True)
+        >>> type(commands[0]).__name__, commands[0].type
+        ('StartAction', 'Animation')
+    """
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        """A session that has not begun. `scenario`: checked, as `rise_engine.scenario.load` gives it; `seed`: a whole
-        number from which everything comes that the session does by chance."""
+        """A session that has not begun; it raises nothing.
+
+        Arguments:
+            scenario: checked, as `rise_engine.scenario.load` gives it.
+            seed: any whole number. Everything that the session does by chance comes from it: the same seed and the
+                same inputs give the same records.
+        """
         self.scenario = scenario
         self.seed = seed
+        self.seq = 0
+        """The number of the last record."""
         self.participant = self.condition = ""
         self.core = Core(scenario, seed)
         self.stop = StopLatch(self.core)
@@ -72,8 +96,9 @@ class Kernel:
     def handle(self, input: AnyInput) -> tuple[list[AnyRecord], list[Command]]:
         """Take one input, run everything that it sets off to completion (SCXML's macrostep), and say what came of it.
 
-        `input`: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time; one that lies before the
-        kernel's own time counts as now. The first input of a session is a `SessionStarted`.
+        Arguments:
+            input: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time; one that lies before the
+                kernel's own time counts as now. The first input of a session is a `SessionStarted`.
 
         Returns the records, numbered without gaps in the order in which things happened (`wall` is empty: the kernel
         knows no clock), and the commands (`rise_engine.kernel.commands`), to be carried out in their order, after the
@@ -96,30 +121,26 @@ class Kernel:
         if input.t > core.t:
             core.t = input.t
             core.macrostep += 1
-        elif kind is not TimerElapsed:  # timers of one moment are one go: a loop of empty waits is a runaway too
+        elif kind is not TimerElapsed:  # timers of one moment share one: a loop of empty waits is a runaway too
             core.macrostep += 1
         else:
             core.continued_macrostep = core.macrostep
         core.cause = None
-        records: list[AnyRecord] = []
-        commands: list[Command] = []
-        core.records, core.commands = records, commands
+        records = core.records = []
+        commands = core.commands = []
         if kind is Submit:
             pressed: float | None = input.pressed  # type: ignore[union-attr]
             core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
-            functions = self._handlers
-            (functions.by_name.get(input.function) or functions.reject_unknown)(input)  # type: ignore[union-attr, arg-type]
+            handlers = self._handlers
+            (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)  # type: ignore[union-attr, arg-type]
             if input.source.startswith("wizard:"):  # type: ignore[union-attr]
                 self.wizard_marks.note_task(records[0])  # type: ignore[arg-type]
         else:
             core.key_at = None
             self._input_handlers[kind](input)
         self.rules.run_to_completion()
-        number = core.seq
-        for record in records:  # the one place that gives records their numbers
-            number += 1
-            record.seq = number
-        core.seq = number
+        if records:
+            self.seq = records[-1].seq
         return records, commands
 
     # --- snapshot ---
@@ -127,15 +148,25 @@ class Kernel:
     def snapshot(self) -> Snapshot:
         """Everything that the kernel needs to go on, as a value that can be sent and shares nothing with the kernel.
 
-        Only between inputs. A kernel that is restored from it gives, for the same inputs, the same records and commands
-        as this one from here on.
+        Only between inputs; it raises nothing. A kernel that is restored from it gives, for the same inputs, the same
+        records and commands as this one from here on.
+
+            >>> from rise_engine.kernel.inputs import SessionStarted, Submit
+            >>> from rise_engine.scenario import load
+            >>> scenario = load("scenarios/greeting").scenario
+            >>> kernel = Kernel(scenario, seed=1)
+            >>> records, commands = kernel.handle(SessionStarted())
+            >>> restored = Kernel.restore(scenario, kernel.snapshot())
+            >>> input = Submit(t=2.5, function="startCommunicationRobotAct", behavior="R_Nod")
+            >>> restored.handle(input) == kernel.handle(input)
+            True
         """
         core, runner = self.core, self.scheduler.runner
         return Snapshot(
             scenario=core.scenario.hash,
             seed=self.seed,
             t=core.t,
-            seq=core.seq,
+            seq=self.seq,
             rng=core.rng.state,
             next_task=core.next_task,
             next_timer=core.next_timer,
@@ -157,7 +188,14 @@ class Kernel:
 
     @classmethod
     def restore(cls, scenario: Scenario, snapshot: Snapshot) -> Kernel:
-        """A kernel that goes on exactly where the snapshot was taken. Raises SnapshotError for another scenario."""
+        """A kernel that goes on exactly where the snapshot was taken.
+
+        Arguments:
+            scenario: the one that the snapshot was taken with, read from the same files.
+            snapshot: as `snapshot` gave it; it is copied.
+
+        Raises SnapshotError for another scenario.
+        """
         if snapshot.scenario != scenario.hash:
             raise SnapshotError("the scenario's files are not those that the snapshot was taken with")
         kernel = cls(scenario, snapshot.seed)
@@ -169,7 +207,9 @@ class Kernel:
 
     def _restore(self, snapshot: Snapshot) -> None:
         core, runner = self.core, self.scheduler.runner
-        core.t, core.seq = snapshot.t, snapshot.seq
+        core.t = snapshot.t
+        self.seq = snapshot.seq
+        core.numbers = count(self.seq + 1)
         core.rng.state = snapshot.rng
         core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
         core.timers = snapshot.timers

@@ -56,7 +56,7 @@ class TaskRecord(Record, tag="task"):
     status: TaskStatus
     reason: str = ""
     position: int | None = None
-    """For a PENDING task: its place among the waiting ones, 0 first."""
+    """For a PENDING task: its position among the waiting ones, 0 first."""
     ref: str | None = None
     """What the submitter called it (a ROS goal id, a console's own number)."""
 

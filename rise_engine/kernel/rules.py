@@ -1,14 +1,9 @@
-"""The rules: run to completion, one taker per event, the stack (semantics.md 5, semantics.md 6).
+"""The rules: run to completion, one taker per event (semantics.md 5, semantics.md 6).
 
-In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): what one input sets off is a macrostep, here a *go*; each
+In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): what one input sets off is a macrostep; each
 transition that a rule takes in it is a microstep, here a *step*; the functions in `onEntry` and `onExit` are executable
 content, here *blocks* of ops; a transition without event or time is eventless. Unlike there, several machines (the
 rules) share one queue of events, and one of them at most takes an event.
-
-Costs follow the takers, not the number of running rules. The rule on top of the stack is asked first: it is the one
-that moved last, and mostly the one that moves next. For the others, each topic has a line of the rules that wait for
-it, each memory key one of those that watch it. A line is a dict in stack order: a rule that takes a transition moves to
-the top, so that joining lines at the end keeps them sorted; only a start below others has to sort.
 
 Functions run on an explicit list of frames, not on Python's stack: a rule that starts a rule that starts a rule, ten
 thousand deep, is no deeper than the first.
@@ -27,59 +22,19 @@ from rise_engine.kernel.compiled_rules import (
     TEST,
     CompiledCondition,
     CompiledRule,
-    CompiledState,
     CompiledTransition,
     Op,
-    WaitList,
 )
-from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
+from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.runaway import LONGEST_GO, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
+from rise_engine.kernel.rule_stack import RuleRun, RuleStack, join, leave, rank
+from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
-
-Rank = tuple[float, int]
-"""Priority and recency: larger is nearer the top of the stack. Unique, because stamps are."""
-
-
-class RuleRun:
-    """A running rule."""
-
-    __slots__ = (
-        "alive",
-        "latched",
-        "macrostep",
-        "name",
-        "priority",
-        "recency",
-        "rule",
-        "state",
-        "step_count",
-        "task",
-        "timers",
-    )
-
-    def __init__(self, code: CompiledRule, state: CompiledState, task: Task) -> None:
-        self.rule = code
-        self.name = code.name
-        self.state = state
-        self.task = task
-        self.priority = code.priority
-        self.recency = 0
-        """Grows whenever the rule moves to the top: its recency."""
-        self.alive = True
-        self.timers: dict[int, CompiledTransition] = {}
-        self.latched: set[int] = set()
-        """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
-        self.macrostep = -1
-        """The input (`Core.macrostep`) during which it last took a transition."""
-        self.step_count = 0
-        """How many it has taken during that input."""
-
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
-transition that then arrives, and what all that comes of."""
+transition that then enters its target, and what all that comes of."""
 
 
 class RuleMachine:
@@ -89,47 +44,29 @@ class RuleMachine:
         self._core = core
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
-        self._memory = WorkingMemory(core, self.key_changed)
-        self._watchers: dict[str, WaitList] = {}
+        self.memory = WorkingMemory(core, self._key_changed)
+        self._watchers: dict[str, RuleList] = {}
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
         }
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose conditions without event have to be looked at, and what that comes of."""
-        self.recency = 0
+        self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """Of rules that have ended: the input in which they last did something, and how many steps they took in it. A
-        rule that is stopped and started again within one go goes on counting."""
-        self.stack: dict[str, RuleRun] = {}
-        """The running rules by name, bottom first."""
-        self._top: RuleRun | None = None
-        """The last of the stack."""
-        self._long_macrostep = (-1, 0)
-        """The input in which a rule went on although it had taken STEP_LIMIT steps, and how often that was in it."""
-
-    @property
-    def memory(self) -> WorkingMemory:
-        return self._memory
+        """Of rules that have ended: the macrostep in which they last took a step, and how many they took in it. A rule
+        that is stopped and started again within one macrostep goes on counting."""
+        self._vain_searches = (-1, 0)
+        """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
 
     # --- start and end ---
 
     def start(self, name: str, task: Task, on_top: bool) -> None:
         """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
-        code = self._compiled[name]
-        run = RuleRun(code, code.initial, task)
-        top = self._top
-        if on_top and top is not None:
-            run.priority = max(run.priority, top.priority)
-        self.recency = run.recency = self.recency + 1
-        self.stack[name] = run
-        self._join_wait_lists(run)
-        if top is not None and run.priority < top.priority:
-            self.stack = {r.name: r for r in sorted(self.stack.values(), key=_rank)}
-            for line, _ in run.state.wait_lists:
-                _sort_wait_list(line)
-        else:
-            self._top = run
+        rule = self._compiled[name]
+        run = RuleRun(rule, rule.initial, task)
+        self.stack.start(run, on_top)
+        join(run, run.state.watch_lists)
         self._record(run, "started", None, "start", None)
         self._record(run, "entered", None, "start", None)
         step = self._core.macrostep
@@ -153,13 +90,10 @@ class RuleMachine:
     def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
         core = self._core
         run.alive = False
-        self._leave_wait_lists(run)
-        self._cancel_timers(run)
+        self._on_left(run)
         self._to_reevaluate.pop(run, None)
-        del self.stack[run.name]
+        self.stack.remove(run)
         self.step_counts[run.name] = (run.macrostep, run.step_count)
-        if self._top is run:
-            self._top = self.stack[next(reversed(self.stack))] if self.stack else None
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
         run.task.status = task_status  # type: ignore[assignment]
         core.record_task(run.task, reason)
@@ -184,24 +118,24 @@ class RuleMachine:
             for run in self.stack.values()
         ]
         ended = {name: steps for name, (last, steps) in self.step_counts.items() if last == step}
-        return RulesSnapshot(running, ended, self.recency)
+        return RulesSnapshot(running, ended, self.stack.recency)
 
     def restore(self, snapshot: RulesSnapshot) -> None:
         """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
         step = self._core.macrostep
         for rule in snapshot.running:
-            code = self._compiled[rule.name]
-            run = RuleRun(code, code.states[rule.state], rule.task)
+            compiled = self._compiled[rule.name]
+            run = RuleRun(compiled, compiled.states[rule.state], rule.task)
             run.priority, run.recency = rule.priority, rule.recency
             run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
             if any(transition.after is None for transition in run.timers.values()):
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
             run.macrostep, run.step_count = step, rule.steps
-            self.stack[run.name] = self._top = run
-            self._join_wait_lists(run)
+            self.stack.add(run)
+            join(run, run.state.watch_lists)
         self.step_counts = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
-        self.recency = snapshot.recency
+        self.stack.recency = snapshot.recency
 
     # --- run to completion ---
 
@@ -213,6 +147,7 @@ class RuleMachine:
         core = self._core
         events = core.events
         frames = self._frames
+        stack = self.stack
         while True:
             if frames:
                 self._run_actions()
@@ -220,32 +155,41 @@ class RuleMachine:
                 self._take_eventless()
             elif events:
                 topic, source, core.cause = events.popleft()
-                run = self._top
+                run = stack.top
+                transition = run.state.by_topic.get(topic) if run is not None else None
                 # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
-                transition = run.state.unconditional.get(topic) if run is not None else None
-                if transition is None:
+                if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
                 if run is None or transition is None:
-                    core.records.append(EventRecord(0, core.t, "", topic.with_slash, source, None))
+                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, None))
                 else:
-                    core.records.append(EventRecord(0, core.t, "", topic.with_slash, source, run.name))
+                    core.records.append(EventRecord(next(core.numbers), core.t, "", topic.with_slash, source, run.name))
                     self._take_transition(run, transition)
             elif not frames:
                 return
 
     def _find_taker(self, topic: EventTopic) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
         """The highest rule that would take an event, and the transition."""
-        for run, sure in reversed(topic.wait_list.items()):
-            if sure is not None:
-                return run, sure
-            for transition in run.state.by_topic[topic]:
-                if transition.condition is None or self._evaluate(run, transition.condition):
-                    return run, transition
+        top = self.stack.top
+        if top is not None and (transition := self._find_transition(top, topic)) is not None:
+            return top, transition
+        for run in reversed(topic.wait_list):
+            if (transition := self._find_transition(run, topic)) is not None:
+                return run, transition
         return None, None
+
+    def _find_transition(self, run: RuleRun, topic: EventTopic) -> CompiledTransition | None:
+        """The first transition of a rule, in document order, that would take an event."""
+        transition = run.state.by_topic.get(topic)
+        while transition is not None and transition.condition is not None:
+            if self._evaluate(run, transition.condition):
+                break
+            transition = transition.next
+        return transition
 
     def _take_eventless(self) -> None:
         """Let the highest of the rules that have something to look at take an eventless transition."""
-        run = max(self._to_reevaluate, key=_rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
+        run = max(self._to_reevaluate, key=rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
         self._core.cause = self._to_reevaluate.pop(run)
         for transition in run.state.eventless:
             if transition.condition is None or self._evaluate(run, transition.condition):
@@ -264,7 +208,8 @@ class RuleMachine:
         if transition.condition is None or self._evaluate(run, transition.condition):
             self._take_transition(run, transition)
 
-    def key_changed(self, key: str) -> None:
+    def _key_changed(self, key: str) -> None:
+        """Let the rules that watch a key look at their eventless transitions."""
         if runs := self._watchers.get(key):
             self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
 
@@ -290,19 +235,13 @@ class RuleMachine:
         run.step_count = steps
         previous = run.state
         if not previous.trivial:
-            self._cancel_timers(run)
-            run.latched.clear()
-        self.recency = run.recency = self.recency + 1
-        if self._top is not run:
-            self._promote(run)
-        for line, _ in previous.wait_lists:
-            del line[run]
-        for line, sure in state.wait_lists:
-            line[run] = sure
+            self._on_left(run)
+        if self.stack.top is not run:
+            self.stack.promote(run)
         run.state = state
         core.records.append(
             RuleRecord(
-                0,
+                next(core.numbers),
                 core.t,
                 "",
                 run.name,
@@ -315,6 +254,7 @@ class RuleMachine:
             )
         )
         if not state.trivial:
+            join(run, state.watch_lists)
             self._on_entered(run, (run.name, core.cause))
         elif state.entry is not None:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
@@ -325,19 +265,15 @@ class RuleMachine:
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
-        if (
-            transition.entry_after_actions is not None
-        ):  # innermost last: onExit, the transition's own, then the move, which counts
+        if transition.entry_after_actions is not None:
+            # Innermost last: onExit, the transition's own, then the move to its target, which counts as the step.
             frames.append((run, None, False, transition.entry_after_actions, before))
             frames.append((run, transition.block, False, None, cause))
             frames.append((run, run.state.exit, False, None, cause))
         else:
             run.macrostep = self._core.macrostep
             run.step_count = steps
-            self.recency = run.recency = self.recency + 1
-            self._promote(run)
-            self._leave_wait_lists(run)
-            self._join_wait_lists(run)
+            self.stack.promote(run)
             self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
             frames.append((run, transition.block, True, None, cause))
 
@@ -360,11 +296,11 @@ class RuleMachine:
         elif run.state.eventless:
             self._to_reevaluate[run] = cause
 
-    # --- who goes round in circles ---
+    # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """A rule is about to take more than STEP_LIMIT steps in one go. Stop whoever keeps it going, as the chain of
-        causes that leads to the step tells (semantics.md 6.4); whether the step is taken all the same."""
+        """A rule is about to take more than STEP_LIMIT steps in one macrostep: stop who keeps it going, as the chain
+        of causes that leads to the step tells (semantics.md 6.4). Returns whether the step is taken all the same."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
         culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
@@ -377,12 +313,13 @@ class RuleMachine:
         return run.alive
 
     def _stop_multiplier(self) -> None:
-        """Nothing goes round, and still the go may have no end that anybody lives to see: thirty rules, each of which
-        answers an event with two for the next one, take a billion steps. Stop who has raised most of what waits."""
+        """Nothing goes round, and still the macrostep may have no end that anybody lives to see: thirty rules, each of
+        which answers an event with two for the next one, take a billion steps. Stop who has raised most of what
+        waits."""
         core = self._core
-        step, times = self._long_macrostep
-        self._long_macrostep = (core.macrostep, times + 1 if step == core.macrostep else 1)
-        if self._long_macrostep[1] > LONGEST_GO:
+        macrostep, times = self._vain_searches
+        self._vain_searches = (core.macrostep, times + 1 if macrostep == core.macrostep else 1)
+        if self._vain_searches[1] > MAX_VAIN_SEARCHES:
             name = find_multiplier(core.events, self.stack)
             if name is not None:
                 self._end(self.stack[name], "faulted", "ABORTED", MULTIPLIED)
@@ -394,7 +331,7 @@ class RuleMachine:
         frames = self._frames
         core = self._core
         while frames:
-            run, op, entered, landing, cause = frames.pop()
+            run, op, entered, entering, cause = frames.pop()
             if not run.alive:
                 continue
             core.cause = cause
@@ -406,14 +343,24 @@ class RuleMachine:
                     id = core.next_task
                     core.next_task = id + 1
                     core.records.append(
-                        TaskRecord(0, core.t, "", id, "raiseEventTopic", op.argument, "None", op.source, "SUCCEEDED")
+                        TaskRecord(
+                            next(core.numbers),
+                            core.t,
+                            "",
+                            id,
+                            "raiseEventTopic",
+                            op.argument,
+                            "None",
+                            op.source,
+                            "SUCCEEDED",
+                        )
                     )
                     core.events.append((op.topic, op.source, cause))
                     op = op.next
                 elif kind == ASSIGN:
                     op = op.next if self._assign(run, op) else None  # an error skips the rest of the block
                 elif kind == CALL:
-                    frames.append((run, op.next, entered, landing, cause))
+                    frames.append((run, op.next, entered, entering, cause))
                     self._submit(op.function, op.argument, op.source)
                     break  # what it started comes first, and it may have stopped this rule
                 else:
@@ -421,20 +368,20 @@ class RuleMachine:
             else:
                 if entered:
                     self._after_onentry(run, cause)
-                elif landing is not None:
-                    self._take_transition(run, landing)
+                elif entering is not None:
+                    self._take_transition(run, entering)
 
     def _assign(self, run: RuleRun, op: Op) -> bool:
         """False when the value could not be computed."""
         core = self._core
         source = op.source
         try:
-            written = self._memory.compute(op.assignments)
+            written = self.memory.compute(op.assignments)
         except EvaluationError as error:
             core.record_finished_task("assignValue", op.argument, source, "ABORTED", str(error))
             return False
         core.record_finished_task("assignValue", op.argument, source, "SUCCEEDED")
-        self._memory.assign(written, source)
+        self.memory.assign(written, source)
         return True
 
     def _evaluate(self, run: RuleRun, condition: CompiledCondition) -> bool:
@@ -451,33 +398,19 @@ class RuleMachine:
         values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
-            ConditionRecord(0, core.t, "", run.name, run.state.id, condition.text, values, result, error, missing)
+            ConditionRecord(
+                next(core.numbers), core.t, "", run.name, run.state.id, condition.text, values, result, error, missing
+            )
         )
         return result
 
-    # --- the stack and the lines ---
-
-    def _promote(self, run: RuleRun) -> None:
-        """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
-        top = self._top
-        if top is not None and top is not run:
-            run.priority = top.priority
-            del self.stack[run.name]
-            self.stack[run.name] = self._top = run
-
-    def _join_wait_lists(self, run: RuleRun) -> None:
-        """Stand in line, last, for what the rule's state waits for: right for the top of the stack."""
-        for line, sure in run.state.wait_lists:
-            line[run] = sure
-
-    def _leave_wait_lists(self, run: RuleRun) -> None:
-        for line, _ in run.state.wait_lists:
-            del line[run]
-
-    def _cancel_timers(self, run: RuleRun) -> None:
+    def _on_left(self, run: RuleRun) -> None:
+        """A state is left, or the rule ends: it watches no key any more, and its timers are no longer wanted."""
+        leave(run, run.state.watch_lists)
         for timer in run.timers:
             self._core.cancel_timer(timer)
         run.timers.clear()
+        run.latched.clear()
 
     def _record(self, run: RuleRun, status: str, previous: str | None, trigger: str, transition: int | None) -> None:
         self._core.emit(
@@ -490,14 +423,3 @@ class RuleMachine:
             transition,
             run.priority,
         )
-
-
-def _rank(run: RuleRun) -> Rank:
-    return (run.priority, run.recency)
-
-
-def _sort_wait_list(line: WaitList) -> None:
-    """Put a line that a rule has joined below others into stack order again, in place: states hold on to it."""
-    entries = sorted(line.items(), key=lambda entry: _rank(entry[0]))
-    line.clear()
-    line.update(entries)

@@ -1,6 +1,6 @@
 """Who goes round in circles: which rule is stopped when what one input sets off does not end (semantics.md 6.4).
 
-Only reckoning: `RuleMachine` asks, and does what comes of it.
+Pure functions: `RuleMachine` asks, and does what comes of it.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from msgspec import Struct
 from rise_engine.kernel.core import Cause, QueuedEvent
 
 STEP_LIMIT = 1_000
-"""Steps (starts and transitions) that one rule may take in one go before it is looked for who keeps it going."""
-LONGEST_GO = 100
-"""How often that is looked for in one go, in vain, before the go counts as one without an end."""
+"""Steps (starts and transitions) that one rule may take in one macrostep before it is looked for who keeps it going."""
+MAX_VAIN_SEARCHES = 100
+"""How often that is looked for in one macrostep, in vain, before it counts as one without an end."""
 
 MULTIPLIED = (
-    f"what one input set off took more than {STEP_LIMIT * LONGEST_GO:,} steps, and this rule went on adding to them; "
-    "probably it answers each event with several, and so do others before it"
+    f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to "
+    "them; probably it answers each event with several, and so do others before it"
 )
 
 
@@ -42,7 +42,7 @@ class Culprit(Struct, frozen=True):
         return f"took {steps} steps in one go, each of which led to the next, without waiting for anything; {probably}"
 
 
-def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, int] | None = None) -> Culprit | None:
+def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, int] | None) -> Culprit | None:
     """The running rule that has the most steps in a chain of causes, and at least two; of equals the one whose first
     step is the earliest.
 

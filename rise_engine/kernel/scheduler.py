@@ -18,35 +18,33 @@ class Scheduler:
     def __init__(self, core: Core, wizard: WizardMarks) -> None:
         self._core = core
         self._wizard = wizard
-        self._runner = ActRunner(core, self._act_ended)
+        self.runner = ActRunner(core, self._act_ended)
         self._advancing = False
         self._advance_again = False
         self.waiting: list[Task] = []
         """Accepted acts that have not started, next first."""
 
-    @property
-    def runner(self) -> ActRunner:
-        return self._runner
-
     def has_task_of(self, act: str) -> bool:
         """Whether any task of an act is running or waiting."""
-        tasks = [*self.waiting, *(run.task for run in self._runner.runs.values())]
+        tasks = [*self.waiting, *(run.task for run in self.runner.runs.values())]
         return any(_starts_act(task, act) for task in tasks)
 
     def add(self, task: Task) -> None:
         self._wizard.act_accepted(task)
-        place = len(self.waiting)
+        position = len(self.waiting)
         if task.calling_type == "Interrupt":
-            place = next((at for at, other in enumerate(self.waiting) if other.calling_type != "Interrupt"), place)
-        self.waiting.insert(place, task)
-        self._core.record_task(task, position=place)
+            position = next(
+                (at for at, other in enumerate(self.waiting) if other.calling_type != "Interrupt"), position
+            )
+        self.waiting.insert(position, task)
+        self._core.record_task(task, position=position)
         if task.calling_type == "Interrupt":
-            for run in [run for run in self._runner.runs.values() if _is_exclusive(run.task)]:
-                self._runner.cancel(run, f"interrupted by {act_name(task)}")
+            for run in [run for run in self.runner.runs.values() if _is_exclusive(run.task)]:
+                self.runner.cancel(run, f"interrupted by {act_name(task)}")
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
-        """Give a waiting task another place; the order of the others stays."""
+        """Give a waiting task another position; the order of the others stays."""
         self.waiting.remove(task)
         position = max(0, min(position, len(self.waiting)))
         self.waiting.insert(position, task)
@@ -59,24 +57,23 @@ class Scheduler:
         self._record_end(task, "CANCELED", reason)
         self.advance()
 
-    def stop(self, act: str, reason: str) -> int:
-        """Stop every task of an act, running or waiting; how many there were."""
+    def stop(self, act: str, reason: str) -> None:
+        """Stop every task of an act, running or waiting."""
         waiting = [task for task in self.waiting if _starts_act(task, act)]
-        running = [run for run in self._runner.runs.values() if _starts_act(run.task, act)]
+        running = [run for run in self.runner.runs.values() if _starts_act(run.task, act)]
         for task in waiting:
             self.waiting.remove(task)
             self._record_end(task, "CANCELED", reason)
         for run in running:
-            self._runner.cancel(run, reason)
+            self.runner.cancel(run, reason)
         self.advance()
-        return len(waiting) + len(running)
 
     def stop_all(self, reason: str) -> None:
         for task in list(self.waiting):
             self.waiting.remove(task)
             self._record_end(task, "CANCELED", reason)
-        for run in list(self._runner.runs.values()):
-            self._runner.cancel(run, reason)
+        for run in list(self.runner.runs.values()):
+            self.runner.cancel(run, reason)
 
     def advance(self) -> None:
         """Start what may start. Called whenever something was added, moved or ended."""
@@ -93,7 +90,7 @@ class Scheduler:
             self._advancing = False
 
     def _start_what_may(self) -> None:
-        blocking = next((run for run in self._runner.runs.values() if _is_exclusive(run.task)), None)
+        blocking = next((run for run in self.runner.runs.values() if _is_exclusive(run.task)), None)
         holder = blocking.task if blocking is not None else None
         if holder is None:
             holder = next((task for task in self.waiting if _is_exclusive(task)), None)
@@ -106,11 +103,11 @@ class Scheduler:
     def _channels_are_free_for(self, task: Task) -> bool:
         """Interrupt the None acts that occupy a channel it needs; true when there is none."""
         channels = self._channels(task)
-        in_the_way = [run for run in self._runner.runs.values() if self._channels(run.task) & channels]
+        in_the_way = [run for run in self.runner.runs.values() if self._channels(run.task) & channels]
         for run in in_the_way:
-            self._runner.cancel(run, f"interrupted by {act_name(task)}")
+            self.runner.cancel(run, f"interrupted by {act_name(task)}")
         # An act that only waits ends within cancel(); one on the robot ends when the robot has confirmed.
-        return not any(self._channels(run.task) & channels for run in self._runner.runs.values())
+        return not any(self._channels(run.task) & channels for run in self.runner.runs.values())
 
     def _start(self, task: Task) -> None:
         self.waiting.remove(task)
@@ -118,7 +115,7 @@ class Scheduler:
         self._core.record_task(task)
         self._wizard.act_started(task)
         self._advance_again = True
-        self._runner.start(task)
+        self.runner.start(task)
 
     def _act_ended(self, run: ActRun, status: str, reason: str) -> None:
         self._record_end(run.task, status, reason)

@@ -32,7 +32,7 @@ class RuleSnapshot(Struct, frozen=True):
     scenario that the snapshot was taken of, as everything else in it does; so `Snapshot.scenario` is compared first."""
     latched: list[int]
     steps: int
-    """Transitions that it has taken in the go that timers of the same moment would still belong to."""
+    """Transitions that it has taken in the macrostep that timers of the same moment would still belong to."""
 
 
 class RulesSnapshot(Struct, frozen=True):

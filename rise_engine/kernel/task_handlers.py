@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.core import Core, EventTopic, Task
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import TaskStatus
+from rise_engine.kernel.records import TaskRecord, TaskStatus
 from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.speech import why_not_speak
@@ -32,7 +32,7 @@ class TaskHandlers:
         self._scheduler = scheduler
         self._stop = stop
         self._wizard = wizard
-        self._rules = RuleMachine(core, self._submit_from_rule)
+        self.rules = RuleMachine(core, self._submit_from_rule)
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -51,10 +51,6 @@ class TaskHandlers:
             "markMistake": self._mark_mistake,
             "goOn": self._go_on,
         }
-
-    @property
-    def rules(self) -> RuleMachine:
-        return self._rules
 
     def reject_unknown(self, task: Submit) -> None:
         self._reject(task, f"there is no function {task.function!r}" + _did_you_mean(task.function, self.by_name))
@@ -99,7 +95,7 @@ class TaskHandlers:
         core = self._core
         if name not in self._scenario.rules:
             self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
-        elif name in self._rules.stack:
+        elif name in self.rules.stack:
             self._reject(task, f"rule {name!r} is already running")
         elif self._stop.latched:
             self._reject(task, STOPPED)
@@ -108,17 +104,17 @@ class TaskHandlers:
             core.record_task(started)
             started.status = "ACTIVE"
             core.record_task(started)
-            self._rules.start(name, started, on_top=task.source.startswith("rule:"))
+            self.rules.start(name, started, on_top=task.source.startswith("rule:"))
 
     def _stop_rule(self, task: Submit) -> None:
         name = task.behavior
         if name not in self._scenario.rules:
             self._reject(task, f"there is no rule {name!r}" + _did_you_mean(name, self._scenario.rules))
-        elif name not in self._rules.stack:
+        elif name not in self.rules.stack:
             self._reject(task, f"rule {name!r} is not running")
         else:
             self._succeed(task)
-            self._rules.stop(name, f"stopped by {task.source}")
+            self.rules.stop(name, f"stopped by {task.source}")
 
     # --- events and memory ---
 
@@ -131,13 +127,30 @@ class TaskHandlers:
                 self._reject(task, "the event has no name")
                 return
             topic = core.topics.get(name) or EventTopic(name)
-        core.record_finished_task(
-            "raiseEventTopic", task.behavior, task.source, "SUCCEEDED", "", task.calling_type or "None", task.ref
+        id = core.next_task
+        core.next_task = id + 1
+        source = task.source
+        calling_type = task.calling_type or "None"
+        core.records.append(
+            TaskRecord(
+                next(core.numbers),
+                core.t,
+                "",
+                id,
+                "raiseEventTopic",
+                task.behavior,
+                calling_type,
+                source,
+                "SUCCEEDED",
+                "",
+                None,
+                task.ref,
+            )
         )
-        core.events.append((topic, task.source, core.cause))
+        core.events.append((topic, source, None))
 
     def _assign(self, task: Submit) -> None:
-        memory = self._rules.memory
+        memory = self.rules.memory
         try:
             assignments = Assignment.parse_all(task.behavior)
             written = memory.compute(assignments)
@@ -162,7 +175,7 @@ class TaskHandlers:
             self._reject(task, f"the memory has no key {task.behavior!r}" + _did_you_mean(task.behavior, memory))
         else:
             self._succeed(task)
-            self._rules.memory.delete(task.behavior, task.source)
+            self.rules.memory.delete(task.behavior, task.source)
 
     # --- tasks ---
 
@@ -178,24 +191,24 @@ class TaskHandlers:
                 self._succeed(task)
                 self._scheduler.runner.cancel(run, reason)
                 return
-        for rule in self._rules.stack.values():
+        for rule in self.rules.stack.values():
             if str(rule.task.id) == task.behavior:
                 self._succeed(task)
-                self._rules.stop(rule.name, reason)
+                self.rules.stop(rule.name, reason)
                 return
         self._reject(task, f"no task {task.behavior} is running or waiting")
 
     def _move_task(self, task: Submit) -> None:
-        number, _, place = task.behavior.partition(" ")
+        number, _, position = task.behavior.partition(" ")
         waiting = self._find_waiting(number)
-        place = place.strip()
-        if not (place.isascii() and place.isdigit() and len(place) < 10):
+        position = position.strip()
+        if not (position.isascii() and position.isdigit() and len(position) < 10):
             self._reject(task, "write the task's id and its new place, as in `17 0`")
         elif waiting is None:
             self._reject(task, f"no task {number} is waiting")
         else:
             self._succeed(task)
-            self._scheduler.move(waiting, int(place))
+            self._scheduler.move(waiting, int(position))
 
     def _find_waiting(self, number: str) -> Task | None:
         return next((task for task in self._scheduler.waiting if str(task.id) == number), None)
@@ -259,7 +272,7 @@ class TaskHandlers:
         self._succeed(task)
         self._stop.request(task.source)
         self._wizard.cancel_filler()
-        self._rules.stop_all(reason)
+        self.rules.stop_all(reason)
         self._scheduler.stop_all(reason)
         self._stop.ask_robot()
 

@@ -161,7 +161,7 @@ class StopView(Struct):
 
 
 class SessionView(Struct):
-    """Everything that a screen shows."""
+    """A session as anybody outside sees it: what the records so far add up to. Times are seconds of session time."""
 
     seq: int = 0
     t: float = 0.0
@@ -188,7 +188,7 @@ class SessionView(Struct):
     failed: list[int] = field(default_factory=list)
     """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
-    """Every task of the session (of those that have ended, the latest TASK_LOG), by id, in order of arrival."""
+    """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
     forgotten: int = 0
     """Tasks that are no longer among `tasks`."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
@@ -197,7 +197,17 @@ class SessionView(Struct):
     """The latest notes, changes of the robot's link and faults of rules, in order."""
 
     def apply(self, record: AnyRecord) -> None:
-        """Take one record in. Records must come in order and without gaps."""
+        """Take one record in; it raises nothing.
+
+        Arguments:
+            record: the one after the last that was taken in. Records must come in order and without gaps, the first
+                of the session first.
+
+        >>> view = SessionView()
+        >>> view.apply(MemoryRecord(1, 0.5, "", "mood", "happy", None, "wizard:anna", created=True))
+        >>> view.memory["mood"].value, view.memory["mood"].changed, view.seq
+        ('happy', 0.5, 1)
+        """
         self.seq, self.t = record.seq, record.t
         match record:
             case TaskRecord():

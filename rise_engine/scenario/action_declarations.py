@@ -85,7 +85,7 @@ def _check_substitutes(file: TomlFile, specs: dict[str, ActionSpec], diagnostics
         spec = specs.get(name)
         if spec is None or spec.substitute is None:
             continue
-        place = file.value_location("actions", name, "substitute")
+        location = file.value_location("actions", name, "substitute")
         other = specs.get(spec.substitute)
         if other is None or not other.supported or other.substitute is not None or other.name == name:
             if able is None:
@@ -94,14 +94,14 @@ def _check_substitutes(file: TomlFile, specs: dict[str, ActionSpec], diagnostics
                 ]
             diagnostics.error(
                 "unknown-action",
-                place,
+                location,
                 f"`{spec.substitute}` is not an action of this robot{did_you_mean(spec.substitute, able)}",
             )
             continue
         missing = [p.name for p in other.parameters.values() if p.required and p.name not in spec.parameters]
         if missing:
             diagnostics.error(
-                "missing-parameter", place, f"`{name}` has no `{missing[0]}`, which `{other.name}` cannot do without"
+                "missing-parameter", location, f"`{name}` has no `{missing[0]}`, which `{other.name}` cannot do without"
             )
         specs[name] = replace(spec, channels=other.channels)
 
@@ -182,8 +182,8 @@ class _Declaration:
         report_unknown_keys(self.table, _PARAMETER_KEYS, self.diagnostics)
         type_ = self.of_type("type", str, before.type if before else None)
         if type_ not in _TYPES:
-            place = self.table.value_location("type") if "type" in self.table.values else self.table.key_location()
-            self.diagnostics.error("wrong-type", place, f"`type` is one of {', '.join(_TYPES)}")
+            location = self.table.value_location("type") if "type" in self.table.values else self.table.key_location()
+            self.diagnostics.error("wrong-type", location, f"`type` is one of {', '.join(_TYPES)}")
             return before
         base = before or Parameter(self.table.path[-1], "text")
         codes = self.of_type("codes", dict, None)

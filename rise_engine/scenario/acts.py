@@ -271,8 +271,8 @@ class _ActReader:
         try:
             template = parse_template(text)
         except TemplateError as error:
-            place = self.file.text_location(element, _raw_index(element.text, error.column - 1))
-            self.diagnostics.error("template", place, str(error))
+            location = self.file.text_location(element, _raw_index(element.text, error.column - 1))
+            self.diagnostics.error("template", location, str(error))
             return None
         constant = template.constant
         if constant is None:
@@ -285,8 +285,8 @@ class _ActReader:
             try:
                 check_template(parameter, template)
             except ParameterError as error:
-                place = self.file.text_location(element, _raw_index(element.text, 0))
-                self.diagnostics.error(_code(parameter, error), place, str(error))
+                location = self.file.text_location(element, _raw_index(element.text, 0))
+                self.diagnostics.error(_code(parameter, error), location, str(error))
             return template
         if parameter.type == "text":
             return template

@@ -236,8 +236,8 @@ class BlockReader:
         try:
             assignment = known.get(text) or known.setdefault(text, Assignment.parse(text))
         except ExpressionError as error:
-            place = self.file.value_location(element, "assignValue", error.column - 1)
-            self.diagnostics.error("assignment", place, expression_message(error))
+            location = self.file.value_location(element, "assignValue", error.column - 1)
+            self.diagnostics.error("assignment", location, expression_message(error))
             return None
         note_assignment(assignment, where, self.draft)
         return assignment

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario: findings with a place, a stable code and a sentence that says what to do.
+"""What is wrong with a scenario: findings with a location, a stable code and a sentence that says what to do.
 
 Every code is listed in docs/reference/scenario.md.
 """
@@ -62,12 +62,12 @@ class Diagnostics:
         self._found: list[Diagnostic] = []
         self._errors = 0
 
-    def error(self, code: str, place: SourceLocation, message: str) -> None:
+    def error(self, code: str, location: SourceLocation, message: str) -> None:
         self._errors += 1
-        self._found.append(Diagnostic("error", code, message, place))
+        self._found.append(Diagnostic("error", code, message, location))
 
-    def warning(self, code: str, place: SourceLocation, message: str) -> None:
-        self._found.append(Diagnostic("warning", code, message, place))
+    def warning(self, code: str, location: SourceLocation, message: str) -> None:
+        self._found.append(Diagnostic("warning", code, message, location))
 
     @property
     def errors(self) -> int:

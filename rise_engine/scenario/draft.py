@@ -11,14 +11,14 @@ from rise_engine.scenario.model import Act, Json, Rule, SourceLocation
 
 
 class HasLocation(Protocol):
-    """Something that can tell its place when a finding needs it."""
+    """Something that can tell its location when a finding needs it."""
 
     @property
     def location(self) -> SourceLocation: ...
 
 
 class KnownLocation(Struct, frozen=True):
-    """A place that is known already."""
+    """A location that is known already."""
 
     location: SourceLocation
 

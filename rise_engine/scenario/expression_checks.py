@@ -17,7 +17,7 @@ UNREADABLE_CONDITION = Expression.parse("false")
 
 
 def expression_message(error: ExpressionError) -> str:
-    """What is wrong and how to write it, without the column (the finding has the place)."""
+    """What is wrong and how to write it, without the column (the finding has the location)."""
     return f"{error.message}; {error.hint}" if error.hint else error.message
 
 
@@ -26,13 +26,13 @@ def note_expression(expression: Expression, where: HasLocation, draft: ScenarioD
     _note_reads(expression, where, draft)
     blank = _find_odd_blank(expression.text)
     if blank >= 0:
-        place = (
+        location = (
             LazyLocation(where.file, where.element, where.attribute, blank).location
             if isinstance(where, LazyLocation)
             else where.location
         )
         sentence = typography_problem(expression.text, blank)
-        diagnostics.warning("reads-differently", place, f"{sentence} (RISE does not take it for one)")
+        diagnostics.warning("reads-differently", location, f"{sentence} (RISE does not take it for one)")
         return
     difference = rise1_difference(expression)
     if difference is not None:

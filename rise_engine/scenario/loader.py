@@ -42,7 +42,7 @@ class LoadResult(Struct, frozen=True):
     diagnostics: list[Diagnostic]
     """In reading order, errors and warnings."""
     files: dict[str, bytes] = {}
-    """What was read, by the place that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
+    """What was read, by the path that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
     wherever it lay: written there, it is the same scenario (`DEFAULT_PATHS`)."""
     suppressed: list[SuppressedWarning] = []
     """Warnings that are meant, in reading order; they are not among the findings."""
@@ -101,7 +101,7 @@ class _Loader:
         self.draft = ScenarioDraft()
         self.file = TomlFile(SourceFile(SCENARIO_FILE, b"", ""), {})
         self.named: dict[str, str] = {}
-        self.asked = SourceLocation(str(path))
+        self.caller = SourceLocation(str(path))
         """Where what the caller asked for, and no file says, is reported."""
 
     def load(self, robot: str | None, mode: str | None, paths: Mapping[str, str]) -> LoadResult:
@@ -112,10 +112,10 @@ class _Loader:
         self.read_settings()
         settings = ScenarioSettings(self.file, draft, diagnostics)
         if mode is not None and mode not in ("debug", "real"):
-            diagnostics.error("wrong-value", self.asked, f'the mode asked for is "debug" or "real", not "{mode}"')
+            diagnostics.error("wrong-value", self.caller, f'the mode asked for is "debug" or "real", not "{mode}"')
         profile = self.robot(robot if robot is not None else settings.robot, asked=robot is not None)
         self.named = {**settings.paths, **paths}
-        paths = {key: self.named.get(key) or place for key, place in DEFAULT_PATHS.items()}
+        paths = {key: self.named.get(key) or usual_path for key, usual_path in DEFAULT_PATHS.items()}
 
         for file in self.xml_files("acts", paths["acts"]):
             read_acts(file, profile, draft, diagnostics)
@@ -124,14 +124,14 @@ class _Loader:
         self.read_memory(paths["memory"])
         check_cross_references(draft, diagnostics)
 
-        allows = [
+        suppressions = [
             *read_suppressions(self.files.sources, diagnostics),
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
         found = diagnostics.sorted()
         silenced: list[SuppressedWarning] = []
-        if allows:
-            found, silenced = apply_suppressions(found, allows, diagnostics, complete=not diagnostics.errors)
+        if suppressions:
+            found, silenced = apply_suppressions(found, suppressions, diagnostics, complete=not diagnostics.errors)
         if diagnostics.errors:
             return LoadResult(None, found, suppressed=silenced)
         files = self.by_usual_path(paths)
@@ -163,14 +163,14 @@ class _Loader:
 
     def robot(self, name: str, *, asked: bool) -> RobotProfile:
         file = self.file
-        place = self.asked if asked else file.value_location("robot")
-        profile = read_robot(name or DEFAULT_ROBOT, self.files, place, asked=asked)
+        location = self.caller if asked else file.value_location("robot")
+        profile = read_robot(name or DEFAULT_ROBOT, self.files, location, asked=asked)
         if "actions" in file.values:
             profile = replace(profile, actions=apply_declarations(file, profile.actions, "scenario", self.diagnostics))
         return profile
 
-    def read_memory(self, place: str) -> None:
-        path = self.folder / place
+    def read_memory(self, relative_path: str) -> None:
+        path = self.folder / relative_path
         if self.exists("memory", path):
             source = self.files.read(path)
             if source is None:
@@ -178,9 +178,9 @@ class _Loader:
             else:
                 read_memory(source, self.draft, self.diagnostics)
 
-    def xml_files(self, kind: str, place: str) -> Iterator[XmlFile]:
+    def xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
-        path = self.folder / place
+        path = self.folder / relative_path
         if not self.exists(kind, path):
             return
         paths = [path]
@@ -189,7 +189,9 @@ class _Loader:
                 names = sorted(each.name for each in path.iterdir())
             except OSError as error:
                 self.diagnostics.error(
-                    "unreadable", SourceLocation(place), f"this folder cannot be read: {error.strerror or error}"
+                    "unreadable",
+                    SourceLocation(relative_path),
+                    f"this folder cannot be read: {error.strerror or error}",
                 )
                 names = []
             paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
@@ -209,7 +211,7 @@ class _Loader:
         except (OSError, ValueError):  # a name that no file can have
             pass
         if self.named.get(kind):
-            where = self.file.value_location(kind) if self.named[kind] == self.file.values.get(kind) else self.asked
+            where = self.file.value_location(kind) if self.named[kind] == self.file.values.get(kind) else self.caller
             self.diagnostics.error("unreadable", where, f"there is no file or folder `{self.named[kind]}`")
             self.draft.unreadable_parts.add(kind)
         return False

@@ -1,8 +1,8 @@
 """Do the memory keys that a scenario names lead anywhere? Dotted ones are followed into the start values.
 
-A key can exist when the start values have it, or when a rule or a key of the keyboard sets it, a part of the way to it,
-or something inside it. What nothing in the scenario ever sets stays as it is in the start values: there, a way that
-ends early can never be one. A null is a value that is still to come, so every way may go on behind it.
+A key can exist when the start values have it, or when a rule or a key of the keyboard sets it, a part of the path to
+it, or something inside it. What nothing in the scenario ever sets stays as it is in the start values: there, a path
+that ends early can never be one. A null is a value that is still to come, so every path may go on behind it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ class MemoryPaths:
     def __init__(self, start: Mapping[str, Json], written: Collection[str]) -> None:
         self._start = start
         self._written = frozenset(written)
-        self._heads = {key.partition(".")[0] for key in self._written}
-        self._within = {way for key in self._written for way in _key_prefixes(key)}
+        self._within = {path for key in self._written for path in _key_prefixes(key)}
         """What some assignment reaches into."""
 
     def is_known(self, key: str) -> bool:
@@ -46,20 +45,20 @@ class MemoryPaths:
         head, *rest = key.split(".")
         if not rest or key in self._start or not isinstance(self._start.get(head), dict | list):
             return ""
-        if any(way in self._written for way in _key_prefixes(key)):
+        if any(path in self._written for path in _key_prefixes(key)):
             return ""
-        value, way = self._start[head], head
+        value, path = self._start[head], head
         for part in rest:
             if value is None or (isinstance(value, dict) and part not in value):
-                return ""  # objects on the way are made
+                return ""  # objects on the path are made
             if not isinstance(value, dict) and (not isinstance(value, list) or list_index(value, part) is None):
-                return f"`{key}` cannot be set: {_why_it_ends(value, way)}"
+                return f"`{key}` cannot be set: {_why_it_ends(value, path)}"
             value = value[part] if isinstance(value, dict) else value[int(part)]
-            way += f".{part}"
+            path += f".{part}"
         return ""
 
     def _is_written(self, key: str) -> bool:
-        if key in self._written or any(way in self._written for way in _key_prefixes(key)):
+        if key in self._written or any(path in self._written for path in _key_prefixes(key)):
             return True
         head = key.partition(".")[0]
         return key in self._within and (head in self._start or head in self._written)
@@ -68,7 +67,7 @@ class MemoryPaths:
         head, *rest = key.split(".")
         if head not in self._start:
             return ""
-        value, way = self._start[head], head
+        value, path = self._start[head], head
         for at, part in enumerate(rest):
             if value is None:
                 return ""
@@ -77,40 +76,40 @@ class MemoryPaths:
             elif isinstance(value, list) and list_index(value, part) is not None:
                 value = value[int(part)]
             else:
-                remedy = self._suggested_path(way, rest[at:])
-                return f"the memory never has `{key}`: {_why_it_ends(value, way, part)}{remedy}"
-            way += f".{part}"
+                remedy = self._suggested_path(path, rest[at:])
+                return f"the memory never has `{key}`: {_why_it_ends(value, path, part)}{remedy}"
+            path += f".{part}"
         return ""
 
-    def _suggested_path(self, way: str, missing: list[str]) -> str:
+    def _suggested_path(self, path: str, missing: list[str]) -> str:
         """The right path that was most likely meant, as the end of a message."""
-        value = lookup(self._start, way)[1]
+        value = lookup(self._start, path)[1]
         if isinstance(value, dict):
             sibling = nearest_name(missing[0], value)
             if sibling is not None:
-                return f"; did you mean `{self._existing_part(way, [sibling, *missing[1:]])}`?"
+                return f"; did you mean `{self._existing_part(path, [sibling, *missing[1:]])}`?"
         if isinstance(value, dict) and 0 < len(value) <= _FEW:
-            known = in_backquotes(f"{way}.{name}" for name in value)
+            known = in_backquotes(f"{path}.{name}" for name in value)
             return f"; known: {known}" if len(known) < _SHORT else ""
         return ""
 
-    def _existing_part(self, way: str, parts: list[str]) -> str:
-        """The way, and of the parts behind it as many as there are."""
-        while parts and not lookup(self._start, ".".join((way, *parts)))[0]:
+    def _existing_part(self, path: str, parts: list[str]) -> str:
+        """The path, and of the parts behind it as many as there are."""
+        while parts and not lookup(self._start, ".".join((path, *parts)))[0]:
             parts = parts[:-1]
-        return ".".join((way, *parts))
+        return ".".join((path, *parts))
 
 
-def _why_it_ends(value: Json, way: str, part: str = "") -> str:
-    """Where a way into the start values ends, and that nothing will change that."""
+def _why_it_ends(value: Json, path: str, part: str = "") -> str:
+    """Where a path into the start values ends, and that nothing will change that."""
     if isinstance(value, list):
-        entries = f"with the entries `{way}.0` to `{way}.{len(value) - 1}`" if len(value) > 1 else ""
-        entries = entries or (f"with the one entry `{way}.0`" if value else "without entries")
-        end = f"in the start values `{way}` is a list {entries}"
+        entries = f"with the entries `{path}.0` to `{path}.{len(value) - 1}`" if len(value) > 1 else ""
+        entries = entries or (f"with the one entry `{path}.0`" if value else "without entries")
+        end = f"in the start values `{path}` is a list {entries}"
     elif isinstance(value, dict):
-        end = f"in the start values `{way}` has no `{part}`"
+        end = f"in the start values `{path}` has no `{part}`"
     else:
-        end = f"in the start values `{way}` is {described(value)}, which has nothing inside"
+        end = f"in the start values `{path}` is {described(value)}, which has nothing inside"
     return f"{end}, and nothing in this scenario sets it"
 
 

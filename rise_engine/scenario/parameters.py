@@ -79,8 +79,8 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
         spec: its declaration (`scenario.robot.actions[call.type]`), with the unit of each parameter.
         memory: the values of this moment, by key.
 
-    Returns the values by parameter. Raises MissingValue for a memory key without value or fallback, ParameterError for
-    a value that the action cannot take (with the memory keys that it was made of), and nothing else, whatever the
+    Returns the values by parameter. Raises MissingValueError for a memory key without value or fallback, ParameterError
+    for a value that the action cannot take (with the memory keys that it was made of), and nothing else, whatever the
     memory holds.
 
     >>> from rise_engine.scenario import load

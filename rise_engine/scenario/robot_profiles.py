@@ -23,8 +23,8 @@ DEFAULT_ROBOT = "generic"
 _KEYS = ("title", "driver", "options", "actions")
 
 
-def read_robot(name: str, files: FileReader, place: SourceLocation, *, asked: bool = False) -> RobotProfile:
-    """The profile called `name`. `place` is where the name stands; with `asked`, it stands in no file.
+def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked: bool = False) -> RobotProfile:
+    """The profile called `name`. `location` is where the name stands; with `asked`, it stands in no file.
 
     On errors, what could be understood.
     """
@@ -32,7 +32,7 @@ def read_robot(name: str, files: FileReader, place: SourceLocation, *, asked: bo
     if path is None:
         if name != DEFAULT_ROBOT:
             what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
-            files.diagnostics.error("unknown-robot", place, what + did_you_mean(name, robot_names(files.folder)))
+            files.diagnostics.error("unknown-robot", location, what + did_you_mean(name, robot_names(files.folder)))
         return builtin_robot()
     return read_profile(path, name, files)
 

@@ -94,10 +94,10 @@ class ScenarioSettings:
         self.fillers = self.read_fillers()
         self.may_release = self.read_control()
         self.suppressions = self.read_suppressions()
-        """Warnings about keys of the memory file that are meant: place, code, key, reason."""
+        """Warnings about keys of the memory file that are meant: location, code, key, reason."""
 
-    def report_error(self, code: str, place: SourceLocation, message: str) -> None:
-        self.diagnostics.error(code, place, message)
+    def report_error(self, code: str, location: SourceLocation, message: str) -> None:
+        self.diagnostics.error(code, location, message)
 
     def read_text(self, key: str, otherwise: str) -> str:
         value = self.file.values.get(key, otherwise)
@@ -178,25 +178,27 @@ class ScenarioSettings:
         bindings: dict[str, KeyBinding] = {}
         for written, value in (table.values if table else {}).items():
             assert table is not None
-            place = table.key_location(written)
+            location = table.key_location(written)
             try:
                 key = bindable_key_name(written)
             except KeyRefusedError as refused:
-                self.report_error("key-taken" if refused.taken else "key-refused", place, str(refused))
+                self.report_error("key-taken" if refused.taken else "key-refused", location, str(refused))
                 key = ""
             if key in bindings:
                 first = bindings[key]
                 self.report_error(
-                    "key-twice", place, f"`{written}` is the same key as `{first.label}` in line {first.location.line}"
+                    "key-twice",
+                    location,
+                    f"`{written}` is the same key as `{first.label}` in line {first.location.line}",
                 )
                 key = ""
-            binding = self.read_binding(table, written, value, key, place)
+            binding = self.read_binding(table, written, value, key, location)
             if binding is not None and key:
                 bindings[key] = binding
         return bindings
 
     def read_binding(
-        self, table: TomlTable, written: str, value: Any, key: str, place: SourceLocation
+        self, table: TomlTable, written: str, value: Any, key: str, location: SourceLocation
     ) -> KeyBinding | None:
         example = f'write {_toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
         if not isinstance(value, dict):
@@ -208,7 +210,7 @@ class ScenarioSettings:
         given = [name for name in BINDINGS if name in value]
         if len(given) != 1:
             if len(given) > 1 or not value.keys() - {"label"}:
-                self.report_error("binding", place, f"a key submits exactly one thing; {example}")
+                self.report_error("binding", location, f"a key submits exactly one thing; {example}")
             return None
         name = given[0]
         where = inner.value_location(name)
@@ -236,7 +238,7 @@ class ScenarioSettings:
                     "assignment", SourceLocation(where.file, where.line, column), expression_message(error)
                 )
                 return None
-        return KeyBinding(key, written, BINDINGS[name], behavior, place, title)
+        return KeyBinding(key, written, BINDINGS[name], behavior, location, title)
 
     def read_label(self, binding: TomlTable) -> str:
         """What the author calls a key: a word or two, or empty."""
@@ -264,10 +266,10 @@ class ScenarioSettings:
         table = self.subtable("act")
         result: dict[str, ActSettings] = {}
         for name, values in (table.values if table else {}).items():
-            place = self.file.key_location("act", name)
-            self.draft.act_mentions.append(Mention(name, KnownLocation(place)))
+            location = self.file.key_location("act", name)
+            self.draft.act_mentions.append(Mention(name, KnownLocation(location)))
             if not isinstance(values, dict):
-                self.report_error("wrong-type", place, f"settings of an act are a table: [act.{_toml_key(name)}]")
+                self.report_error("wrong-type", location, f"settings of an act are a table: [act.{_toml_key(name)}]")
                 continue
             inner = TomlTable(self.file, ("act", name), values)
             report_unknown_keys(inner, _ACT_KEYS, self.diagnostics)

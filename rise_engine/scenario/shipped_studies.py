@@ -68,7 +68,7 @@ def shipped_hint() -> str:
 
 
 def copy_study(name: str, to: Path) -> int:
-    """Copy a shipped study into a new or empty folder; how many files it has. Raises NotCopied."""
+    """Copy a shipped study into a new or empty folder; how many files it has. Raises StudyCopyError."""
     studies = shipped_studies()
     if name not in studies:
         raise StudyCopyError(f"no study `{name}` is shipped with the program{did_you_mean(name, studies)}")

@@ -6,6 +6,7 @@ import os
 import re
 import stat
 from bisect import bisect_right
+from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
 
@@ -29,21 +30,20 @@ class SourceFile:
         self.data = data
         self.text = text
         """Decoded, without byte order mark."""
-        self._line_starts: list[int] | None = None
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        return line_starts(self.text)
 
     def location(self, offset: int) -> SourceLocation:
         """Line and column of an offset in `text`."""
         starts = self._line_starts
-        if starts is None:
-            starts = self._line_starts = line_starts(self.text)
         line = bisect_right(starts, offset)
         return SourceLocation(self.name, line, offset - starts[line - 1] + 1)
 
     def offset(self, line: int, column: int) -> int:
-        """The reverse of `place`, kept within the text."""
+        """The reverse of `location`, kept within the text."""
         starts = self._line_starts
-        if starts is None:
-            starts = self._line_starts = line_starts(self.text)
         line = min(max(line, 1), len(starts))
         return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
 
@@ -77,22 +77,22 @@ class FileReader:
     def read(self, path: Path, most: int = MAX_BYTES) -> SourceFile | None:
         """The file at `path`, of at most `most` bytes, or None after a finding."""
         name = self.display_name(path)
-        place = SourceLocation(name)
+        location = SourceLocation(name)
         try:
             status = path.stat()
             if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
                 kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
-                self.diagnostics.error("unreadable", place, f"this is {kind}; a file must stand here")
+                self.diagnostics.error("unreadable", location, f"this is {kind}; a file must stand here")
                 return None
             if status.st_size > most:
-                self.diagnostics.error("too-large", place, f"this file is larger than {most // 1_000_000} MB")
+                self.diagnostics.error("too-large", location, f"this file is larger than {most // 1_000_000} MB")
                 return None
             data = path.read_bytes()
         except OSError as error:
             reason = f"this file cannot be read: {error.strerror or error}"
             if isinstance(error, FileNotFoundError) and path.is_symlink():
                 reason = f"this link leads nowhere: there is no `{os.readlink(path)}`"  # noqa: PTH115  # as written
-            self.diagnostics.error("unreadable", place, reason)
+            self.diagnostics.error("unreadable", location, reason)
             return None
         text = decode_utf8(name, data, self.diagnostics)
         if text is None:
@@ -105,7 +105,7 @@ class FileReader:
 
 
 def _conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
-    """Whether a merge of git was never resolved in a file: a finding for each place, and nothing else is said of it."""
+    """Whether a merge of git was never resolved in a file: a finding for each conflict, and no other about it."""
     if "<<<<<<<" not in source.text:
         return False
     opening: re.Match[str] | None = None
@@ -138,10 +138,10 @@ def decode_utf8(name: str, data: bytes, diagnostics: Diagnostics) -> str | None:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = error.object[: error.start].decode("utf-8", "replace")  # error.object has no byte order mark
-        place = SourceFile(name, b"", before).location(len(before))
+        location = SourceFile(name, b"", before).location(len(before))
         diagnostics.error(
             "encoding",
-            place,
+            location,
             f"this file is not UTF-8 (byte 0x{error.object[error.start]:02X}); "
             "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8",
         )

@@ -1,4 +1,4 @@
-"""Warnings that are meant: silenced at their place, with a reason (docs/reference/scenario.md).
+"""Warnings that are meant: silenced where they are, with a reason (docs/reference/scenario.md).
 
     <!-- check: allow ambiguous-else: the outer one is meant -->      directly before the element
     # check: allow unheard-event: the camera node listens             directly before the line, in TOML
@@ -30,7 +30,7 @@ EXAMPLE = "check: allow ambiguous-else: the outer one is meant"
 
 
 class Suppression(Struct, frozen=True):
-    """One silencing: of warnings with a code, from one place to another in a file."""
+    """One silencing: of warnings with a code, from one location to another in a file."""
 
     location: SourceLocation
     """Where it stands."""
@@ -40,14 +40,14 @@ class Suppression(Struct, frozen=True):
     start: tuple[int, int] = (1, 1)
     """Line and column."""
     end: tuple[int, int] = (1 << 60, 1)
-    """Behind the last place."""
+    """Behind the last location."""
 
     def covers(self, diagnostic: Diagnostic) -> bool:
-        place = diagnostic.location
+        location = diagnostic.location
         return (
             diagnostic.severity == "warning"
-            and (diagnostic.code, place.file) == (self.code, self.file)
-            and self.start <= (place.line, place.column) < self.end
+            and (diagnostic.code, location.file) == (self.code, self.file)
+            and self.start <= (location.line, location.column) < self.end
         )
 
 
@@ -59,7 +59,7 @@ class SuppressedWarning(Struct, frozen=True):
 
 
 def apply_suppressions(
-    found: Sequence[Diagnostic], allows: Sequence[Suppression], diagnostics: Diagnostics, *, complete: bool
+    found: Sequence[Diagnostic], suppressions: Sequence[Suppression], diagnostics: Diagnostics, *, complete: bool
 ) -> tuple[list[Diagnostic], list[SuppressedWarning]]:
     """What is left of the findings, and what was silenced.
 
@@ -68,24 +68,24 @@ def apply_suppressions(
     silenced: list[SuppressedWarning] = []
     covered: set[Diagnostic] = set()
     used: set[int] = set()
-    by_place: dict[tuple[str, str], dict[tuple[int, int], int]] = {}
-    for at, allow in enumerate(allows):
-        by_place.setdefault((allow.file, allow.code), {}).setdefault(allow.start, at)
-    starts = {which: sorted(places) for which, places in by_place.items()}
+    by_code: dict[tuple[str, str], dict[tuple[int, int], int]] = {}
+    for index, suppression in enumerate(suppressions):
+        by_code.setdefault((suppression.file, suppression.code), {}).setdefault(suppression.start, index)
+    starts = {which: sorted(starting_points) for which, starting_points in by_code.items()}
     for diagnostic in found:
         which = (diagnostic.location.file, diagnostic.code)
         before = bisect_right(starts.get(which, ()), (diagnostic.location.line, diagnostic.location.column))
         if not before:
             continue
-        at = by_place[which][starts[which][before - 1]]
-        if allows[at].covers(diagnostic):
-            used.add(at)
+        index = by_code[which][starts[which][before - 1]]
+        if suppressions[index].covers(diagnostic):
+            used.add(index)
             covered.add(diagnostic)
-            silenced.append(SuppressedWarning(diagnostic, allows[at].reason))
-    for at, allow in enumerate(allows if complete else ()):
-        if at not in used:
-            message = f"this silences nothing: there is no warning `{allow.code}` at what follows; delete it"
-            diagnostics.warning("unused-allow", allow.location, message)
+            silenced.append(SuppressedWarning(diagnostic, suppressions[index].reason))
+    for index, suppression in enumerate(suppressions if complete else ()):
+        if index not in used:
+            message = f"this silences nothing: there is no warning `{suppression.code}` at what follows; delete it"
+            diagnostics.warning("unused-allow", suppression.location, message)
     return [diagnostic for diagnostic in diagnostics.sorted() if diagnostic not in covered], silenced
 
 
@@ -102,30 +102,32 @@ def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -
     return found
 
 
-def check_warning_code(code: str, place: SourceLocation, diagnostics: Diagnostics) -> bool:
+def check_warning_code(code: str, location: SourceLocation, diagnostics: Diagnostics) -> bool:
     """Whether a code is one of a warning; a finding if not."""
     if code in WARNING_CODES:
         return True
     diagnostics.warning(
-        "bad-allow", place, f"there is no warning `{code}` to silence{did_you_mean(code, WARNING_CODES, limit=0)}"
+        "bad-allow", location, f"there is no warning `{code}` to silence{did_you_mean(code, WARNING_CODES, limit=0)}"
     )
     return False
 
 
-def _parse_comment(comment: str, place: SourceLocation, diagnostics: Diagnostics) -> tuple[str, str] | None:
+def _parse_comment(comment: str, location: SourceLocation, diagnostics: Diagnostics) -> tuple[str, str] | None:
     """Code and reason of a comment that silences something; None, if need be after a finding."""
-    allow = _ALLOW.match(comment)
-    if allow is None:
+    suppression = _ALLOW.match(comment)
+    if suppression is None:
         return None
-    parts = _PARTS.match(allow.group(1))
+    parts = _PARTS.match(suppression.group(1))
     if parts is None:
-        diagnostics.warning("bad-allow", place, f"this silences nothing; write a code and a reason, as in: {EXAMPLE}")
+        diagnostics.warning(
+            "bad-allow", location, f"this silences nothing; write a code and a reason, as in: {EXAMPLE}"
+        )
         return None
     code, reason = parts.group(1), (parts.group(2) or "").strip()
-    if not check_warning_code(code, place, diagnostics):
+    if not check_warning_code(code, location, diagnostics):
         return None
     if not reason:
-        diagnostics.warning("bad-allow", place, f"say why: check: allow {code}: REASON")
+        diagnostics.warning("bad-allow", location, f"say why: check: allow {code}: REASON")
         return None
     return code, " ".join(reason.split())
 
@@ -134,31 +136,31 @@ def _in_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[S
     text = source.text
     pending: list[tuple[SourceLocation, str, str]] = []
     """Read, and their element is still to come: other comments may stand between."""
-    at = 0
-    while (opened := text.find("<!", at)) >= 0:
+    position = 0
+    while (opened := text.find("<!", position)) >= 0:
         if not text.startswith("<!--", opened):
-            at = text.find("]]>", opened) if text.startswith("<![CDATA[", opened) else opened + 2
-            if at < 0:
+            position = text.find("]]>", opened) if text.startswith("<![CDATA[", opened) else opened + 2
+            if position < 0:
                 return
             continue
-        at = text.find("-->", opened)
-        if at < 0:
+        position = text.find("-->", opened)
+        if position < 0:
             return
-        parsed = _parse_comment(text[opened + 4 : at], source.location(opened), diagnostics)
+        parsed = _parse_comment(text[opened + 4 : position], source.location(opened), diagnostics)
         if parsed is not None:
             pending.append((source.location(opened), *parsed))
-        blank = _BLANK.match(text, at + 3)
-        at = blank.end() if blank else at + 3
-        if pending and not text.startswith("<!--", at):
-            element = _element_at(text, at)
-            start, end = (source.location(offset) for offset in element or (at, at))
-            for place, code, reason in pending:
+        blank = _BLANK.match(text, position + 3)
+        position = blank.end() if blank else position + 3
+        if pending and not text.startswith("<!--", position):
+            element = _element_at(text, position)
+            start, end = (source.location(offset) for offset in element or (position, position))
+            for location, code, reason in pending:
                 if element is None:
                     message = "no element follows here; this stands directly before the element that is meant"
-                    diagnostics.warning("bad-allow", place, message)
+                    diagnostics.warning("bad-allow", location, message)
                 else:
                     yield Suppression(
-                        place, code, reason, source.name, (start.line, start.column), (end.line, end.column)
+                        location, code, reason, source.name, (start.line, start.column), (end.line, end.column)
                     )
             pending.clear()
 
@@ -185,26 +187,33 @@ def _in_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[
     for number, line in enumerate(source.text.split("\n"), 1):
         comment = _TOML_LINE.match(line)
         if comment is not None:
-            place = SourceLocation(source.name, number, line.find("#") + 1)
-            parsed = _parse_comment(comment.group(1), place, diagnostics)
+            location = SourceLocation(source.name, number, line.find("#") + 1)
+            parsed = _parse_comment(comment.group(1), location, diagnostics)
             if parsed is not None:
-                pending.append((place, *parsed))
+                pending.append((location, *parsed))
         elif line.strip():
-            for place, code, reason in pending:
-                yield Suppression(place, code, reason, source.name, (number, 1), (number + 1, 1))
+            for location, code, reason in pending:
+                yield Suppression(location, code, reason, source.name, (number, 1), (number + 1, 1))
             pending.clear()
-    for place, _, _ in pending:
+    for location, _, _ in pending:
         message = "no line follows here; this stands directly before the line that is meant"
-        diagnostics.warning("bad-allow", place, message)
+        diagnostics.warning("bad-allow", location, message)
 
 
 def memory_suppressions(
-    allows: Sequence[tuple[SourceLocation, str, str, str]], keys: Mapping[str, SourceLocation]
+    suppressions: Sequence[tuple[SourceLocation, str, str, str]], keys: Mapping[str, SourceLocation]
 ) -> Iterator[Suppression]:
-    """The silencings of scenario.toml, for the memory file: place, code, key and reason of each."""
-    for place, code, key, reason in allows:
-        at = keys.get(key)
-        if at is None:
-            yield Suppression(place, code, reason, "")
+    """The silencings of scenario.toml, for the memory file: location, code, key and reason of each."""
+    for location, code, key, reason in suppressions:
+        key_location = keys.get(key)
+        if key_location is None:
+            yield Suppression(location, code, reason, "")
         else:
-            yield Suppression(place, code, reason, at.file, (at.line, at.column), (at.line, at.column + 1))
+            yield Suppression(
+                location,
+                code,
+                reason,
+                key_location.file,
+                (key_location.line, key_location.column),
+                (key_location.line, key_location.column + 1),
+            )

@@ -70,7 +70,10 @@ class Template(Struct, frozen=True):
         return "".join(part for part in self.parts if isinstance(part, str))
 
     def fill(self, memory: Mapping[str, Any]) -> str:
-        """The text with the memory's values of this moment. Raises MissingValue for a key without value or fallback."""
+        """The text with the memory's values of this moment.
+
+        Raises MissingValueError for a key without value or fallback.
+        """
         return "".join(part if isinstance(part, str) else _slot_text(part, memory) for part in self.parts)
 
     def fill_value(self, memory: Mapping[str, Any]) -> Any:

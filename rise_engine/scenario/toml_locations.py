@@ -88,10 +88,10 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
             return None
         except ValueError as error:
             line = _report_syntax_error(str(error), source, text, diagnostics, first=attempt == 0)
-            mended = _blanked_out(text, line)
-            if mended == text:
+            repaired = _blanked_out(text, line)
+            if repaired == text:
                 return None
-            text = mended
+            text = repaired
         else:
             file = TomlFile(source if text is source.text else SourceFile(source.name, source.data, text), values)
             _check_values(file, diagnostics)
@@ -122,20 +122,20 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
 
 def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostics: Diagnostics, *, first: bool) -> int:
     """A finding for what tomllib says; gives the number of the line. What follows from the first is left out."""
-    at = _AT.search(message)
+    position = _AT.search(message)
     end = len(text.rstrip())
-    if at is None or at.group(1) is None:
-        offset = 0 if at is None else end
+    if position is None or position.group(1) is None:
+        offset = 0 if position is None else end
     else:
-        offset = source.offset(int(at.group(1)), int(at.group(2)))
+        offset = source.offset(int(position.group(1)), int(position.group(2)))
     sentence = _AT.sub("", message).strip().rstrip(".")
     if _TWICE.search(sentence) is not None:
         line = source.location(offset).line
         at_line = source.line(line)
         name, before = _duplicate_key(source, line)
-        place = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
+        location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
         known = f"; it stands in line {before} already" if before else f" ({sentence})"
-        diagnostics.error("duplicate-key", place, f"`{name}` is given twice{known}")
+        diagnostics.error("duplicate-key", location, f"`{name}` is given twice{known}")
         return line
     if first:
         at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # a text is not closed
@@ -150,7 +150,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
 def _unclosed_quote(text: str, offset: int) -> int:
     """Where the text begins that is not closed before `offset`, the end of its line; -1 when there is none."""
     line = text.rfind("\n", 0, offset) + 1
-    quotes = [at for at in range(line, min(offset, len(text))) if text[at] in "\"'"]
+    quotes = [position for position in range(line, min(offset, len(text))) if text[position] in "\"'"]
     return quotes[-1] if quotes else -1
 
 
@@ -193,45 +193,45 @@ class _Locator:
 
     def run(self) -> dict[KeyPath, tuple[int, int]]:
         table: KeyPath = ()
-        at = self.blank(0)
-        while at < len(self.text):
-            if self.text.startswith("[", at):
-                opening = at
-                while self.text.startswith("[", at):
-                    at += 1
-                at, table = self.key(self.space(at), (), opening)
-                at = self.space(at)
-                while self.text.startswith("]", at):
-                    at += 1
+        position = self.blank(0)
+        while position < len(self.text):
+            if self.text.startswith("[", position):
+                opening = position
+                while self.text.startswith("[", position):
+                    position += 1
+                position, table = self.key(self.space(position), (), opening)
+                position = self.space(position)
+                while self.text.startswith("]", position):
+                    position += 1
             else:
-                at = self.pair(at, table)
-            following = self.blank(at)
-            if following == at and at < len(self.text):  # cannot happen in valid TOML; never loop
-                following = at + 1
-            at = following
+                position = self.pair(position, table)
+            following = self.blank(position)
+            if following == position and position < len(self.text):  # cannot happen in valid TOML; never loop
+                following = position + 1
+            position = following
         return self.found
 
-    def blank(self, at: int) -> int:
-        found = _BLANK.match(self.text, at)
-        return found.end() if found else at
+    def blank(self, position: int) -> int:
+        found = _BLANK.match(self.text, position)
+        return found.end() if found else position
 
-    def space(self, at: int) -> int:
-        found = _SPACE.match(self.text, at)
-        return found.end() if found else at
+    def space(self, position: int) -> int:
+        found = _SPACE.match(self.text, position)
+        return found.end() if found else position
 
-    def key(self, at: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
+    def key(self, position: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
         """A dotted key: each part is noted. Returns the offset behind it and the whole path."""
-        while (part := _KEY.match(self.text, at)) is not None:
+        while (part := _KEY.match(self.text, position)) is not None:
             path = (*path, _key_text(part))
-            self.found.setdefault(path, (at, value_at if value_at >= 0 else at))
-            at = self.space(part.end())
-            if not self.text.startswith(".", at):
+            self.found.setdefault(path, (position, value_at if value_at >= 0 else position))
+            position = self.space(part.end())
+            if not self.text.startswith(".", position):
                 break
-            at = self.space(at + 1)
-        return at, path
+            position = self.space(position + 1)
+        return position, path
 
-    def pair(self, at: int, table: KeyPath) -> int:
-        behind, path = self.key(at, table, -1)
+    def pair(self, position: int, table: KeyPath) -> int:
+        behind, path = self.key(position, table, -1)
         if not self.text.startswith("=", behind):
             return behind
         value_at = self.space(behind + 1)
@@ -239,37 +239,37 @@ class _Locator:
             self.found[path] = (self.found[path][0], value_at)
         return self.value(value_at, path)
 
-    def value(self, at: int, path: KeyPath) -> int:
+    def value(self, position: int, path: KeyPath) -> int:
         text = self.text
         for quote in ('"""', "'''"):
-            if text.startswith(quote, at):
-                return self.long_string(at, quote)
-        character = text[at : at + 1]
+            if text.startswith(quote, position):
+                return self.long_string(position, quote)
+        character = text[position : position + 1]
         if character in ('"', "'"):
-            string = _KEY.match(text, at)
-            return string.end() if string else at + 1
+            string = _KEY.match(text, position)
+            return string.end() if string else position + 1
         if character == "[":
-            at = self.blank(at + 1)
+            position = self.blank(position + 1)
             index = 0
-            while at < len(text) and not text.startswith("]", at):
-                self.found[(*path, str(index))] = (at, at)
-                at = self.blank(self.value(at, (*path, str(index))))
-                at = self.blank(at + 1) if text.startswith(",", at) else at
+            while position < len(text) and not text.startswith("]", position):
+                self.found[(*path, str(index))] = (position, position)
+                position = self.blank(self.value(position, (*path, str(index))))
+                position = self.blank(position + 1) if text.startswith(",", position) else position
                 index += 1
-            return at + 1
+            return position + 1
         if character == "{":
-            at = self.blank(at + 1)
-            while at < len(text) and not text.startswith("}", at):
-                before = at
-                at = self.blank(self.pair(at, path))
-                at = self.blank(at + 1) if text.startswith(",", at) else at
-                at = max(at, before + 1)
-            return at + 1
-        bare = _BARE_VALUE.match(text, at)
-        return max(bare.end() if bare else at, at + 1)
+            position = self.blank(position + 1)
+            while position < len(text) and not text.startswith("}", position):
+                before = position
+                position = self.blank(self.pair(position, path))
+                position = self.blank(position + 1) if text.startswith(",", position) else position
+                position = max(position, before + 1)
+            return position + 1
+        bare = _BARE_VALUE.match(text, position)
+        return max(bare.end() if bare else position, position + 1)
 
-    def long_string(self, at: int, quote: str) -> int:
-        end = at + 3
+    def long_string(self, position: int, quote: str) -> int:
+        end = position + 3
         while end < len(self.text):
             if quote == '"""' and self.text[end] == "\\":
                 end += 2

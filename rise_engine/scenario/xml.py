@@ -64,7 +64,7 @@ _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
 class XmlNameError(RiseError, ValueError):
-    """A character that no XML name can have, though lxml accepts it. `offset` is its place."""
+    """A character that no XML name can have, though lxml accepts it. `offset` is where it stands."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -74,14 +74,14 @@ class XmlNameError(RiseError, ValueError):
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: SourceFile, text: str, mended: RepairedText | None) -> None:
-        """`text` is well-formed. Raises MisnamedError."""
+    def __init__(self, source: SourceFile, text: str, repaired: RepairedText | None) -> None:
+        """`text` is well-formed. Raises XmlNameError."""
         self.source = source
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
         self.root = _element_tree(text, self.has_text)
         self._text = text
-        self._mended = mended
+        self._repaired = repaired
         self._attributes: tuple[Element, dict[str, re.Match[str]]] | None = None
         """The attributes of the element that was asked for last."""
         self._last_offset_map: tuple[Element, str | None, _OffsetMap] | None = None
@@ -106,13 +106,13 @@ class XmlFile:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
         return self._location(self._offset_map(element, None, None).offset(index))
 
-    def tail_location(self, element: Element, index: int = 0) -> SourceLocation:
+    def tail_location(self, element: Element, index: int) -> SourceLocation:
         """Where the character number `index` of what stands behind an element stands in the file."""
         tag = _TAG.match(self._text, element.end_offset)
         return self._location(_text_offset_map(self._text, tag.end() if tag else element.end_offset).offset(index))
 
     def _location(self, offset: int) -> SourceLocation:
-        return self.source.location(self._mended.original_offset(offset) if self._mended else offset)
+        return self.source.location(self._repaired.original_offset(offset) if self._repaired else offset)
 
     def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
         if self._attributes is None or self._attributes[0] is not element:
@@ -183,7 +183,7 @@ def _text_offset_map(text: str, at: int) -> _OffsetMap:
 
 
 class LazyLocation(Struct, frozen=True):
-    """A place that is worked out only when a finding needs it."""
+    """A location that is worked out only when a finding needs it."""
 
     file: XmlFile
     element: Element
@@ -210,7 +210,7 @@ def is_element_name(name: str) -> bool:
 
 
 def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
-    """Parse a file. What is wrong with its form becomes findings; with the common mistakes mended it is read on."""
+    """Parse a file. What is wrong with its form becomes findings; with the common mistakes repaired it is read on."""
     text = source.text
     if (doctype := _DOCTYPE.match(text)) is not None:
         diagnostics.error(
@@ -234,18 +234,18 @@ def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
     except etree.XMLSyntaxError as first:
         error = first
         before = diagnostics.errors
-        mended = repair(source, diagnostics)
+        repaired = repair(source, diagnostics)
         if diagnostics.errors > before:
             try:
-                _parse(mended.text)
-                return XmlFile(source, mended.text, mended)
+                _parse(repaired.text)
+                return XmlFile(source, repaired.text, repaired)
             except XmlNameError as misnamed:
-                place = source.location(mended.original_offset(misnamed.offset))
-                diagnostics.error("not-well-formed", place, str(misnamed))
+                location = source.location(repaired.original_offset(misnamed.offset))
+                diagnostics.error("not-well-formed", location, str(misnamed))
                 return None
             except etree.XMLSyntaxError as second:
                 error = second
-        report_syntax_error(error, mended, diagnostics)
+        report_syntax_error(error, repaired, diagnostics)
         return None
 
 
@@ -263,7 +263,7 @@ def _parse(text: str) -> None:
 
 
 def _element_tree(text: str, has_text: bool) -> Element:
-    """The tree of a text that lxml has found well-formed. Raises MisnamedError."""
+    """The tree of a text that lxml has found well-formed. Raises XmlNameError."""
     data = text.encode()
     parser = expat.ParserCreate("utf-8")
     outside = Element("", {}, 0)

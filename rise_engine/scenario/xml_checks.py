@@ -48,9 +48,9 @@ def check_no_text(file: XmlFile, element: Element, diagnostics: Diagnostics) -> 
             return
     whole = element.text if behind is None else behind.tail
     index = len(whole) - len(whole.lstrip(BLANKS))
-    place = file.text_location(element, index) if behind is None else file.tail_location(behind, index)
+    location = file.text_location(element, index) if behind is None else file.tail_location(behind, index)
     if find_unseen(stray) == 0:
         message = f"the character {character_name(stray[0])} cannot stand here; delete it, or write an ordinary blank"
     else:
         message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
-    diagnostics.error("unexpected-text", place, message)
+    diagnostics.error("unexpected-text", location, message)

@@ -1,4 +1,4 @@
-"""The commonest mistakes in hand-written XML, found and mended in memory so that the rest of the file can be checked.
+"""The commonest mistakes in hand-written XML, found and repaired in memory so that the rest of the file can be checked.
 
 These are a raw `<` or `&` in a condition or a text, a double quotation mark inside a value in double quotation marks,
 and a blank that XML does not know (from a word processor or a web page) where only blanks can stand. Each gets a
@@ -50,20 +50,19 @@ class RepairedText:
     def replace(self, start: int, end: int, new: str) -> None:
         self._edits.append((start, end, new))
 
-    def apply_edits(self) -> bool:
-        """Apply the edits; False when there are none."""
+    def apply_edits(self) -> None:
+        """Make `text` of the source and the edits."""
         self._edits.sort()
         pieces: list[str] = []
-        at = length = 0
+        position = length = 0
         for start, end, new in self._edits:
-            pieces += (self.source.text[at:start], new)
-            length += start - at
+            pieces += (self.source.text[position:start], new)
+            length += start - position
             self._starts.append(length)
             length += len(new)
-            at = end
-        pieces.append(self.source.text[at:])
+            position = end
+        pieces.append(self.source.text[position:])
         self.text = "".join(pieces)
-        return bool(self._edits)
 
     def original_offset(self, offset: int) -> int:
         """Where an offset of `text` was before the repair."""
@@ -79,41 +78,41 @@ class RepairedText:
 
 def repair(source: SourceFile, diagnostics: Diagnostics) -> RepairedText:
     """Look for the mistakes that this module knows, report each, and return the text without them."""
-    mended = RepairedText(source)
+    repaired = RepairedText(source)
     text = source.text
-    at = 0
+    position = 0
     run_start = 0  # where the present stretch of text between tags begins
     run_bad: list[tuple[int, str]] = []
-    while (mark := _MARK.search(text, at)) is not None:
+    while (mark := _MARK.search(text, position)) is not None:
         here = mark.start()
         if text[here] == "&":
-            at = _read_reference(text, here, run_bad)
+            position = _read_reference(text, here, run_bad)
             continue
         skip = next((closing for opening, closing in _SKIP if text.startswith(opening, here)), None)
         if (left := _LEFT_BY_GIT.match(text, here)) is not None:
             message = "git left this line here when it could not join two versions; delete it, and keep one of them"
             diagnostics.error("merge-conflict", source.location(here), message)
-            mended.replace(here, left.end(), "")
-            at = left.end()
+            repaired.replace(here, left.end(), "")
+            position = left.end()
             continue
         if skip is None and not _NAME.match(text, _first_of_name(text, here)):
             run_bad.append((here, "&lt;"))
-            at = here + 1
+            position = here + 1
             continue
-        _report_stretch(mended, diagnostics, run_start, here, run_bad)
+        _report_stretch(repaired, diagnostics, run_start, here, run_bad)
         if run_start == 0:
-            _repair_outside_root(mended, diagnostics, 0, here)
+            _repair_outside_root(repaired, diagnostics, 0, here)
         if skip is not None:
             end = text.find(skip, here)
             if skip == ">" and end >= 0:
-                _replace_odd_blanks(mended, diagnostics, here, end, "")
-            at = run_start = end + len(skip) if end >= 0 else len(text)
+                _replace_odd_blanks(repaired, diagnostics, here, end, "")
+            position = run_start = end + len(skip) if end >= 0 else len(text)
         else:
-            at = run_start = _repair_start_tag(mended, diagnostics, here)
-    _report_stretch(mended, diagnostics, run_start, len(text), run_bad)
-    _repair_outside_root(mended, diagnostics, run_start, len(text))
-    mended.apply_edits()
-    return mended
+            position = run_start = _repair_start_tag(repaired, diagnostics, here)
+    _report_stretch(repaired, diagnostics, run_start, len(text), run_bad)
+    _repair_outside_root(repaired, diagnostics, run_start, len(text))
+    repaired.apply_edits()
+    return repaired
 
 
 def _first_of_name(text: str, opening: int) -> int:
@@ -123,33 +122,33 @@ def _first_of_name(text: str, opening: int) -> int:
     return end if find_unseen(text, opening + 1, opening + 2) > 0 else opening + 1
 
 
-def _skip_blanks(mended: RepairedText, diagnostics: Diagnostics, start: int, instead: str) -> int:
+def _skip_blanks(repaired: RepairedText, diagnostics: Diagnostics, start: int, instead: str) -> int:
     """Step over blanks, those that XML does not know too; they are reported and replaced."""
-    gap = _GAP.match(mended.source.text, start)
+    gap = _GAP.match(repaired.source.text, start)
     end = gap.end() if gap else start
-    _replace_odd_blanks(mended, diagnostics, start, end, instead)
+    _replace_odd_blanks(repaired, diagnostics, start, end, instead)
     return end
 
 
-def _replace_odd_blanks(mended: RepairedText, diagnostics: Diagnostics, start: int, end: int, instead: str) -> None:
+def _replace_odd_blanks(repaired: RepairedText, diagnostics: Diagnostics, start: int, end: int, instead: str) -> None:
     """Replace the blanks that XML does not know; one finding for them all."""
-    text = mended.source.text
-    first = at = find_unseen(text, start, end)
+    text = repaired.source.text
+    first = position = find_unseen(text, start, end)
     if first < 0:
         return
     write = "write an ordinary blank" if instead else "delete it"
     message = f"the character {character_name(text[first])} cannot stand here; {write}"
-    diagnostics.error("unexpected-text", mended.source.location(first), message)
-    while at >= 0:
-        mended.replace(at, at + 1, instead)
-        at = find_unseen(text, at + 1, end)
+    diagnostics.error("unexpected-text", repaired.source.location(first), message)
+    while position >= 0:
+        repaired.replace(position, position + 1, instead)
+        position = find_unseen(text, position + 1, end)
 
 
-def _repair_outside_root(mended: RepairedText, diagnostics: Diagnostics, start: int, end: int) -> None:
+def _repair_outside_root(repaired: RepairedText, diagnostics: Diagnostics, start: int, end: int) -> None:
     """What stands before the outermost element or behind it, when it is nothing but blanks that XML does not know."""
-    gap = _GAP.match(mended.source.text, start, end)
+    gap = _GAP.match(repaired.source.text, start, end)
     if gap is not None and gap.end() == end:
-        _replace_odd_blanks(mended, diagnostics, start, end, "")
+        _replace_odd_blanks(repaired, diagnostics, start, end, "")
 
 
 def _read_reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
@@ -160,41 +159,41 @@ def _read_reference(text: str, here: int, bad: list[tuple[int, str]]) -> int:
     return here + 1
 
 
-def _repair_start_tag(mended: RepairedText, diagnostics: Diagnostics, start: int) -> int:
-    """Read a start tag tolerantly, mending its attribute values. Returns the offset behind it."""
-    text = mended.source.text
-    name = _NAME.match(text, _skip_blanks(mended, diagnostics, start + 1, ""))
-    at = name.end() if name else start + 1
+def _repair_start_tag(repaired: RepairedText, diagnostics: Diagnostics, start: int) -> int:
+    """Read a start tag tolerantly, repairing its attribute values. Returns the offset behind it."""
+    text = repaired.source.text
+    name = _NAME.match(text, _skip_blanks(repaired, diagnostics, start + 1, ""))
+    position = name.end() if name else start + 1
     while True:
-        at = _skip_blanks(mended, diagnostics, at, " ")
-        if text.startswith(">", at):
-            return at + 1
-        attribute = _NAME.match(text, at)
+        position = _skip_blanks(repaired, diagnostics, position, " ")
+        if text.startswith(">", position):
+            return position + 1
+        attribute = _NAME.match(text, position)
         if attribute is None:
-            return at + 1 if text.startswith("/", at) else at
-        at = attribute.end()
-        equals = _EQUALS.match(text, at)
+            return position + 1 if text.startswith("/", position) else position
+        position = attribute.end()
+        equals = _EQUALS.match(text, position)
         if equals is None:
-            return at
-        _replace_odd_blanks(mended, diagnostics, equals.start(), equals.end(), " ")
-        at = equals.end()
-        quote = text[at : at + 1]
-        end = _repair_typographic_value(mended, diagnostics, at)
+            return position
+        _replace_odd_blanks(repaired, diagnostics, equals.start(), equals.end(), " ")
+        position = equals.end()
+        quote = text[position : position + 1]
+        end = _repair_typographic_value(repaired, diagnostics, position)
         if end > 0:
-            at = end + 1
+            position = end + 1
             continue
         if quote not in ('"', "'") or not quote:
-            return at
-        end = _find_value_end(mended, at + 1, quote)
+            return position
+        end = _find_value_end(repaired, position + 1, quote)
         if end < 0:
-            return at + 1
-        _repair_value(mended, diagnostics, attribute.group(), at, end)
-        at = end + 1
+            return position + 1
+        _repair_value(repaired, diagnostics, attribute.group(), position, end)
+        position = end + 1
 
 
-def _repair_typographic_value(mended: RepairedText, diagnostics: Diagnostics, opening: int) -> int:
+def _repair_typographic_value(repaired: RepairedText, diagnostics: Diagnostics, opening: int) -> int:
     """Mend a value in typographic quotation marks, or one that they close: the offset of its end; -1 for others."""
-    text = mended.source.text
+    text = repaired.source.text
     curly = bool(straight_quote(text[opening : opening + 1]))
     if not curly and text[opening : opening + 1] not in ('"', "'"):
         return -1
@@ -209,74 +208,74 @@ def _repair_typographic_value(mended: RepairedText, diagnostics: Diagnostics, op
         if not _CURLY_ENDS.match(text, found.end()):
             continue
         first = opening if curly else found.start()
-        diagnostics.error("quotes", mended.source.location(first), typography_problem(text, first, quote=straight))
-        for at in (opening, found.start()):
-            mended.replace(at, at + 1, straight)
-        _escape_value(mended, text, opening + 1, found.start(), straight)
+        diagnostics.error("quotes", repaired.source.location(first), typography_problem(text, first, quote=straight))
+        for position in (opening, found.start()):
+            repaired.replace(position, position + 1, straight)
+        _escape_value(repaired, text, opening + 1, found.start(), straight)
         return found.start()
     return -1
 
 
-def _escape_value(mended: RepairedText, text: str, start: int, end: int, quote: str) -> None:
+def _escape_value(repaired: RepairedText, text: str, start: int, end: int, quote: str) -> None:
     """Replace what cannot stand in a value that has just got its quotation marks."""
     entities = {"<": "&lt;", quote: "&quot;" if quote == '"' else "&apos;"}
-    for at in range(start, end):
-        if text[at] in entities:
-            mended.replace(at, at + 1, entities[text[at]])
-        elif text[at] == "&" and _REFERENCE.match(text, at) is None:
-            mended.replace(at, at + 1, "&amp;")
+    for position in range(start, end):
+        if text[position] in entities:
+            repaired.replace(position, position + 1, entities[text[position]])
+        elif text[position] == "&" and _REFERENCE.match(text, position) is None:
+            repaired.replace(position, position + 1, "&amp;")
 
 
-def _find_value_end(mended: RepairedText, start: int, quote: str) -> int:
+def _find_value_end(repaired: RepairedText, start: int, quote: str) -> int:
     """The offset of the quotation mark that closes a value, or -1 when it is never closed.
 
     A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. That is
     looked for in the same line, and not for ever.
     """
-    text = mended.source.text
+    text = repaired.source.text
     first = end = text.find(quote, start)
     if end < 0 or _RUNS_ON.search(text, start, end):
         return -1
     line_end = _LINE_END.search(text, end, end + _FARTHEST)
     last = line_end.start() if line_end else min(end + _FARTHEST, len(text))
     while not _VALUE_ENDS.match(text, end + 1):
-        end = text.find(quote, max(end + 1, mended.searched_until.get(quote, 0)), last)
+        end = text.find(quote, max(end + 1, repaired.searched_until.get(quote, 0)), last)
         if end < 0:
-            mended.searched_until[quote] = last
+            repaired.searched_until[quote] = last
             return first
     return end
 
 
-def _repair_value(mended: RepairedText, diagnostics: Diagnostics, name: str, opening: int, end: int) -> None:
-    text = mended.source.text
+def _repair_value(repaired: RepairedText, diagnostics: Diagnostics, name: str, opening: int, end: int) -> None:
+    text = repaired.source.text
     quote = text[opening]
     bad: list[tuple[int, str]] = []
     quotes: list[int] = []
-    at = opening + 1
-    while at < end:
-        if text[at] == "&":
-            at = _read_reference(text, at, bad)
+    position = opening + 1
+    while position < end:
+        if text[position] == "&":
+            position = _read_reference(text, position, bad)
             continue
-        if text[at] == "<":
-            bad.append((at, "&lt;"))
-        elif text[at] == quote:
-            quotes.append(at)
-        at += 1
+        if text[position] == "<":
+            bad.append((position, "&lt;"))
+        elif text[position] == quote:
+            quotes.append(position)
+        position += 1
     other = "'" if quote == '"' else '"'
     if bad:
         corrected = _corrected_excerpt(text, opening + 1, end, bad)
         if quotes:
             corrected = corrected.replace(quote, other)
-        _report_unescaped(mended, diagnostics, bad, f"{name}={quote}{corrected}{quote}", " in an attribute")
+        _report_unescaped(repaired, diagnostics, bad, f"{name}={quote}{corrected}{quote}", " in an attribute")
     if quotes:
         inner = _corrected_excerpt(text, opening + 1, end, bad).replace(quote, other)
         diagnostics.error(
             "quotes",
-            mended.source.location(quotes[0]),
+            repaired.source.location(quotes[0]),
             f"a {quote} inside a value in {quote} marks ends it; write {name}={quote}{inner}{quote}",
         )
         for offset in quotes:
-            mended.replace(offset, offset + 1, "&quot;" if quote == '"' else "&apos;")
+            repaired.replace(offset, offset + 1, "&quot;" if quote == '"' else "&apos;")
 
 
 def _corrected_excerpt(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> str:
@@ -291,19 +290,19 @@ def _corrected_excerpt(text: str, start: int, end: int, bad: list[tuple[int, str
 
 
 def _report_stretch(
-    mended: RepairedText, diagnostics: Diagnostics, start: int, end: int, bad: list[tuple[int, str]]
+    repaired: RepairedText, diagnostics: Diagnostics, start: int, end: int, bad: list[tuple[int, str]]
 ) -> None:
     """One finding for the wrong characters of one stretch of text."""
     if bad:
-        corrected = _corrected_excerpt(mended.source.text, start, end, bad)
-        _report_unescaped(mended, diagnostics, bad, " ".join(corrected.split()), "")
+        corrected = _corrected_excerpt(repaired.source.text, start, end, bad)
+        _report_unescaped(repaired, diagnostics, bad, " ".join(corrected.split()), "")
         bad.clear()
 
 
 def _report_unescaped(
-    mended: RepairedText, diagnostics: Diagnostics, bad: list[tuple[int, str]], corrected: str, where: str
+    repaired: RepairedText, diagnostics: Diagnostics, bad: list[tuple[int, str]], corrected: str, where: str
 ) -> None:
-    text = mended.source.text
+    text = repaired.source.text
     first = bad[0][0]
     entity = _NAMED.match(text, first)
     if entity is not None and entity.group(1) not in ("lt", "gt", "amp", "quot", "apos"):
@@ -312,6 +311,6 @@ def _report_unescaped(
         marks = " and ".join(f"`{mark}`" for mark in dict.fromkeys(text[offset] for offset, _ in bad))
         they = "they are" if "and" in marks else "it is"
         message = f"{marks} cannot stand as {they}{where}; write {corrected}"
-    diagnostics.error("unescaped", mended.source.location(first), message)
+    diagnostics.error("unescaped", repaired.source.location(first), message)
     for offset, new in bad:
-        mended.replace(offset, offset + 1, new)
+        repaired.replace(offset, offset + 1, new)

@@ -15,10 +15,10 @@ _UNFINISHED = re.compile(r"in tag (\S+) line (\d+)")
 _REDEFINED = re.compile(r"Attribute (\S+) redefined")
 
 
-def report_syntax_error(error: etree.XMLSyntaxError, mended: RepairedText, diagnostics: Diagnostics) -> None:
+def report_syntax_error(error: etree.XMLSyntaxError, repaired: RepairedText, diagnostics: Diagnostics) -> None:
     """Turn the first error of the parser into a finding."""
     message = _POSITION.sub("", error.msg or "")  # error.error_log holds those of all files so far
-    text = mended.text
+    text = repaired.text
     line, column = error.position
     offset = _offset(text, line or 1, column or 1)
     code = "not-well-formed"
@@ -54,7 +54,7 @@ def report_syntax_error(error: etree.XMLSyntaxError, mended: RepairedText, diagn
         sentence = "a comment cannot have `--` inside it; only `-->` ends it"
     else:
         sentence = f"this is not well-formed XML: {' '.join(message.split())}"
-    diagnostics.error(code, mended.source.location(mended.original_offset(offset)), sentence)
+    diagnostics.error(code, repaired.source.location(repaired.original_offset(offset)), sentence)
 
 
 def _offset(text: str, line: int, column: int) -> int:

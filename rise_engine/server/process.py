@@ -248,7 +248,7 @@ class _SessionPreparation:
             with one_at_a_time(which.parent):
                 self._refuse_if_running()
                 self.lock = JournalLock(which / JOURNAL, here=self.options.from_other_computer)
-            self.recovered = recover(which, lock=self.lock, tell=self._report_recovery)
+            self.recovered = recover(which, lock=self.lock, on_progress=self._report_recovery)
         except JournalLockedError as error:
             holder = error.holder
             socket = holder.socket if holder and holder.is_this_computer else ""

@@ -140,8 +140,8 @@ def create_session(
     try:
         root.mkdir(0o700, parents=True, exist_ok=True)
         folder = _make_folder(root, name)
-        for place, data in files.items():
-            path = folder / SCENARIO_COPY / place
+        for relative_path, data in files.items():
+            path = folder / SCENARIO_COPY / relative_path
             path.parent.mkdir(0o700, parents=True, exist_ok=True)
             path.write_bytes(data)
         (folder / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
@@ -177,7 +177,7 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    loaded = load(copy, robot=info.robot, mode=info.mode, paths=_present_places(copy))
+    loaded = load(copy, robot=info.robot, mode=info.mode, paths=_present_paths(copy))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:
@@ -238,14 +238,14 @@ def describe_session(folder: Path) -> str:
     try:
         info = read_info(folder)
         last = (folder / JOURNAL).stat().st_mtime
-        began, at = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
+        began, end = datetime.fromisoformat(info.started), datetime.fromtimestamp(last)
     except (SessionError, OSError, ValueError) as error:
         return f"{folder.name} cannot be described: {error}"
     who = [f"{what} {name}" for what in ("participant", "condition") if (name := getattr(info, what))]
     by = f" by {info.wizard}" if info.wizard else ""
     return (
         f"{', '.join([f'{info.title} ({info.mode}, {info.robot})', *who])}, "
-        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_duration_text(last - began.timestamp())}, last record {at:%H:%M:%S}"
+        f"begun {began:%Y-%m-%d %H:%M}{by}, ran {_duration_text(last - began.timestamp())}, last record {end:%H:%M:%S}"
     )
 
 
@@ -302,8 +302,8 @@ def _make_folder(root: Path, name: str) -> Path:
     raise SessionError(f"{root} has too many sessions of one second")
 
 
-def _present_places(copy: Path) -> dict[str, str]:
-    return {kind: place for kind, place in DEFAULT_PATHS.items() if (copy / place).exists()}
+def _present_paths(copy: Path) -> dict[str, str]:
+    return {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
 
 
 def _slug(title: str) -> str:

@@ -45,7 +45,7 @@ class Journal:
         """`size`: 0 makes a new file, else an existing one goes on there. `lock`: of an existing one, for who has taken
         it before; the journal's from now on. Raises OSError, and SessionError when it cannot be locked.
 
-        `changed` is called on the writer's thread whenever `durable` or `trouble` has changed; it must not block.
+        `changed` is called on the writer's thread whenever `durable` or `error` has changed; it must not block.
         `now` gives the session's time in seconds, noted in the file `clock`.
         """
         self.path = path
@@ -192,9 +192,9 @@ class Journal:
             self._disk.close(self._descriptor)
         self._descriptor = fresh
 
-    def _set_error(self, trouble: str) -> None:
-        if trouble != self.error:
-            self.error = trouble
+    def _set_error(self, message: str) -> None:
+        if message != self.error:
+            self.error = message
             self.on_change()
 
     def _write_clock(self) -> None:

@@ -42,8 +42,8 @@ PROGRESS_SECONDS = 0.5
 class ReadingProgress:
     """How far a long reading has come, for somebody who waits."""
 
-    def __init__(self, tell: ProgressCallback | None = None) -> None:
-        self._on_progress = tell
+    def __init__(self, on_progress: ProgressCallback | None = None) -> None:
+        self._on_progress = on_progress
         self._next = monotonic() + PROGRESS_SECONDS
 
     def report(self, sentence: Callable[[], str]) -> None:
@@ -129,12 +129,12 @@ class JournalContents(Struct):
             raise SessionError(f"{self.path} cannot be read: {error.strerror or error}") from None
 
 
-def read_journal(path: Path, tell: ProgressCallback | None = None) -> JournalContents:
+def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> JournalContents:
     """Go through the journal in the file `path` once: what is in it, and how far it can be believed.
 
-    `tell` gets a sentence about how far it has come, about twice a second, when that takes long. Returns counts, what
-    is damaged, missing or torn, and the means to go through the lines again; the lines themselves stay in the file.
-    Nothing in the file is changed, so it may belong to a session that runs. Raises SessionError when there is no
+    `on_progress` gets a sentence about how far it has come, about twice a second, when that takes long. Returns counts,
+    what is damaged, missing or torn, and the means to go through the lines again; the lines themselves stay in the
+    file. Nothing in the file is changed, so it may belong to a session that runs. Raises SessionError when there is no
     journal, when it cannot be read, when nothing in it is one, and when a newer version has written it.
 
         >>> from tempfile import TemporaryDirectory
@@ -152,7 +152,7 @@ def read_journal(path: Path, tell: ProgressCallback | None = None) -> JournalCon
         >>> contents.inputs, contents.records, contents.seconds, contents.ended, contents.torn
         (1, 1, 2.5, False, b'{"kind":"no')
     """
-    progress = ReadingProgress(tell)
+    progress = ReadingProgress(on_progress)
     contents = JournalContents(path)
     reading = _JournalPass(path)
     offset = 0

@@ -95,7 +95,7 @@ class JournalLock:
 
         `here`: a person has decided that the computer which had the session last does not run it any more.
 
-        Raises JournalLocked when an engine runs the session; HeldElsewhere when one on another computer may;
+        Raises JournalLockedError when an engine runs the session; HeldElsewhereError when one on another computer may;
         SessionError when there is no journal, or it may not be written.
         """
         self._note = journal.with_name(HOLDER_FILE)
@@ -112,13 +112,14 @@ class JournalLock:
         """Say beside the journal who has it, and where the session is reached."""
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
-        beside = self._note.with_name(f"{HOLDER_FILE}.new")
+        new_note = self._note.with_name(f"{HOLDER_FILE}.new")
         with suppress(OSError):  # a full disk, say: it can be locked all the same
-            beside.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
-            beside.replace(self._note)
+            new_note.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
+            new_note.replace(self._note)
 
     def lock_replacement(self, path: Path) -> int:
-        """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for `moved`.
+        """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for
+        `use_replacement`. Returns the descriptor that holds the lock.
 
         Raises OSError.
         """
@@ -130,12 +131,12 @@ class JournalLock:
         return descriptor
 
     def use_replacement(self, descriptor: int) -> None:
-        """That file has taken the journal's place: let go of the one before."""
+        """The file of `lock_replacement` has taken the journal's place: unlock the one before."""
         self._descriptor, before = descriptor, self._descriptor
         os.close(before)
 
     def release(self) -> None:
-        """Let go; nobody has the session now."""
+        """Unlock the journal: nobody has the session now. Does nothing the second time."""
         if self._descriptor >= 0:
             with suppress(OSError):
                 self._note.unlink()  # while the lock is held, nobody else writes one
@@ -183,13 +184,13 @@ def running_message(folder: Path, holder: LockHolder | None) -> str:
     """That a session runs, where, and how it is reached and ended."""
     if holder is None:
         return f"the session {folder.name} is running: another program has locked its journal"
-    said = f"the session {folder.name} is running: {holder}"
+    sentence = f"the session {folder.name} is running: {holder}"
     if not holder.is_this_computer:
-        return f"{said}. Attach to it and end it there"
+        return f"{sentence}. Attach to it and end it there"
     if not holder.socket:
-        return f"{said}. It is just starting"
+        return f"{sentence}. It is just starting"
     where = shlex.quote(holder.socket)
-    return f"{said}. To attach: rise-tui --session {where}. To end it: rise-engine stop {where}"
+    return f"{sentence}. To attach: rise-tui --session {where}. To end it: rise-engine stop {where}"
 
 
 @contextmanager
@@ -204,13 +205,13 @@ def one_at_a_time(sessions: Path) -> Iterator[None]:
         yield
         return
     try:
-        for left in reversed(range(TRIES)):
+        for tries_left in reversed(range(TRIES)):
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 if error.errno in _NO_LOCKS:  # folders on NFS; the journals' locks are there all the same
                     break
-                if not left:
+                if not tries_left:
                     raise SessionError(f"another engine is just beginning a session in {sessions}; try again") from None
                 time.sleep(TRY_SECONDS)
             else:
@@ -236,10 +237,10 @@ def file_system(path: Path, mounts: str | None = None) -> str:
         parts = fields.split()
         if not dash or len(parts) < 5:
             continue
-        place = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
-        inside = real == place or real.startswith(place.rstrip("/") + "/")
-        if inside and len(place) >= len(found):  # the latest of one place lies on top
-            found, kind = place, rest.split()[0]
+        mount_point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
+        inside = real == mount_point or real.startswith(mount_point.rstrip("/") + "/")
+        if inside and len(mount_point) >= len(found):  # the latest of one mount point lies on top
+            found, kind = mount_point, rest.split()[0]
     return kind
 
 

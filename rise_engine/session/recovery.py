@@ -52,33 +52,37 @@ class RecoveredSession(Struct):
 
 
 def recover(
-    folder: Path, disk: Disk | None = None, *, lock: JournalLock | None = None, tell: ProgressCallback | None = None
+    folder: Path,
+    disk: Disk | None = None,
+    *,
+    lock: JournalLock | None = None,
+    on_progress: ProgressCallback | None = None,
 ) -> RecoveredSession:
     """Bring the unfinished session in `folder` back to where it was, and repair its journal.
 
     `disk`: what writes, for tests that let it fail. `lock`: of the journal, for who goes on with it; without it, the
-    journal is locked for this time only. `tell` gets a sentence about how far it has come, about twice a second, when
-    that takes long. Returns the kernel and the view as they were after the last input, session time in seconds, timers
-    that are still to run, and a report in sentences. Raises SessionError when the session runs (JournalLocked), has
-    ended or cannot be recovered; its journal is as it was, then.
+    journal is locked for this time only. `on_progress` gets a sentence about how far it has come, about twice a second,
+    when that takes long. Returns the kernel and the view as they were after the last input, session time in seconds,
+    timers that are still to run, and a report in sentences. Raises SessionError when the session runs
+    (JournalLockedError), has ended or cannot be recovered; its journal is as it was, then.
 
         recovered = recover(find_session("2026-11-21_141503_lablinking_debug"))
         print(*recovered.report, sep="\\n")
     """
     if lock is not None:
-        return _recover(folder, disk or Disk(), lock, tell)
+        return _recover(folder, disk or Disk(), lock, on_progress)
     read_info(folder)  # whether it is a session at all
     lock = JournalLock(folder / JOURNAL)
     try:
-        return _recover(folder, disk or Disk(), lock, tell)
+        return _recover(folder, disk or Disk(), lock, on_progress)
     finally:
         lock.release()
 
 
-def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: ProgressCallback | None) -> RecoveredSession:
+def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressCallback | None) -> RecoveredSession:
     path = folder / JOURNAL
     info = read_info(folder)
-    contents = read_journal(path, tell)
+    contents = read_journal(path, on_progress)
     if contents.ended:
         last = contents.last_record
         when = f"at {last.wall}" if last is not None and last.wall else f"after {contents.seconds:.1f} s"
@@ -89,7 +93,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: ProgressCallback
     report: list[str] = []
     scenario = load_session_scenario(folder, info, report)
     kernel = Kernel(scenario, info.seed)
-    done = Replay(kernel, contents, tell)
+    done = Replay(kernel, contents, on_progress)
     view = SessionView()
     for made in done.steps():
         for record in made.records:
@@ -100,7 +104,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, tell: ProgressCallback
             f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that "
             "version. It can be exported with this one (rise-engine export)"
         )
-    again = Replay(Kernel(scenario, info.seed), contents, tell)
+    again = Replay(Kernel(scenario, info.seed), contents, on_progress)
     try:
         size = _JournalRepair(contents, done, again, info, disk, lock, report).carry_out()
     except OSError as error:

@@ -1,6 +1,6 @@
 """Replay: the recorded inputs once more, through a fresh kernel. What comes out must be what was recorded.
 
-`compare` is what `rise-engine replay` shows; `Replay` serves recovery too.
+`compare_replay` is what `rise-engine replay` shows; `Replay` serves recovery too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ CANNOT_REPLAY = (
 
 
 class ReplayDifference(Struct, frozen=True):
-    """The first place where a replay is not what was recorded."""
+    """The first record in which a replay is not what was recorded."""
 
     file: str
     line: int
@@ -50,11 +50,11 @@ class ReplayDifference(Struct, frozen=True):
     replayed: Any
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         return f"{self.file}:{self.line}"
 
     def __str__(self) -> str:
-        where = f"{self.place}: record {self.seq} (of input {self.input}, kind {self.kind})"
+        where = f"{self.location}: record {self.seq} (of input {self.input}, kind {self.kind})"
         if self.field == NO_RECORD:
             return f"{where} is in the journal, but the replay does not give it"
         recorded, replayed = _short_json(self.recorded), _short_json(self.replayed)
@@ -83,23 +83,21 @@ class ReplayComparison(Struct, frozen=True):
         return self.difference is None and not self.damaged and not self.missing
 
 
-def compare_replay(
-    folder: Path, scenario: Path | None = None, tell: ProgressCallback | None = None
-) -> ReplayComparison:
+def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparison:
     """Run the recorded inputs of the session in `folder` through a fresh kernel, and compare what comes out with what
     was recorded, byte for byte.
 
-    `scenario`: a scenario folder to use instead of the session's own copy. `tell` gets a sentence about how far it has
-    come, about twice a second, when that takes long. Returns how much was compared and the first difference, if there
-    is one; `identical` says it in a word. Nothing in the folder is changed, and the session may run. Raises
-    SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not load.
+    `scenario`: a scenario folder to use instead of the session's own copy. Returns how much was compared and the first
+    difference, if there is one; `identical` says it in a word. Nothing in the folder is changed, and the session may
+    run. Raises SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not
+    load.
 
-        comparison = compare(find_session("2026-11-21_141503_lablinking_debug"))
+        comparison = compare_replay(find_session("2026-11-21_141503_lablinking_debug"))
         print("identical" if comparison.identical else comparison.difference)
     """
     info = read_info(folder)
     path = folder / JOURNAL
-    contents = read_journal(path, tell)
+    contents = read_journal(path)
     require_inputs(path, contents)
     notes: list[str] = []
     model = (
@@ -110,7 +108,7 @@ def compare_replay(
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = Replay(Kernel(model, info.seed), contents, tell).run()
+    done = Replay(Kernel(model, info.seed), contents).run()
     if done.unwritten and done.difference is None:
         first, last = done.unwritten[0].seq, done.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
@@ -182,10 +180,10 @@ class Replay:
     Iterate over it to its end; one step at a time is in memory.
     """
 
-    def __init__(self, kernel: Kernel, contents: JournalContents, tell: ProgressCallback | None = None) -> None:
+    def __init__(self, kernel: Kernel, contents: JournalContents, on_progress: ProgressCallback | None = None) -> None:
         self._kernel = kernel
         self._contents = contents
-        self._progress = ReadingProgress(tell)
+        self._progress = ReadingProgress(on_progress)
         self.inputs = 0
         """How many were replayed."""
         self.compared = 0
@@ -230,7 +228,7 @@ class Replay:
             yield ReplayedStep(input.n, text, records, written)
             if self.inputs % 1_000 == 0:
                 self._progress.report(lambda: f"{self.compared:,} of {contents.records:,} records")
-        if contents.last_seq > kernel.core.seq:
+        if contents.last_seq > kernel.seq:
             self.difference = _first_beyond(contents, tape, line)
 
     def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:

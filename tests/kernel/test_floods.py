@@ -242,7 +242,7 @@ def test_the_work_of_a_flood_grows_with_its_rules_only(rules: int) -> None:
 
 def test_rules_that_double_what_comes_are_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing goes round: each of forty rules answers an event with two for the next one. That is a trillion steps."""
-    monkeypatch.setattr(kernel_rules, "LONGEST_GO", 5)  # twenty times fewer records for the same
+    monkeypatch.setattr(kernel_rules, "MAX_VAIN_SEARCHES", 5)  # twenty times fewer records for the same
     rules = {f"r{at}": stays(f"e{at}", raises(f"e{at + 1}", f"e{at + 1}")) for at in range(40)}
     s = play(tmp_path, {**rules, "flood": stays("go", raises("e0")), "calm": stays("other", COUNT)})
     stopped = faulted(s)

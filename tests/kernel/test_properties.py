@@ -392,7 +392,7 @@ def test_after_a_stop_nothing_starts_and_nothing_runs(scenario: Scenario, moves:
 def test_the_records_alone_rebuild_the_state(scenario: Scenario, moves: list[Move]) -> None:
     run = Run(scenario, moves)
     view, kernel = run.view, run.kernel
-    assert view.seq == kernel.core.seq
+    assert view.seq == kernel.seq
     assert {key: entry.value for key, entry in view.memory.items()} == kernel.core.memory
     assert view.running_rules() == list(reversed(kernel.rules.stack))
     assert {name: rule.state for name, rule in view.rules.items() if rule.running} == {

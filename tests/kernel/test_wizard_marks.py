@@ -211,8 +211,8 @@ def test_fillers_come_in_turn(s: Session) -> None:
         s.finish_all()
     asked = [record.behavior for record in of(s, TaskRecord) if record.status == "PENDING"]
     assert asked == ["Hm", "LetMeSee", "Nod", "Hm"]
-    said = [record.reason for record in of(s, TaskRecord) if record.function == "nextFiller"]
-    assert said == asked, "the task says which one it was"
+    reasons = [record.reason for record in of(s, TaskRecord) if record.function == "nextFiller"]
+    assert reasons == asked, "the task says which one it was"
 
 
 def test_the_turn_goes_on_after_a_filler_that_was_started_by_its_own_key(s: Session) -> None:

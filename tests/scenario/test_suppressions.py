@@ -1,4 +1,4 @@
-"""Warnings that are meant are silenced at their place, with a reason."""
+"""Warnings that are meant are silenced where they stand, with a reason."""
 
 from __future__ import annotations
 
@@ -118,9 +118,9 @@ def test_check_says_how_many(tmp_path: Path) -> None:
     assert short.exit_code == 0 and short.output.startswith("no findings, 1 silenced (")
     long = CliRunner().invoke(main, ["check", str(tmp_path), "--all"]).output.splitlines()
     assert "silenced ambiguous-else: " in long[0] and long[0].endswith("(reason: we mean it)")
-    told = json.loads(CliRunner().invoke(main, ["check", str(tmp_path), "--json"]).output)
-    assert told["warnings"] == 0 and told["findings"] == []
-    assert told["silenced"][0]["reason"] == "we mean it" and told["silenced"][0]["code"] == "ambiguous-else"
+    answer = json.loads(CliRunner().invoke(main, ["check", str(tmp_path), "--json"]).output)
+    assert answer["warnings"] == 0 and answer["findings"] == []
+    assert answer["silenced"][0]["reason"] == "we mean it" and answer["silenced"][0]["code"] == "ambiguous-else"
 
 
 def test_every_warning_can_be_silenced() -> None:

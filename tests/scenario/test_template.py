@@ -45,7 +45,7 @@ def test_a_separator_is_said_only_with_a_value(text: str, memory: dict[str, Any]
 
 
 @pytest.mark.parametrize(
-    ("text", "column", "said"),
+    ("text", "column", "message"),
     [
         ('Hi {", name}', 5, "has no closing quotation mark"),
         ('Hi {name", }', 9, "has no closing quotation mark"),
@@ -58,10 +58,10 @@ def test_a_separator_is_said_only_with_a_value(text: str, memory: dict[str, Any]
         ("Hi {, name}", 4, "does not name a memory key"),
     ],
 )
-def test_what_is_malformed_is_said(text: str, column: int, said: str) -> None:
+def test_what_is_malformed_is_explained(text: str, column: int, message: str) -> None:
     with pytest.raises(TemplateError) as error:
         parse_template(text)
-    assert said in str(error.value) and error.value.column == column
+    assert message in str(error.value) and error.value.column == column
     assert fill_speech(text, {}).problem == str(error.value)
 
 

@@ -1,4 +1,4 @@
-"""Typographic quotation marks and blanks of other widths are named, at their place, with what to write instead."""
+"""Typographic quotation marks and blanks of other widths are named, where they stand, with what to write instead."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.scenario.folders import act, found, in_state, loaded
 
 MEMORY = '{"a": 1}'
 RULE = '<InteractionRule name=“R” initial="S"><State id="S"/></InteractionRule>'
-# A file, its text, and at which place which character is named.
+# A file, its text, and at which location which character is named.
 CASES: list[tuple[str, str, str, str]] = [
     ("scenario.toml", "title = “Hallo”\n", "1:9 toml-syntax", "`“`"),
     ("scenario.toml", 'title = „Hallo“\nmode = "debug"\n', "1:9 toml-syntax", "`„`"),
@@ -44,11 +44,11 @@ CASES: list[tuple[str, str, str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("file", "text", "place", "named"), CASES)
-def test_it_is_named_at_its_place(tmp_path: Path, file: str, text: str, place: str, named: str) -> None:
+@pytest.mark.parametrize(("file", "text", "location", "named"), CASES)
+def test_it_is_named_where_it_stands(tmp_path: Path, file: str, text: str, location: str, named: str) -> None:
     files: dict[str, str | bytes] = {"memory.json": MEMORY, file: text}
     result = loaded(tmp_path, files)
-    assert found(result)[0] == f"{file}:{place}", result.diagnostics
+    assert found(result)[0] == f"{file}:{location}", result.diagnostics
     assert len(result.diagnostics) == 1
     message = result.diagnostics[0].message
     assert named in message and "write" in message

@@ -31,13 +31,13 @@ def test_its_place_behind_comments_and_as_an_entity(tmp_path: Path) -> None:
         "<onEntry/> <!-- a --> &#160;": "rules/r.xml:2:37",
         "<onEntry>\u00a0</onEntry>": "rules/r.xml:2:24",
     }
-    for number, (text, place) in enumerate(stray.items()):
+    for number, (text, location) in enumerate(stray.items()):
         result = loaded(tmp_path / str(number), {"rules/r.xml": RULE.format(text)})
-        assert found(result) == [f"{place} unexpected-text"], text
+        assert found(result) == [f"{location} unexpected-text"], text
 
 
 @pytest.mark.parametrize(
-    ("text", "place"),
+    ("text", "location"),
     [
         ("?" + RULE, "1:1"),
         (RULE + "\n?", "4:1"),
@@ -51,11 +51,11 @@ def test_its_place_behind_comments_and_as_an_entity(tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("blank", ["\u00a0", "\u2028"], ids=ascii)
 def test_a_blank_that_xml_does_not_know_within_a_tag_or_around_all(
-    tmp_path: Path, blank: str, text: str, place: str
+    tmp_path: Path, blank: str, text: str, location: str
 ) -> None:
     result = loaded(tmp_path, {"rules/r.xml": text.replace("?", blank).format("")})
-    told = [diagnostic for diagnostic in result.diagnostics if f"U+{ord(blank):04X}" in diagnostic.message]
-    assert [str(diagnostic.location) for diagnostic in told] == [f"rules/r.xml:{place}"]
+    named = [diagnostic for diagnostic in result.diagnostics if f"U+{ord(blank):04X}" in diagnostic.message]
+    assert [str(diagnostic.location) for diagnostic in named] == [f"rules/r.xml:{location}"]
     assert len(result.errors) == 1
 
 
@@ -144,19 +144,19 @@ WHOLE, APART = "Grün", normalize("NFD", "Grün")
 def test_a_letter_with_an_accent_as_one_character_and_as_two(tmp_path: Path) -> None:
     body = f'<State id="S"><transition cond="a" target="{APART}"/></State><State id="{WHOLE}"/>'
     result = loaded(tmp_path, {"rules/r.xml": rule(body)})
-    (told,) = [diagnostic.message for diagnostic in result.errors]
-    assert "two characters, U+0075 (LATIN SMALL LETTER U) and U+0308 (COMBINING DIAERESIS) here" in told
-    assert "as U+00FC (LATIN SMALL LETTER U WITH DIAERESIS) there; copy the name from there" in told
+    (message,) = [diagnostic.message for diagnostic in result.errors]
+    assert "two characters, U+0075 (LATIN SMALL LETTER U) and U+0308 (COMBINING DIAERESIS) here" in message
+    assert "as U+00FC (LATIN SMALL LETTER U WITH DIAERESIS) there; copy the name from there" in message
 
 
 def test_also_the_names_of_acts_and_in_settings(tmp_path: Path) -> None:
     files = {"acts/a.xml": act(SPEECH, WHOLE), "scenario.toml": f'[keys]\n1 = {{ act = "{APART}" }}\n'}
-    (told,) = [diagnostic.message for diagnostic in loaded(tmp_path, files).errors]
-    assert "two characters" in told and "U+00FC" in told
+    (message,) = [diagnostic.message for diagnostic in loaded(tmp_path, files).errors]
+    assert "two characters" in message and "U+00FC" in message
 
 
 @pytest.mark.parametrize(
-    ("word", "known", "told"),
+    ("word", "known", "message"),
     [
         (WHOLE, APART, "U+0308"),
         ("Ende\u00a0A", "Ende A", "U+00A0 (NO-BREAK SPACE)"),
@@ -167,8 +167,8 @@ def test_also_the_names_of_acts_and_in_settings(tmp_path: Path) -> None:
         ("State", "Stage", ""),
     ],
 )
-def test_what_makes_names_different(word: str, known: str, told: str) -> None:
-    assert (told in lookalike_note(word, known)) and bool(lookalike_note(word, known)) == bool(told)
+def test_what_makes_names_different(word: str, known: str, message: str) -> None:
+    assert (message in lookalike_note(word, known)) and bool(lookalike_note(word, known)) == bool(message)
     assert did_you_mean(word, [known]).startswith(f"; did you mean `{known}`?")
 
 

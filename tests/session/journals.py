@@ -67,9 +67,9 @@ class Made:
     """A session's folder."""
 
     def __init__(self, root: Path, *, ended: bool = False, toml: str = TOML) -> None:
-        place = write(root / "study", acts=ACTS, rules=RULES, memory=MEMORY, toml=toml)
-        self.study = place
-        loaded = load(place)
+        study = write(root / "study", acts=ACTS, rules=RULES, memory=MEMORY, toml=toml)
+        self.study = study
+        loaded = load(study)
         assert loaded.scenario is not None, loaded.diagnostics
         self.scenario = loaded.scenario
         self.session = Recording(self.scenario)

@@ -115,11 +115,13 @@ def test_lines_that_stand_in_another_order_than_they_were_written_are_the_same(m
 
 def test_who_waits_is_told_how_far_it_is(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journal_reader, "PROGRESS_SECONDS", 0.0)
-    told: list[str] = []
-    recover(made.folder, tell=told.append)
+    sentences: list[str] = []
+    recover(made.folder, on_progress=sentences.append)
     size, total = made.journal.stat().st_size, f"{len(made.records):,}"
-    assert f"reading the record: {1:,.0f} of {size / 1e6:,.0f} MB" in told
-    counts = [int(each.partition(" ")[0].replace(",", "")) for each in told if each.endswith(f" of {total} records")]
+    assert f"reading the record: {1:,.0f} of {size / 1e6:,.0f} MB" in sentences
+    counts = [
+        int(each.partition(" ")[0].replace(",", "")) for each in sentences if each.endswith(f" of {total} records")
+    ]
     assert len(counts) >= 4 and counts == sorted(set(counts)) and counts[-1] <= len(made.records)
 
 
@@ -169,8 +171,8 @@ def test_a_starter_waits_as_long_as_the_engine_works_and_is_told(
     script.write_text(f'#!/bin/sh\nexec {shlex.quote(python)} {shlex.quote(str(program))} "$3" "$4"\n')
     script.chmod(0o755)
     monkeypatch.setattr("sys.executable", str(script))
-    told: list[str] = []
-    found = start_engine(SessionOptions(str(made.study), unfinished=str(made.folder)), told.append)
+    sentences: list[str] = []
+    found = start_engine(SessionOptions(str(made.study), unfinished=str(made.folder)), sentences.append)
     monkeypatch.setattr("sys.executable", python)
     assert isinstance(found, EngineStarted), found
     stopped = subprocess.run(
@@ -178,5 +180,5 @@ def test_a_starter_waits_as_long_as_the_engine_works_and_is_told(
     )
     assert stopped.returncode == 0, stopped
     made.write(made.whole)
-    assert any(each.startswith("recovering: reading the record: ") for each in told), told
-    assert any(each.startswith("recovering: ") and each.endswith(" records") for each in told), told
+    assert any(each.startswith("recovering: reading the record: ") for each in sentences), sentences
+    assert any(each.startswith("recovering: ") and each.endswith(" records") for each in sentences), sentences
