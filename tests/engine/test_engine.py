@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from textwrap import dedent
 from typing import Any
 
 import msgspec
@@ -266,13 +265,3 @@ def test_a_kernel_that_fails_leaves_the_robot_still(
         s.engine.accept(start("Greet"))
     assert robot.calls[-2:] == ["stop_all", "close"]
     assert s.engine.ended and isinstance(s.engine.failure, AssertionError) and ended == [True]
-
-
-def test_the_example_of_the_class_runs() -> None:
-    example = dedent(str(Engine.__doc__).partition("then `end`:\n")[2])
-    names: dict[str, Any] = {"scenario": scenario(GREETING), "make_robot": make_robot, "Engine": Engine}
-    names |= {"VirtualClock": VirtualClock, "Submit": Submit}
-    exec(example, names)
-    first, *_, last = names["records"]
-    assert (first.status, last.status, last.reason) == ("started", "ended", "done")
-    assert [each.status for each in names["records"] if isinstance(each, TaskRecord)][-1] == "SUCCEEDED"
