@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import json
 import os
 import re
@@ -10,13 +11,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import dedent
 from typing import get_args
 
 import pytest
 
-from rise_engine.client import Rejected, connect
+from rise_engine.client import Rejected, Session, connect
 from rise_engine.kernel.records import MemoryRecord, SessionRecord
-from rise_engine.protocol.client import EngineGone, LinkLost
+from rise_engine.protocol.client import Client, EngineGone, LinkLost
 from rise_engine.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
 from tests.server.serving import GREETING, ROOT, served
 
@@ -27,13 +29,25 @@ def examples(page: Path) -> list[str]:
     return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
 
 
+def docstring_example(documented: object) -> str:
+    """The program in a docstring: what is indented, from its first import on."""
+    text = inspect.getdoc(documented) or ""
+    lines = [line for line in text.splitlines() if line.startswith("    ") or not line]
+    return dedent("\n".join(lines[lines.index("    import asyncio") : lines.index("    asyncio.run(main())") + 1]))
+
+
+PROGRAMS = {f"{page.name} {n}": program for page in PAGES for n, program in enumerate(examples(page))} | {
+    documented.__name__: docstring_example(documented) for documented in (connect, Session, Client)
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "number"), [(page, n) for page in PAGES for n in range(len(examples(page)))])
-async def test_the_examples_of_the_documentation_run(place: Path, page: Path, number: int) -> None:
+@pytest.mark.parametrize("name", PROGRAMS)
+async def test_the_examples_of_the_documentation_run(place: Path, name: str) -> None:
     async with served(place, GREETING) as session:
         done = await asyncio.to_thread(
             subprocess.run,
-            [sys.executable, "-W", "error", "-c", examples(page)[number]],
+            [sys.executable, "-W", "error", "-c", PROGRAMS[name]],
             capture_output=True,
             text=True,
             timeout=60,
