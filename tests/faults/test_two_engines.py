@@ -22,7 +22,7 @@ from rise_engine.client.socket import SocketClient
 from rise_engine.protocol.client import EngineGone
 from rise_engine.protocol.registry import is_locked, session_name
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.process import ServeRefused, _SessionPreparation
+from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock as locks
 from rise_engine.session.folder import JOURNAL, SessionError, find_unfinished, running_sessions
 from rise_engine.session.journal_reader import read_journal
@@ -354,11 +354,11 @@ def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.Monkey
         JournalLock(record / JOURNAL)
     order = SessionOptions(str(study), unfinished=str(record))
     with pytest.raises(ServeRefused) as refused:
-        _SessionPreparation(order, print)
+        SessionPreparation(order, print)
     assert refused.value.report.code == 5 and "lab-2" in refused.value.report.lines[0]
     holder = read_holder(record)
     assert holder is not None and holder.host == "lab-2", "who only asked has changed nothing"
-    prepared = _SessionPreparation(SessionOptions(str(study), unfinished=str(record), from_other_computer=True), print)
+    prepared = SessionPreparation(SessionOptions(str(study), unfinished=str(record), from_other_computer=True), print)
     holder = read_holder(record)
     assert holder is not None and holder.host == platform.node()
     prepared.close()
