@@ -306,7 +306,7 @@ class Session:
         if self._following is not None:
             await asyncio.wait([self._following])
 
-    # --- within -------------------------------------------------------------------------------------------------
+    # --- following the session ------------------------------------------------------------------------------------
 
     async def _send(self, message: ClientInput) -> int | None:
         reply = await self._client.send(message)

@@ -1,6 +1,6 @@
 """The two clocks of a session: real time (optionally faster) and virtual time (as fast as the machine can).
 
-Both measure seconds since the session began and never go back. `wall` is the label that records carry beside it.
+Both measure seconds since the session began and never go back. `wall_label` gives what records carry beside it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class VirtualClock:
     def __init__(self) -> None:
         self._now = 0.0
         self._heap: list[tuple[float, int, _VirtualTimer]] = []
-        self._made = 0
+        self._timer_count = 0
         self._cancelled_count = 0
 
     def now(self) -> float:
@@ -64,10 +64,10 @@ class VirtualClock:
         return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST_SECOND))).isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        # To the microsecond, as the engine stamps: timers that are due together run in the order of their setting.
+        # To the microsecond, as the engine counts: timers that are due together run in the order of their setting.
         timer = _VirtualTimer(self, callback)
-        self._made += 1
-        heappush(self._heap, (max(round(when, 6), self._now), self._made, timer))
+        self._timer_count += 1
+        heappush(self._heap, (max(round(when, 6), self._now), self._timer_count, timer))
         return timer
 
     @property
@@ -105,7 +105,12 @@ class RealClock:
     """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""
 
     def __init__(self, loop: AbstractEventLoop, speed: float = 1.0, start: float = 0.0) -> None:
-        """`start`: the session's time now, for one that goes on. Raises ValueError unless `speed` is above 0."""
+        """
+        :param loop: the engine's.
+        :param speed: session seconds in a second.
+        :param start: the session's time now, for one that goes on.
+        :raises ValueError: unless `speed` is above 0.
+        """
         if not 0 < speed < float("inf"):
             raise ValueError("the speed must be a number above 0")
         self._loop = loop

@@ -39,7 +39,7 @@ def driver_names() -> set[str]:
 
 
 def _plugins(group: str) -> dict[str, EntryPoint]:
-    """What installed packages offer, by name; of two with one name, the one that Python finds first."""
+    """The installed entry points of a group, by name; of two with one name, the one that Python finds first."""
     found: dict[str, EntryPoint] = {}
     for entry in entry_points(group=group):
         found.setdefault(entry.name, entry)
@@ -100,9 +100,16 @@ def make_robot(
 
 
 async def open_bridge(wire: RosConnection, profile: RobotProfile, mode: Mode) -> Bridge[Any] | None:
-    """The connection that a session needs, or is asked to have; None: it does without. Raises BridgeError."""
-    drives = driver_name_for(profile, mode) == ROS_BRIDGE
-    if wire.transport == "off" or (wire.transport == "auto" and not drives):
+    """Connect a session with ROS 2, when its robot needs that or it is asked for.
+
+    :param wire: how ROS 2 is spoken.
+    :param profile: the session's robot.
+    :param mode: the session's.
+    :return: the open connection, which whoever called closes; None: the session does without.
+    :raises BridgeError: it cannot be had.
+    """
+    reaches_robot = driver_name_for(profile, mode) == ROS_BRIDGE
+    if wire.transport == "off" or (wire.transport == "auto" and not reaches_robot):
         return None
     entry = _plugins(BRIDGES).get(ROS_BRIDGE)
     if entry is None:
@@ -111,7 +118,7 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile, mode: Mode) ->
         opener = cast(BridgeOpener, entry.load())
     except Exception as error:
         raise BridgeError([f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}"]) from error
-    return await opener(wire, profile if drives else None)
+    return await opener(wire, profile if reaches_robot else None)
 
 
 def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
@@ -141,7 +148,7 @@ def ros_parameters_as_options(
 
 
 def find_examiner() -> Examiner:
-    """What examines ROS 2 on this machine. Raises DriverError."""
+    """The function that examines ROS 2 on this machine. Raises DriverError."""
     entry = _plugins(DOCTORS).get(ROS_BRIDGE)
     if entry is None:
         raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {DOCTORS!r}")

@@ -227,7 +227,7 @@ async def test_signs_of_life_come_by_themselves(place: Path, monkeypatch: pytest
         seen = [pulse.robot_seen for pulse in follower.pulses]
         assert None not in seen and seen == sorted(seen), "the simulated robot is there all the time"
         assert all(pulse.lag >= 0 for pulse in follower.pulses)
-        monkeypatch.setattr(session.engine, "_robot", object())  # a driver that does not know the question
+        monkeypatch.setattr(session.engine._commands, "_robot", object())  # a driver that does not know the question
         before = len(follower.pulses)
         await follower.until(lambda view: len(follower.pulses) > before + 1)
         assert follower.pulses[-1].robot_seen is None
