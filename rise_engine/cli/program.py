@@ -39,11 +39,11 @@ class _CommandGroup(click.Group):
         return _command(name) if name in _COMMANDS else None
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
+        own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
         with clean_standard_streams():
-            if ours[:1] == ["serve"]:
-                ours, theirs = add_ros_parameters(ours, theirs, _command("serve"))
-            return super().main(ours, *rest, obj=theirs, **more)
+            if own[:1] == ["serve"]:
+                own, ros_args = add_ros_parameters(own, ros_args, _command("serve"))
+            return super().main(own, *rest, obj=ros_args, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

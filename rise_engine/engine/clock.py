@@ -116,22 +116,13 @@ class RealClock:
         self._loop = loop
         self.speed = speed
         self._origin = loop.time() - start / speed
-        self._second = -1
-        self._label = ""
-        """That second, with the offset of the local time zone."""
 
     def now(self) -> float:
         return (self._loop.time() - self._origin) * self.speed
 
     def wall_label(self, t: float) -> str:
-        # Once for each step of the engine, and `astimezone` costs as much as the rest of a small one: the zone and all
-        # but the milliseconds are the same for a second.
-        second, fraction = divmod(time_ns(), 1_000_000_000)
-        if second != self._second:
-            self._second = second
-            self._label = datetime.fromtimestamp(second).astimezone().isoformat()
-        label = self._label
-        return f"{label[:19]}.{fraction // 1_000_000:03d}{label[19:]}"
+        moment = datetime.fromtimestamp(time_ns() // 1_000_000 / 1000, UTC)
+        return moment.astimezone().isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
         return self._loop.call_at(self._origin + when / self.speed, callback)

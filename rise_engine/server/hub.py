@@ -123,8 +123,9 @@ class SessionHub:
         :raises NotAdmitted: the name cannot be one, or looks like another's; or the session has ended.
         """
         name = normalize("NFC", name)
+        before = [self._view.wizard] if self._view.wizard else []  # of a session that goes on
         problem = name_problem(name)
-        if not problem and (other := find_lookalike(name, [*self._names_seen, *self._names_in_record()])):
+        if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
             problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
         if self.engine.ended:
             problem = "the session has ended"
@@ -142,10 +143,6 @@ class SessionHub:
         if role == "wizard" and self._holder is None and self._has_begun:
             self._set_control("taken", client, client)
         return client
-
-    def _names_in_record(self) -> list[str]:
-        """The wizard's, of before an engine that had gone: the record goes on with what they did."""
-        return [self._view.wizard] if self._view.wizard else []
 
     def detach(self, client: AttachedClient) -> None:
         """A client has gone. Control that it held goes to who asked for it, or to nobody."""

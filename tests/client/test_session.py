@@ -43,8 +43,8 @@ PROGRAMS = {f"{page.name} {n}": program for page in PAGES for n, program in enum
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PROGRAMS)
-async def test_the_examples_of_the_documentation_run(place: Path, name: str) -> None:
-    async with served(place, GREETING) as session:
+async def test_the_examples_of_the_documentation_run(scratch: Path, name: str) -> None:
+    async with served(scratch, GREETING) as session:
         done = await asyncio.to_thread(
             subprocess.run,
             [sys.executable, "-W", "error", "-c", PROGRAMS[name]],
@@ -67,8 +67,8 @@ def test_the_door_brings_no_engine_along() -> None:
     subprocess.run([sys.executable, "-c", code], timeout=60, check=True)
 
 
-async def test_a_program_drives_a_session(place: Path) -> None:
-    async with served(place, GREETING) as running, connect(running.name, name="test") as session:
+async def test_a_program_drives_a_session(scratch: Path) -> None:
+    async with served(scratch, GREETING) as running, connect(running.name, name="test") as session:
         assert session.hello.you == "node:test" and session.scenario.title == running.engine.scenario.title
         records = session.records()
         await session.set("person_name", {"first": "Zoë", "age": 7})
@@ -104,12 +104,12 @@ async def test_a_program_drives_a_session(place: Path) -> None:
         assert session.view.stop.latched and session.now() > 0
 
 
-async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(place: Path) -> None:
-    scenario = place / "study"
+async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(scratch: Path) -> None:
+    scenario = scratch / "study"
     scenario.mkdir()
     (scenario / "scenario.toml").write_text('[control]\nmay_release = ["watchdog", "/lab/boss"]\n', "utf-8")
     async with (
-        served(place, scenario) as running,
+        served(scratch, scenario) as running,
         connect(running.name, name="watchdog") as watchdog,
         connect(running.name, name="other") as other,
         connect(running.name, name="anna", role="wizard") as anna,
@@ -123,8 +123,8 @@ async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_
             await other.until(lambda view: not view.stop.latched, 10)
 
 
-async def test_a_program_ends_a_session(place: Path) -> None:
-    async with served(place) as running, connect(running.path, name="test") as session:
+async def test_a_program_ends_a_session(scratch: Path) -> None:
+    async with served(scratch) as running, connect(running.path, name="test") as session:
         running.engine.on_ended(lambda: tasks.append(asyncio.ensure_future(running.server.close())))
         tasks: list[asyncio.Future[None]] = []
         records = session.records()
@@ -137,13 +137,13 @@ async def test_a_program_ends_a_session(place: Path) -> None:
         await asyncio.gather(*tasks)
 
 
-async def test_a_program_that_is_cut_off_is_told(place: Path) -> None:
-    async with served(place) as running, connect(running.path, name="test", role="observer") as session:
+async def test_a_program_that_is_cut_off_is_told(scratch: Path) -> None:
+    async with served(scratch) as running, connect(running.path, name="test", role="observer") as session:
         records = session.records()
         with pytest.raises(Rejected, match="cannot end"):
             await session.end()
-        for peer in tuple(running.server.connections):
-            peer.abort()
+        for connection in tuple(running.server.connections):
+            connection.abort()
         with pytest.raises(LinkLost):
             await session.until(lambda view: view.ended)
         with pytest.raises(LinkLost):
@@ -153,8 +153,8 @@ async def test_a_program_that_is_cut_off_is_told(place: Path) -> None:
             await session.note("x")
 
 
-async def test_no_such_session(place: Path) -> None:
-    assert os.environ["RISE_RUNTIME"] == str(place / "run")
+async def test_no_such_session(scratch: Path) -> None:
+    assert os.environ["RISE_RUNTIME"] == str(scratch / "run")
     with pytest.raises(EngineGone, match="no session study is running"):
         async with connect("study", name="test"):
             pass

@@ -176,11 +176,11 @@ def random_task(dice: random.Random, scenario: Scenario) -> Submit:
 class Soak:
     """One run."""
 
-    def __init__(self, seed: int, place: Path) -> None:
+    def __init__(self, seed: int, scratch: Path) -> None:
         self.dice = random.Random(seed)
-        self.place = place
-        os.environ["RISE_SESSIONS"] = str(place / "sessions")
-        os.environ["RISE_RUNTIME"] = str(place / "run")
+        self.scratch = scratch
+        os.environ["RISE_SESSIONS"] = str(scratch / "sessions")
+        os.environ["RISE_RUNTIME"] = str(scratch / "run")
         self.scenarios = {folder: load(folder).scenario for folder in SCENARIOS}
         self.counts: Counter[str] = Counter()
 
@@ -222,7 +222,7 @@ class Soak:
                 raise Mistake(f"an engine refused: {word}")
             self.counts["recoveries"] += where is not None
             where = Path(word.folder)
-            wire = Wire(self.place / "run" / "soak.sock")
+            wire = Wire(self.scratch / "run" / "soak.sock")
             wanted, most = dice.randint(0, 40), dice.randint(1, 60)
             while len(wire.acknowledged) < wanted and len(wire.sent) < most:
                 for _ in range(dice.randint(1, 5)):
@@ -297,20 +297,20 @@ def main() -> int:
     options = parser.parse_args()
     seed = options.seed if options.seed is not None else random.SystemRandom().randrange(10**6)
     print(f"seed {seed}", flush=True)
-    place = Path(tempfile.mkdtemp(prefix="soak-", dir="/tmp"))
-    (place / "run").mkdir(0o700)
+    scratch = Path(tempfile.mkdtemp(prefix="soak-", dir="/tmp"))
+    (scratch / "run").mkdir(0o700)
     began = time.monotonic()
-    soak = Soak(seed, place)
+    soak = Soak(seed, scratch)
     try:
         soak.run(options.kills)
     except Mistake as mistake:
-        print(f"MISTAKE (seed {seed}, kept in {place}): {mistake}", flush=True)
+        print(f"MISTAKE (seed {seed}, kept in {scratch}): {mistake}", flush=True)
         return 1
     finally:
         took = time.monotonic() - began
         print(", ".join(f"{name} {number}" for name, number in sorted(soak.counts.items())), f"in {took:.0f} s")
     if not options.keep:
-        shutil.rmtree(place)
+        shutil.rmtree(scratch)
     return 0
 
 

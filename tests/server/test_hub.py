@@ -19,7 +19,7 @@ from tests.engine.samples import GREETING, profile, scenario
 
 
 class Played:
-    """A room with an engine in virtual time, and what came of it."""
+    """A hub with an engine in virtual time, and what came of it."""
 
     def __init__(self, *, start: bool = True, **more: Any) -> None:
         clock = VirtualClock()
@@ -27,7 +27,7 @@ class Played:
         self.hub = SessionHub(self.engine, **more)
         self.records: list[AnyRecord] = []
         self.hub.subscribe(self.records.append)  # type: ignore[arg-type]
-        self.members: dict[str, AttachedClient] = {}
+        self.clients: dict[str, AttachedClient] = {}
         if start:
             self.engine.start()
 
@@ -37,30 +37,30 @@ class Played:
         role: Any = {"w": "wizard", "o": "observer", "n": "node"}[who[0]]
         answers: list[Reply] = []
         if verb == "attaches":
-            self.members[who] = self.hub.attach(who[1:], role)
+            self.clients[who] = self.hub.attach(who[1:], role)
             return ""
-        member = self.members[who]
+        client = self.clients[who]
         match verb:
             case "leaves":
-                self.hub.detach(member)
+                self.hub.detach(client)
                 return ""
             case "takes" | "asks" | "gives" | "releases":
-                self.hub.change_control(member, verb.removesuffix("s"), answers.append)  # type: ignore[arg-type]
+                self.hub.change_control(client, verb.removesuffix("s"), answers.append)  # type: ignore[arg-type]
             case "acts":
                 task = Submit(function="startCommunicationRobotAct", behavior="Greet", source="wizard:eve")
-                self.hub.submit(member, task, answers.append)
+                self.hub.submit(client, task, answers.append)
             case "stops":
-                self.hub.submit(member, Submit(function="stopAll"), answers.append)
+                self.hub.submit(client, Submit(function="stopAll"), answers.append)
             case "frees":
-                self.hub.submit(member, Submit(function="releaseStop"), answers.append)
+                self.hub.submit(client, Submit(function="releaseStop"), answers.append)
             case "marks":
-                self.hub.submit(member, Submit(function="markMistake", behavior="1 late"), answers.append)
+                self.hub.submit(client, Submit(function="markMistake", behavior="1 late"), answers.append)
             case "cues":
-                self.hub.submit(member, Submit(function="markCue"), answers.append)
+                self.hub.submit(client, Submit(function="markCue"), answers.append)
             case "notes":
-                self.hub.submit(member, Note(text="x", source="wizard:eve"), answers.append)
+                self.hub.submit(client, Note(text="x", source="wizard:eve"), answers.append)
             case "ends":
-                self.hub.end_session(member, "", answers.append)
+                self.hub.end_session(client, "", answers.append)
         (reply,) = answers
         assert reply.accepted or reply.reason, "a rejection says why"
         return "" if reply.accepted else reply.reason
