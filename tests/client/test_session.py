@@ -62,7 +62,7 @@ def test_the_example_is_one_of_ten_lines() -> None:
     assert len(lines) <= 10
 
 
-def test_the_door_brings_no_engine_along() -> None:
+def test_the_client_package_loads_no_engine() -> None:
     code = "import sys, rise_engine.client; assert not {'rise_engine.engine.engine', 'textual'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], timeout=60, check=True)
 

@@ -201,7 +201,7 @@ def test_robots() -> None:
     assert all(not row["findings"] and row["installed"] for row in rows)
 
 
-def test_no_reader_is_no_trouble(tmp_path: Path) -> None:
+def test_a_closed_pipe_ends_quietly(tmp_path: Path) -> None:
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(
@@ -247,7 +247,7 @@ def test_a_file_name_that_is_no_text_is_shown_with_an_escape(tmp_path: Path, env
 
 
 @pytest.mark.parametrize("environment", ENCODINGS, ids=str)
-def test_no_terminal_is_too_plain(tmp_path: Path, environment: dict[str, str]) -> None:
+def test_a_terminal_that_shows_only_ascii(tmp_path: Path, environment: dict[str, str]) -> None:
     done = _raw(environment, "eval", '"你"')
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.startswith(b"value")

@@ -31,7 +31,7 @@ from rise_engine.scenario.model import Scenario
 from .samples import GREETING, act, assert_one_ending_each, endings, scenario, speech, start
 
 
-class Instant:
+class InstantRobot:
     """A robot that answers inside the call, which is allowed."""
 
     def __init__(self) -> None:
@@ -126,7 +126,7 @@ def test_a_rejected_task_says_why_and_names_the_nearest() -> None:
 
 def test_a_robot_that_answers_inside_the_call_never_nests_a_step() -> None:
     chain = act("Chain", *(speech(str(n), wait=(str(n - 1),) if n else ()) for n in range(300)))
-    s = Session(scenario(chain), Instant())
+    s = Session(scenario(chain), InstantRobot())
     s.engine.accept(start("Chain"))
     assert sum(endings(s.records).values()) == 300
     assert [record.seq for record in s.records] == list(range(1, len(s.records) + 1))
@@ -134,7 +134,7 @@ def test_a_robot_that_answers_inside_the_call_never_nests_a_step() -> None:
 
 
 def test_a_robot_that_raises_in_start_fails_that_action_and_nothing_else(caplog: pytest.LogCaptureFixture) -> None:
-    robot = Instant()
+    robot = InstantRobot()
     s = Session(scenario(GREETING), robot)
     robot.raises["start"] = RuntimeError("cable cut")
     with caplog.at_level(logging.CRITICAL):
@@ -150,7 +150,7 @@ def test_a_robot_that_raises_in_start_fails_that_action_and_nothing_else(caplog:
 
 @pytest.mark.parametrize("call", ["connect", "cancel", "stop_all", "close"])
 def test_a_robot_that_raises_anywhere_does_not_end_the_session(call: str, caplog: pytest.LogCaptureFixture) -> None:
-    robot = Instant()
+    robot = InstantRobot()
     robot.raises[call] = OSError("no route")
     with caplog.at_level(logging.CRITICAL):
         s = Session(scenario(GREETING), robot)
@@ -252,7 +252,7 @@ def test_same_inputs_same_output_byte_for_byte() -> None:
 def test_a_kernel_that_fails_leaves_the_robot_still(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    robot = Instant()
+    robot = InstantRobot()
     s = Session(scenario(GREETING), robot)
     ended: list[bool] = []
     s.engine.on_ended(lambda: ended.append(True))

@@ -76,7 +76,7 @@ def test_an_act_from_start_to_end(study: Path) -> None:
     assert all({"seq", "t", "wall", "kind"} <= set(record) for record in found)
 
 
-def test_the_readable_account(study: Path) -> None:
+def test_the_transcript(study: Path) -> None:
     done = engine("run", study, "--act", "Greet", "--speed", "max")
     assert done.returncode == 0
     lines = done.stdout.splitlines()

@@ -61,7 +61,7 @@ def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> 
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
-def test_when_there_is_nobody_to_complain_to(tmp_path: Path) -> None:
+def test_standard_error_that_cannot_be_written(tmp_path: Path) -> None:
     study = folder(tmp_path / "s")
     with FULL.open("wb") as full:
         for words, code in ((["check", study], 0), (["check", tmp_path / "nowhere"], 2), (["run", study], 2)):
@@ -143,7 +143,7 @@ def test_running_sessions_are_listed_clean(monkeypatch: pytest.MonkeyPatch, caps
     assert seen(listed) and all(line.startswith(("one", "    ")) for line in listed.splitlines())
 
 
-def test_a_session_told_in_lines(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+def test_the_transcript_of_a_session_is_clean(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
     Output(json=False)(NoteRecord(1, 0.0, "", EVIL, "anna"))
     Output(json=True)(NoteRecord(1, 0.0, "", EVIL, "anna"))
     told_, json_ = capsysbinary.readouterr().out.decode().splitlines()

@@ -413,7 +413,7 @@ def test_who_is_refused_is_told_even_without_a_note(tmp_path: Path) -> None:
         JournalLock(tmp_path / "nothing.jsonl")
 
 
-def test_those_who_look_whether_it_runs_keep_nobody_from_taking_it(tmp_path: Path) -> None:
+def test_asking_whether_a_session_runs_keeps_nobody_from_its_lock(tmp_path: Path) -> None:
     """However long one of them stands still while it looks."""
     (tmp_path / JOURNAL).touch()
     looking = os.open(tmp_path / JOURNAL, os.O_RDONLY)

@@ -115,7 +115,7 @@ def test_one_lock_at_a_time_and_nothing_left_after_it(scratch: Path) -> None:
         assert again.name == "study-123456"
 
 
-def test_looking_does_not_keep_anybody_from_locking(scratch: Path) -> None:
+def test_asking_whether_it_is_locked_keeps_nobody_from_locking(scratch: Path) -> None:
     done = threading.Event()
 
     def look() -> None:

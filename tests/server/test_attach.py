@@ -147,7 +147,7 @@ async def test_a_failed_engine_is_no_ordinary_end(scratch: Path) -> None:
         session.engine.failure = None
 
 
-async def test_a_cut_connection_is_told_from_an_engine_that_has_gone(scratch: Path) -> None:
+async def test_a_cut_connection_and_an_engine_that_has_gone_are_different_errors(scratch: Path) -> None:
     async with served(scratch) as session:
         first, second = await Follower(session.client()).attach(), await Follower(session.client("bob")).attach()
         waiting = asyncio.create_task(first.client.send(Note(text="x")))
@@ -168,7 +168,7 @@ async def test_a_cut_connection_is_told_from_an_engine_that_has_gone(scratch: Pa
         await second.over()
 
 
-async def test_one_that_does_not_read_is_dropped_and_can_come_back(
+async def test_a_client_that_does_not_read_is_dropped_and_can_attach_again(
     scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with served(scratch) as session:
@@ -219,14 +219,14 @@ async def test_the_name_of_the_session_is_enough(scratch: Path) -> None:
             await client.close()
 
 
-async def test_the_engine_tells_what_it_runs_whatever_became_of_the_copy(scratch: Path) -> None:
+async def test_the_engine_sends_its_scenario_whatever_became_of_the_copy(scratch: Path) -> None:
     async with served(scratch) as session:
         (session.folder / "scenario" / "memory.json").write_text('{"WorkingMemory": []}')
         follower = await Follower(session.client()).attach()
         assert follower.hello.scenario == session.engine.scenario
 
 
-async def test_who_knows_what_runs_is_not_told_again(scratch: Path) -> None:
+async def test_a_client_that_has_the_scenario_is_not_sent_it_again(scratch: Path) -> None:
     async with served(scratch) as session:
         raw = await RawConnection.open(session.path)
         raw.attach()
@@ -265,7 +265,7 @@ async def test_an_engine_of_another_release_may_describe_what_it_runs_otherwise(
 
 
 @pytest.mark.parametrize("seed", range(3))
-async def test_who_comes_in_the_middle_of_everything_sees_the_same(
+async def test_a_client_that_attaches_while_much_happens_sees_the_same(
     scratch: Path, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
     """Acts that begin, wait and are stopped, an act that is cancelled, tasks that the view forgets, portions of two."""

@@ -15,7 +15,7 @@ from rise_engine.session.folder import JOURNAL
 from .serving import Follower, RawConnection, served
 
 
-class Slow(Disk):
+class SlowDisk(Disk):
     """Synchronises when it is let, and fails when it is told to."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ async def test_what_was_accepted_is_on_the_disk(scratch: Path) -> None:
 
 
 async def test_nobody_is_told_what_could_still_be_lost(scratch: Path) -> None:
-    disk = Slow()
+    disk = SlowDisk()
     async with served(scratch, disk=disk) as session:
         watching = await Follower(session.client("watch", "observer")).attach()
         await watching.until(lambda view: view.session)
@@ -65,8 +65,8 @@ async def test_nobody_is_told_what_could_still_be_lost(scratch: Path) -> None:
         await wizard.close()
 
 
-async def test_whoever_goes_before_the_answer_hurts_nobody(scratch: Path) -> None:
-    disk = Slow()
+async def test_a_client_that_leaves_before_its_answer_hurts_nobody(scratch: Path) -> None:
+    disk = SlowDisk()
     async with served(scratch, disk=disk) as session:
         watching = await Follower(session.client("watch", "observer")).attach()
         await watching.until(lambda view: view.session)
@@ -84,7 +84,7 @@ async def test_whoever_goes_before_the_answer_hurts_nobody(scratch: Path) -> Non
         await watching.close()
 
 
-async def test_many_who_ask_at_once_get_every_record_once(scratch: Path) -> None:
+async def test_many_that_send_at_once_get_every_record_once(scratch: Path) -> None:
     """`Follower` finds gaps and repetitions."""
     async with served(scratch, disk=Disk()) as session:
         followers = [await Follower(session.client(f"n{number}", "node")).attach() for number in range(5)]
@@ -103,7 +103,7 @@ async def test_many_who_ask_at_once_get_every_record_once(scratch: Path) -> None
 
 
 async def test_a_disk_that_fails_is_told_to_everybody(scratch: Path) -> None:
-    disk = Slow()
+    disk = SlowDisk()
     async with served(scratch, disk=disk) as session:
         follower = await Follower(session.client()).attach()
         await follower.until(lambda view: view.control)

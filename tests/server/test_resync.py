@@ -39,7 +39,7 @@ async def flooded(session: Served, console: Follower) -> None:
 
 
 @pytest.mark.slow
-async def test_it_gets_the_state_anew_and_goes_on(scratch: Path) -> None:
+async def test_a_client_that_lay_behind_gets_the_state_anew_and_goes_on(scratch: Path) -> None:
     async with served(scratch, GREETING) as session:
         console = await Follower(session.client(resync=True)).attach()
         for _ in range(3):
@@ -92,7 +92,7 @@ async def test_marks_of_tasks_that_were_over_are_not_lost(scratch: Path) -> None
         await console.close()
 
 
-async def test_who_wants_every_record_is_cut_off_instead(scratch: Path) -> None:
+async def test_a_client_that_wants_every_record_is_cut_off_instead(scratch: Path) -> None:
     """A program is never left without a record that it does not know of."""
     async with served(scratch, GREETING) as session:
         program = await RawConnection.open(session.path)
@@ -106,7 +106,7 @@ async def test_who_wants_every_record_is_cut_off_instead(scratch: Path) -> None:
         await program.close()
 
 
-async def test_one_that_takes_nothing_at_all_is_dropped_in_the_end(
+async def test_a_client_that_takes_nothing_at_all_is_dropped_in_the_end(
     scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(attachment, "BEHIND_SECONDS", 0.2)

@@ -80,7 +80,7 @@ async def test_a_line_may_come_in_bits_and_many_at_once(scratch: Path) -> None:
         await raw.close()
 
 
-async def test_half_a_line_and_a_farewell(scratch: Path) -> None:
+async def test_half_a_line_and_the_end_of_the_connection(scratch: Path) -> None:
     async with served(scratch) as session:
         follower = await Follower(session.client("watch", "observer")).attach()
         raw = await RawConnection.open(session.path)
@@ -102,7 +102,7 @@ async def test_another_version_is_refused_in_words(scratch: Path) -> None:
         assert "version 1" in sentence and "version 2" in sentence
 
 
-async def test_one_attaches_first_and_once(scratch: Path) -> None:
+async def test_a_client_attaches_first_and_once(scratch: Path) -> None:
     async with served(scratch) as session:
         raw = await RawConnection.open(session.path)
         raw.send(type="send", id=1, message={"input": "note", "text": "x"})
@@ -121,7 +121,7 @@ async def test_a_name_can_be_shown(scratch: Path, name: str) -> None:
         assert "name" in await raw.refused()
 
 
-async def test_who_does_not_say_who_it_is_is_closed(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_connection_that_does_not_attach_is_closed(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "ATTACH_SECONDS", 0.05)
     async with served(scratch) as session:
         raw = await RawConnection.open(session.path)
@@ -136,7 +136,7 @@ async def test_who_does_not_say_who_it_is_is_closed(scratch: Path, monkeypatch: 
         await attached.close()
 
 
-async def test_there_is_room_for_so_many(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_number_of_clients_is_limited(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "MAX_CLIENTS", 3)
     async with served(scratch) as session:
         raws = [await RawConnection.open(session.path) for _ in range(3)]
@@ -150,7 +150,9 @@ async def test_there_is_room_for_so_many(scratch: Path, monkeypatch: pytest.Monk
             await raw.close()
 
 
-async def test_who_does_not_say_who_it_is_makes_room_for_others(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_connection_that_does_not_attach_makes_room_for_others(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(serving, "MAX_CLIENTS", 3)
     async with served(scratch) as session:
         silent = [await RawConnection.open(session.path) for _ in range(3)]
@@ -203,7 +205,7 @@ async def test_unanswered_messages_are_bounded_but_stop_all_is_not(
         await raw.close()
 
 
-async def test_what_session_is_this(scratch: Path) -> None:
+async def test_a_summary_without_attaching(scratch: Path) -> None:
     from rise_engine.protocol import registry
 
     async with served(scratch) as session:
