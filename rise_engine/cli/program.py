@@ -7,8 +7,9 @@ commands load no checker.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,9 +17,6 @@ from rise_engine import __version__
 from rise_engine.cli.arguments import add_ros_parameters, split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.exit_status import INTERRUPTED
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _SCENARIO = "rise_engine.cli.scenario_commands"
 _SESSION = "rise_engine.cli.session_commands"

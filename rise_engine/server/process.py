@@ -15,12 +15,11 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-import msgspec
-
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import simulated_robot_warning
 from rise_engine.engine.engine import Engine, ResumeState, versions
+from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
@@ -32,7 +31,6 @@ from rise_engine.server.spawn import StartupProgress, StartupReport
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
 from rise_engine.session.lock import JournalLock
-from rise_engine.text import escape_all_surrogates
 
 RECORD_SECONDS = 5.0
 """Real seconds that the disk gets to take the last records."""
@@ -197,7 +195,7 @@ def report_to_pipe(descriptor: int) -> ReportStartup:
 
     def write(message: StartupReport | StartupProgress) -> None:
         with suppress(OSError):  # nobody waits any more; the session goes on
-            os.write(descriptor, msgspec.json.encode(escape_all_surrogates(msgspec.to_builtins(message))) + b"\n")
+            os.write(descriptor, encode(message) + b"\n")
         if isinstance(message, StartupReport):
             os.close(descriptor)
 

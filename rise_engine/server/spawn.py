@@ -13,9 +13,10 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine import exit_status
+from rise_engine.json_codec import encode
 from rise_engine.protocol.registry import RegistryError, runtime_folder
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.text import escape_all_surrogates, restore_all_surrogates
+from rise_engine.text import restore_all_surrogates
 
 SILENCE_SECONDS = 30.0
 """Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
@@ -87,7 +88,7 @@ class EngineProcess:
             self._problem = str(error)
             os.close(ready)
             return
-        encoded = msgspec.json.encode(escape_all_surrogates(msgspec.to_builtins(options))).decode()
+        encoded = encode(options).decode()
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "rise_engine.server.process_main", encoded, str(ready)],
