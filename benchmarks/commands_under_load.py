@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from measure import Report
+from steady_load import make_records
 
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import make_robot
@@ -77,17 +78,7 @@ async def serve(folder: Path) -> None:
         engine.start()
         reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.read))
         print(name.socket, flush=True)
-        begun, first, number = time.monotonic(), hub.view.seq, 0
-        while not reading.done():
-            while hub.view.seq - first < (time.monotonic() - begun) * RATE:
-                number += 1
-                if number % 3:
-                    engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
-                else:
-                    engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
-                await asyncio.sleep(0)
-            await asyncio.sleep(0.002)
-        rate = (hub.view.seq - first) / (time.monotonic() - begun)
+        rate = await make_records(engine, hub, RATE, reading)
         print(json.dumps({"stops": stops, "rate": rate}), flush=True)
         engine.end_now("done")
         await server.close()
@@ -160,9 +151,9 @@ def measure(root: str, disk: Path) -> tuple[list[float], list[float], float]:
             wizard.rest(PAUSE)
             wizard.send("releaseStop")
         engine.stdin.close()
-        told: dict[str, Any] = json.loads(engine.stdout.readline())
-    stopped = [reached - sent for sent, reached in zip(asked, told["stops"], strict=True)]
-    return commands, stopped, told["rate"]
+        measured: dict[str, Any] = json.loads(engine.stdout.readline())
+    stopped = [reached - sent for sent, reached in zip(asked, measured["stops"], strict=True)]
+    return commands, stopped, measured["rate"]
 
 
 def percentile(values: list[float], part: float) -> float:

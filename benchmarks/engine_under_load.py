@@ -14,6 +14,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from steady_load import make_records
+
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.drivers import make_robot
 from rise_engine.engine.engine import Engine, ReplyCallback, versions
@@ -28,22 +30,22 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
 
 
-class WatchedRoom(SessionHub):
+class WatchedHub(SessionHub):
     """Notes each command of a wizard."""
 
     def __init__(self, engine: Engine, folder: str) -> None:
         super().__init__(engine, folder)
         self.commands: list[tuple[str, float, float]] = []
 
-    def submit(self, member: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
+    def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
         came = time.monotonic()
 
         def durable(reply: Reply) -> None:
-            if member.role == "wizard" and isinstance(message, Submit):
+            if client.role == "wizard" and isinstance(message, Submit):
                 self.commands.append((message.behavior, came, time.monotonic()))
             answer(reply)
 
-        super().submit(member, message, durable)
+        super().submit(client, message, durable)
 
 
 async def serve(root: Path, disk: Path, rate: float) -> None:
@@ -68,24 +70,14 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
             floor.append(time.monotonic())
 
     with acquire_lock("keys") as name:
-        hub = WatchedRoom(engine, str(folder))
+        hub = WatchedHub(engine, str(folder))
         server = SessionServer(hub, name.socket)
         await server.start()
         await loop.create_unix_server(Floor, str(root / "floor.sock"))
         engine.start()
         reading = asyncio.ensure_future(asyncio.to_thread(sys.stdin.readline))
         print("ready", flush=True)
-        begun, first, number = time.monotonic(), hub.view.seq, 0
-        while not reading.done():
-            while hub.view.seq - first < (time.monotonic() - begun) * rate:
-                number += 1
-                if number % 3:
-                    engine.post(Submit(function="assignValue", behavior=f"s{number % 7} = {number}", source="node:n"))
-                else:
-                    engine.post(Submit(function="raiseEventTopic", behavior="/other", source="node:n"))
-                await asyncio.sleep(0)
-            await asyncio.sleep(0.002)
-        made = (hub.view.seq - first) / (time.monotonic() - begun)
+        made = await make_records(engine, hub, rate, reading)
         print(json.dumps({"commands": hub.commands, "floor": floor, "rate": made}), flush=True)
         engine.end_now("done")
         await server.close()

@@ -29,7 +29,7 @@
       ParameterError              A value that an action's parameter cannot take
         OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
       PortError                   Something cannot be had from this transport
-      RegistryError               A session's place cannot be used
+      RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
       Rise1RefusalError           RISE's own parser would refuse this condition
       RobotOptionsError           The driver cannot understand the profile's options or a fault

@@ -1,7 +1,8 @@
 """JSON, strict and in one place: what is read here is RFC 8259 and nothing more, and fits into the memory.
 
-The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and knows no places. `decode`
-gives the value of a text, `read_json` also where everything in it stands; `encode` writes what every output can hold.
+The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and gives no locations.
+`decode` gives the value of a text, `read_json` also where everything in it stands; `encode` writes what every output
+can hold.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def is_64_bit(value: int) -> bool:
 
 
 class JsonError(RiseError, ValueError):
-    """A text that is no JSON, or that the memory cannot hold; the message is a sentence without a place.
+    """A text that is no JSON, or that the memory cannot hold; the message is a sentence without a location.
 
     `offset` counts characters from 0 within the text that was read.
     """
@@ -107,7 +108,7 @@ def encode(value: Any) -> bytes:
 
 
 def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
-    """The value of a JSON text. Objects and arrays know places; `plain` makes ordinary ones.
+    """The value of a JSON text. Objects and arrays know where their items stand; `plain` makes ordinary ones.
 
     Keys given twice are reported to `duplicate`, and reading goes on with the first value. Raises JsonError for what is
     not JSON; NaN and infinities are only reported, and read as null, when there is a `no_number`.
@@ -282,19 +283,19 @@ class _JsonReader:
     def array(self, start: int, depth: int) -> tuple[JsonArray, int]:
         result = JsonArray()
         result.at = start
-        places: list[int] = []
+        offsets: list[int] = []
         at = self.skip(start + 1)
         if self.text.startswith("]", at):
             return result, at + 1
         while True:
             if self.text.startswith("]", at):
                 raise JsonError("no comma before the closing `]`", self.text.rfind(",", 0, at))
-            places.append(at)
+            offsets.append(at)
             value, at = self.value(at, depth + 1)
             result.append(value)
             at, ended = self.separator(at, "]", "array", start)
             if ended:
-                result.items_at = tuple(places)
+                result.items_at = tuple(offsets)
                 return result, at
 
     def separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:

@@ -7,12 +7,12 @@ from collections import deque
 
 
 class LagMeter:
-    """Looks at the clock twenty times a second and remembers how late that was."""
+    """Measures twenty times a second how late a timer of the loop is."""
 
     TICK = 0.05
-    """Seconds between two looks."""
+    """Seconds between two measurements."""
     KEPT = 100
-    """Looks that `recent` goes back: five seconds."""
+    """Measurements that `recent` goes back: five seconds."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -35,5 +35,5 @@ class LagMeter:
         self._timer = self._loop.call_at(self._due, self._tick)
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop measuring."""
         self._timer.cancel()

@@ -1,6 +1,6 @@
 """The known name that somebody meant who wrote another one: "did you mean ...?", for every part that reads names.
 
-`suggestion` gives the whole end of a sentence, `nearest` the name alone.
+`did_you_mean` gives the whole end of a sentence, `nearest_name` the name alone.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _left: ContextVar[list[int]] = ContextVar("comparisons that are left")
 
 @contextmanager
 def limited_comparisons() -> Iterator[None]:
-    """Within it, `nearest` compares at most `_COMPARISONS` names: a file of nothing but mistakes is read as quickly."""
+    """Within it, `nearest_name` compares `_COMPARISONS` names at most: nothing but mistakes is read as fast."""
     token = _left.set([_COMPARISONS])
     try:
         yield

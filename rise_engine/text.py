@@ -91,27 +91,30 @@ def escape_surrogates(path: str) -> str:
 
 
 def restore_surrogates(text: str) -> str:
-    """The path of which `told` made a text. (A name that itself has these six characters is taken for it.)"""
+    """The path of which `escape_surrogates` made a text.
+
+    A name that itself has these six characters is taken for one.
+    """
     return _HALF.sub(lambda found: chr(int(found[1], 16)), text) if "\\ud" in text else text
 
 
 def escape_all_surrogates(value: Any) -> Any:
-    """`told` for every text in a JSON-like value."""
-    return _each(escape_surrogates, value)
+    """`escape_surrogates` for every text in a JSON-like value."""
+    return _map_texts(escape_surrogates, value)
 
 
 def restore_all_surrogates(value: Any) -> Any:
-    """`meant` for every text in a JSON-like value."""
-    return _each(restore_surrogates, value)
+    """`restore_surrogates` for every text in a JSON-like value."""
+    return _map_texts(restore_surrogates, value)
 
 
-def _each(change: Callable[[str], str], value: Any) -> Any:
+def _map_texts(change: Callable[[str], str], value: Any) -> Any:
     match value:
         case str():
             return change(value)
         case dict():
-            return {_each(change, key): _each(change, inner) for key, inner in value.items()}
+            return {_map_texts(change, key): _map_texts(change, inner) for key, inner in value.items()}
         case list() | tuple():
-            return [_each(change, inner) for inner in value]
+            return [_map_texts(change, inner) for inner in value]
         case _:
             return value

@@ -1,6 +1,6 @@
 """What word processors and chat programs make of plain characters: curly quotation marks, and blanks of other widths.
 
-Where a file's format wants the plain ones, its own messages tell nothing ("Invalid value"). These sentences say which
+Where a file's format wants the plain ones, its own messages say nothing ("Invalid value"). These sentences say which
 character stands there and what to write instead.
 """
 
@@ -21,7 +21,7 @@ def straight_quote(character: str) -> str:
 
 
 def typography_problem(text: str, at: int, *, quote: str = "") -> str:
-    """What is wrong with the character at a place of a file, if it is one of these; otherwise empty.
+    """What is wrong with the character at an offset of a file's text, if it is one of these; otherwise empty.
 
     `quote`: the only quotation mark that the format has.
     """

@@ -26,9 +26,9 @@ from rise_engine.text import clean
 
 
 def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """The arguments of ours, and those between `--ros-args` and `--` or the end, as every ROS 2 program takes them."""
-    ours: list[str] = []
-    theirs: list[str] = []
+    """Our own arguments, and those between `--ros-args` and `--` or the end, as every ROS 2 program takes them."""
+    own: list[str] = []
+    ros_args: list[str] = []
     inside = False
     for each in arguments:
         if each == "--ros-args":
@@ -36,43 +36,42 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
         elif inside and each == "--":
             inside = False
         else:
-            (theirs if inside else ours).append(each)
-    return ours, tuple(theirs)
+            (ros_args if inside else own).append(each)
+    return own, tuple(ros_args)
 
 
 def add_ros_parameters(
-    ours: list[str], theirs: tuple[str, ...], command: click.Command
+    own: list[str], ros_args: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:
     """Options of a command that are given as parameters of ROS (`-p robot:=pepper`, or in a file), where they stand on
     the command line; ROS programs are started in that way. Exits when a parameter is none."""
-    if not {"-p", "--param", "--params-file"} & set(theirs):
-        return ours, theirs
-
+    if not {"-p", "--param", "--params-file"} & set(ros_args):
+        return own, ros_args
     options = [each for each in command.params if isinstance(each, click.Option)]
     try:
-        more, theirs = ros_parameters_as_options(
-            theirs,
+        more, ros_args = ros_parameters_as_options(
+            ros_args,
             switches=[each.opts[0] for each in options if each.is_flag],
             single=[each.opts[0] for each in options if not each.is_flag and not each.multiple],
             many=[each.opts[0] for each in options if each.multiple],
-            written=ours,
+            written=own,
         )
     except BridgeError as error:
         exit_with_usage("\n".join(error.lines))
     except DriverError as error:
         exit_with_usage(str(error))
-    return [ours[0], *more, *ours[1:]], theirs
+    return [own[0], *more, *own[1:]], ros_args
 
 
-def parse_paths(places: tuple[str, ...]) -> dict[str, str]:
+def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
     """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
-    named = dict(each.partition("=")[::2] for each in places)
-    for kind, path in named.items():
+    paths = dict(each.partition("=")[::2] for each in options)
+    for kind, path in paths.items():
         if kind not in ("acts", "rules", "memory") or not path.strip():
             exit_with_usage(
                 f"--place {kind}: this must be acts=PATH, rules=PATH or memory=PATH, in the scenario's folder"
             )
-    return named
+    return paths
 
 
 class UnusableArgument(RiseError):
@@ -82,7 +81,10 @@ class UnusableArgument(RiseError):
 def tasks_at_start(
     scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
 ) -> tuple[Submit, ...]:
+    """What `--set`, `--rule` and `--act` submit at the beginning, in this order.
 
+    :raises UnusableArgument: with everything that cannot be used.
+    """
     problems = [
         f"error: --rule: {unknown_name_sentence('rule', name, list(scenario.rules))}"
         for name in rules
@@ -109,7 +111,7 @@ def tasks_at_start(
 
 
 def parse_assignments(settings: Sequence[str]) -> list[str]:
-    """Every `--set` as an assignment. Raises UnusableError with all that cannot be used."""
+    """Every `--set` as an assignment. Raises UnusableArgument with all that cannot be used."""
     assigned, problems = [], []
     for setting in settings:
         try:
@@ -165,7 +167,6 @@ def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[tuple[TimedTa
 
 def _read_standard_input() -> bytes:
     """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
-
     descriptor = sys.stdin.fileno()
     chunks: list[bytes] = []
     while True:
@@ -178,6 +179,7 @@ def _read_standard_input() -> bytes:
 
 
 def parse_number(option: str, text: str, wanted: str, most: float, *, least_excluded: bool = False) -> float:
+    """The number, from 0 to `most`, that was given for an option; ends the program, with what is `wanted`, if none."""
     try:
         value = float(text)
     except ValueError:
@@ -188,7 +190,7 @@ def parse_number(option: str, text: str, wanted: str, most: float, *, least_excl
 
 
 def resolve_scenario(folder: str) -> str:
-    """A scenario's place: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
+    """The path of a scenario: a folder, its scenario.toml, or a shipped study by its name. Ends the program if none."""
     folder = resolve_study(folder)
     path = Path(folder)
     if path.is_dir() or (path.is_file() and path.name == "scenario.toml"):
@@ -200,5 +202,6 @@ def resolve_scenario(folder: str) -> str:
 
 
 def exit_with_usage(message: str) -> NoReturn:
+    """End the program with a sentence about its command line."""
     click.echo(f"error: {clean(message)}", err=True)
     sys.exit(USAGE)

@@ -11,15 +11,13 @@ from shlex import quote
 from textwrap import wrap
 from typing import Any
 
-import msgspec
-
 from rise_engine.cli.terminal import write_json
 from rise_engine.engine.drivers import DriverError, driver_names, find_examiner, profile_problems
 from rise_engine.errors import RiseError
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
-from rise_engine.json_codec import JsonError, decode, encode
+from rise_engine.json_codec import JsonError, decode
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario import act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
@@ -32,31 +30,39 @@ from rise_engine.text import clean, counted
 # --- check ----------------------------------------------------------------------------------------------------------
 
 
-def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool = False) -> int:
-    """Print every finding, with `all_of_them` also what was silenced; the exit status is 1 when one is an error."""
+def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: bool, all_of_them: bool) -> int:
+    """Print everything that is wrong with a scenario.
+
+    :param folder: the scenario's.
+    :param robot: another robot than the scenario's; None: its own.
+    :param mode: the same for the mode.
+    :param as_json: as one document.
+    :param all_of_them: also what was silenced.
+    :return: the exit status, 1 when something is an error.
+    """
     loaded = load(folder, robot=robot, mode=mode)
     scenario, diagnostics, silenced = loaded.scenario, loaded.diagnostics, loaded.suppressed
     if scenario is not None:
-        diagnostics += _driver_findings(scenario)
+        diagnostics += _driver_diagnostics(scenario)
     errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
     warnings = len(diagnostics) - errors
     if as_json:
-        rows = [_finding_row(diagnostic) for diagnostic in diagnostics]
-        quiet = [{**_finding_row(each.diagnostic), "reason": each.reason} for each in silenced]
-        write_json(_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": quiet}))
+        rows = [_diagnostic_row(diagnostic) for diagnostic in diagnostics]
+        silenced_rows = [{**_diagnostic_row(each.diagnostic), "reason": each.reason} for each in silenced]
+        write_json({"errors": errors, "warnings": warnings, "findings": rows, "silenced": silenced_rows})
     else:
         for diagnostic in diagnostics:
             _print(str(diagnostic))
         for each in silenced if all_of_them else ():
-            told = each.diagnostic
-            _print(f"{told.location}: silenced {told.code}: {told.message} (reason: {each.reason})")
+            diagnostic = each.diagnostic
+            _print(f"{diagnostic.location}: silenced {diagnostic.code}: {diagnostic.message} (reason: {each.reason})")
         found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}" if diagnostics else "no findings"
         found += f", {len(silenced)} silenced" if silenced else ""
         _print(f"{found}{_contents_text(scenario)}")
     return 1 if errors else 0
 
 
-def _finding_row(diagnostic: Diagnostic) -> dict[str, Any]:
+def _diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
     return {
         "file": diagnostic.location.file,
         "line": diagnostic.location.line,
@@ -67,35 +73,30 @@ def _finding_row(diagnostic: Diagnostic) -> dict[str, Any]:
     }
 
 
-def _driver_findings(scenario: Scenario) -> list[Diagnostic]:
+def _driver_diagnostics(scenario: Scenario) -> list[Diagnostic]:
     """What a real session would be refused for, because the robot's driver cannot use the profile."""
     if scenario.mode != "real":
         return []
     folder = Path(scenario.folder)
     path = find_profile(scenario.robot.name, folder)
-    place = SourceLocation(scenario.robot.name if path is None else str(path))
+    location = SourceLocation(scenario.robot.name if path is None else str(path))
     if path is not None and path.is_relative_to(folder):
-        place = SourceLocation(path.relative_to(folder).as_posix())
+        location = SourceLocation(path.relative_to(folder).as_posix())
     return [
-        Diagnostic("error", "robot-profile", problem, place)
+        Diagnostic("error", "robot-profile", problem, location)
         for problem in profile_problems(scenario.robot, scenario.mode)
     ]
 
 
 def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scenario | None:
     """The scenario, or None when it is refused; findings go to standard error."""
-    scenario, diagnostics = _load(folder, robot, mode)
-    for diagnostic in diagnostics:
-        sys.stderr.write(f"{diagnostic}\n")
-    if scenario is None:
-        errors = sum(diagnostic.severity == "error" for diagnostic in diagnostics)
-        sys.stderr.write(f"the scenario is refused: {counted(errors, 'error')}\n")
-    return scenario
-
-
-def _load(folder: str, robot: str | None, mode: str | None) -> tuple[Scenario | None, list[Diagnostic]]:
     loaded = load(folder, robot=robot, mode=mode)
-    return loaded.scenario, loaded.diagnostics
+    for diagnostic in loaded.diagnostics:
+        sys.stderr.write(f"{diagnostic}\n")
+    if loaded.scenario is None:
+        errors = sum(diagnostic.severity == "error" for diagnostic in loaded.diagnostics)
+        sys.stderr.write(f"the scenario is refused: {counted(errors, 'error')}\n")
+    return loaded.scenario
 
 
 def _contents_text(scenario: Scenario | None) -> str:
@@ -154,8 +155,8 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         expression = Expression.parse(text)
     except ExpressionError as error:
         if as_json:
-            told = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
-            write_json(_json(told))
+            row = {"expression": text, "error": error.message, "column": error.column, "hint": error.hint}
+            write_json(row)
         else:
             sys.stderr.write(f"{_one_line(text)}\n{' ' * (error.column - 1)}^\nerror: {error}\n")
         return 1
@@ -165,7 +166,7 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         value = expression.value(memory, chance, missing)
     except EvaluationError as error:
         if as_json:
-            write_json(_json({"expression": text, "error": str(error), "read_as": expression.with_all_brackets}))
+            write_json({"expression": text, "error": str(error), "read_as": expression.with_all_brackets})
         else:
             _print(f"read as    {expression.with_all_brackets}")
             sys.stderr.write(f"error: {error}\n")
@@ -174,21 +175,19 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
         holds = str(expression.as_condition(memory, Random(0).random)).lower()
     except EvaluationError as error:
         holds = f"error: {error}"
-    otherwise = rise1_difference(expression)
+    difference = rise1_difference(expression)
     if as_json:
         write_json(
-            _json(
-                {
-                    "expression": text,
-                    "value": value,
-                    "type": type_name(value),
-                    "condition": holds == "true",
-                    "read_as": expression.with_all_brackets,
-                    "keys": sorted(expression.keys),
-                    "missing": sorted(missing),
-                    "rise_differs": otherwise,
-                }
-            )
+            {
+                "expression": text,
+                "value": value,
+                "type": type_name(value),
+                "condition": holds == "true",
+                "read_as": expression.with_all_brackets,
+                "keys": sorted(expression.keys),
+                "missing": sorted(missing),
+                "rise_differs": difference,
+            }
         )
         return 0
     _print(f"value      {_json_text(value)}")
@@ -198,8 +197,8 @@ def eval_report(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
     _print(f"read as    {expression.with_all_brackets}")
     for key in sorted(missing):
         _print(f'missing    the memory has no {key}: it counts as false, 0 or ""')
-    if otherwise is not None:
-        _print(f"differs    {otherwise}")
+    if difference is not None:
+        _print(f"differs    {difference}")
     return 0
 
 
@@ -207,7 +206,7 @@ def functions_report(*, as_json: bool) -> int:
     """Print what each function of the language takes and gives."""
     if as_json:
         rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]
-        write_json(_json({"functions": rows}))
+        write_json({"functions": rows})
         return 0
     for each in SIGNATURES:
         _print(", ".join(each.written))
@@ -260,13 +259,13 @@ def robots_report(folder: str | None, *, as_json: bool) -> int:
             }
         )
     if as_json:
-        write_json(_json({"robots": rows}))
+        write_json({"robots": rows})
     else:
         _print("\n\n".join(_robot_text(row) for row in rows))
     return 0
 
 
-def doctor_report(folder: str | None, *, robot: str | None, wire: RosConnection, seconds: float, as_json: bool) -> int:
+def doctor_report(folder: str | None, *, robot: str | None, ros: RosConnection, seconds: float, as_json: bool) -> int:
     """Print what there is to know about ROS 2 here and about the robot; the exit status is 1 when something is in the
     way, 2 when there is no such robot."""
     profile: RobotProfile | None = None
@@ -281,14 +280,14 @@ def doctor_report(folder: str | None, *, robot: str | None, wire: RosConnection,
     except DriverError as error:
         sys.stderr.write(f"error: {error}\n")
         return 1
-    said, status = examine(wire, profile, seconds=seconds, as_json=as_json)
-    sys.stdout.write(said)
+    text, status = examine(ros, profile, seconds=seconds, as_json=as_json)
+    sys.stdout.write(text)
     return status
 
 
 def _robot_of(folder: str | None) -> str:
     """The robot that a scenario names, whatever else is wrong with it."""
-    scenario, _ = _load(folder or ".", None, None)
+    scenario = load(folder or ".").scenario
     return scenario.robot.name if scenario is not None else DEFAULT_ROBOT
 
 
@@ -358,10 +357,6 @@ def new_report(folder: str, study: str) -> int:
 
 def _print(text: str) -> None:
     sys.stdout.write(text + "\n")
-
-
-def _json(value: Any) -> str:
-    return msgspec.json.format(encode(value), indent=2).decode()
 
 
 def _json_text(value: Any) -> str:

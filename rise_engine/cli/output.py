@@ -1,4 +1,4 @@
-"""Where `rise-engine run` writes: records as JSON lines, or a readable account, to standard output.
+"""Where `rise-engine run` writes: records as JSON lines, or a readable transcript, to standard output.
 
 In real time a thread of its own writes, because a terminal or pipe that is not read must not hold up the robot. Nothing
 is dropped in silence: a record that cannot be written is a `failure`, and whoever runs the session ends it.
@@ -6,14 +6,13 @@ is dropped in silence: a record that cannot be written is a `failure`, and whoev
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import time
 from collections.abc import Callable
 from queue import SimpleQueue
 
-from rise_engine.cli.terminal import escape_json
+from rise_engine.cli.terminal import discard_rest, escape_json
 from rise_engine.cli.transcript import Transcript
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.session.journal_format import encode_record
@@ -24,6 +23,7 @@ class Output:
     """A sink for records. Every line is written and flushed at once."""
 
     def __init__(self, *, json: bool) -> None:
+        """`json`: JSON lines instead of a transcript."""
         self.broken = False
         """True when nothing can be written any more (a closed pipe, a full disk)."""
         self.failure: Exception | None = None
@@ -62,11 +62,11 @@ class Output:
             sys.stdout.buffer.flush()
         except BrokenPipeError:  # there is nobody to tell
             self.broken = True
-            _discard_stdout()
+            discard_rest(sys.stdout)
             self._notify()
         except Exception as error:  # a full disk, a closed file
             self.broken = True
-            _discard_stdout()
+            discard_rest(sys.stdout)
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
@@ -80,7 +80,7 @@ class Output:
 
 
 class ThreadedOutput(Output):
-    """The same, but whoever puts a record in never waits."""
+    """The same, written by a thread of its own: whoever calls it never waits."""
 
     CLOSE_SECONDS = 5.0
     """What a reader that has stopped reading gets at the end of a session that somebody wants to end in a hurry."""
@@ -101,7 +101,7 @@ class ThreadedOutput(Output):
                 deadline = time.monotonic() + self.CLOSE_SECONDS
         if self._thread.is_alive():
             # It is stuck in a write and holds the stream's lock: the interpreter's own flush at exit would hang too.
-            _discard_stdout()
+            discard_rest(sys.stdout)
             self._fail(TimeoutError("nobody has read the last of the output"))
 
     def _put(self, line: bytes) -> None:
@@ -110,14 +110,3 @@ class ThreadedOutput(Output):
     def _run(self) -> None:
         while (line := self._lines.get()) is not None:
             self._write(line)
-
-
-def _discard_stdout() -> None:
-    """Let what is still buffered, and the flush at exit, go nowhere."""
-    try:
-        descriptor = sys.stdout.fileno()
-    except (AttributeError, OSError, ValueError):
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, descriptor)
-    os.close(nowhere)

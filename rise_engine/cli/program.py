@@ -7,8 +7,9 @@ commands load no checker.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,9 +17,6 @@ from rise_engine import __version__
 from rise_engine.cli.arguments import add_ros_parameters, split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.exit_status import INTERRUPTED
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _SCENARIO = "rise_engine.cli.scenario_commands"
 _SESSION = "rise_engine.cli.session_commands"
@@ -39,11 +37,11 @@ class _CommandGroup(click.Group):
         return _command(name) if name in _COMMANDS else None
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
-        ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
+        own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
         with clean_standard_streams():
-            if ours[:1] == ["serve"]:
-                ours, theirs = add_ros_parameters(ours, theirs, _command("serve"))
-            return super().main(ours, *rest, obj=theirs, **more)
+            if own[:1] == ["serve"]:
+                own, ros_args = add_ros_parameters(own, ros_args, _command("serve"))
+            return super().main(own, *rest, obj=ros_args, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

@@ -5,16 +5,12 @@ from __future__ import annotations
 import os
 import sys
 import time
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
-import msgspec
-
-from rise_engine.cli.terminal import write_json
+from rise_engine.cli.terminal import discard_rest, write_json
 from rise_engine.cli.transcript import Transcript
 from rise_engine.exit_status import BROKEN_PIPE, DIFFERENT, OK, PARTIAL, USAGE
-from rise_engine.json_codec import encode
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
 from rise_engine.session.export import Export, Format
@@ -35,16 +31,17 @@ def play_report(session: str, speed: float) -> int:
     except SessionError as error:
         _print_error(f"error: {error}")
         return USAGE
-    account, began = Transcript(), time.monotonic()
+    transcript, began = Transcript(), time.monotonic()
     try:
         for record in contents.read_records():
-            line = account.line_for(record)
+            line = transcript.line_for(record)
             if line is not None:
                 time.sleep(max(0.0, record.t / speed - (time.monotonic() - began)))
                 sys.stdout.write(clean(line) + "\n")
                 sys.stdout.flush()
     except BrokenPipeError:
-        return _discard_stdout()
+        discard_rest(sys.stdout)
+        return BROKEN_PIPE
     return OK
 
 
@@ -66,17 +63,17 @@ def replay_report(session: str, *, scenario: str | None, as_json: bool) -> int:
 def export_report(session: str, format: Format, out: str | None) -> int:
     """Write a session's records to the file `out`, or to standard output; the exit status."""
     try:
-        reader = Export(find_session(session))
+        exporter = Export(find_session(session))
     except SessionError as error:
         _print_error(f"error: {error}")
         return USAGE
     try:
         if out is None or out == "-":
             sys.stdout.flush()
-            reader.write(format, sys.stdout.buffer)
+            exporter.write(format, sys.stdout.buffer)
         else:
             with Path(out).open("xb") as file:
-                reader.write(format, file)
+                exporter.write(format, file)
     except FileExistsError:
         _print_error(f"error: {out} is there already, and nothing is ever written over: name another file")
         return USAGE
@@ -84,16 +81,17 @@ def export_report(session: str, format: Format, out: str | None) -> int:
         _print_error(f"error: {out} cannot be made: there is no folder {Path(str(out)).parent}")
         return USAGE
     except BrokenPipeError:
-        return _discard_stdout()
+        discard_rest(sys.stdout)
+        return BROKEN_PIPE
     except OSError as error:
         where = "standard output" if out is None or out == "-" else out
         _print_error(f"error: {where} could not be written: {error_message(error)}")
         return USAGE
-    for problem in reader.problems:
+    for problem in exporter.problems:
         _print_error(f"warning: {problem}")
-    if reader.problems:
+    if exporter.problems:
         _print_error("Everything else was exported.")
-    return PARTIAL if reader.problems else OK
+    return PARTIAL if exporter.problems else OK
 
 
 def _comparison_lines(found: ReplayComparison) -> list[str]:
@@ -127,14 +125,7 @@ def _print_json(folder: Path, found: ReplayComparison) -> None:
         "missing": found.missing,
         "notes": found.notes,
     }
-    write_json(msgspec.json.format(encode(document), indent=2).decode())
-
-
-def _discard_stdout() -> int:
-    """Standard output is closed: what is still buffered, and the flush at exit, go nowhere."""
-    with suppress(OSError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return BROKEN_PIPE
+    write_json(document)
 
 
 def _print_error(text: str) -> None:

@@ -1,6 +1,6 @@
 """A headless session: what `rise-engine run` does once its arguments are understood.
 
-In real time it runs on an asyncio loop; with `speed=None` in virtual time, in one plain loop without waiting.
+In real time it runs on an asyncio loop; in virtual time in one plain loop, without waiting.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RunOptions(Struct, frozen=True):
 
     scenario: Scenario
     session: SessionOptions
-    """How it was asked for; `session.first` is submitted at time 0, in this order, before the script."""
+    """How it was asked for; `session.first_tasks` are submitted at time 0, in this order, before the script."""
     script: tuple[TimedTask, ...] = ()
     stream: bool = False
     """Read further tasks from standard input while the session runs."""
@@ -71,7 +71,7 @@ def run(options: RunOptions) -> int:
 
 
 class _HeadlessSession:
-    """What real and virtual time share: the script, the reasons to end, the exit status."""
+    """What real and virtual time share: the task file, the reasons to end, the exit status."""
 
     def __init__(
         self, options: RunOptions, clock: SessionClock, output: Output, bridge: Bridge[SessionHub] | None = None
@@ -98,11 +98,10 @@ class _HeadlessSession:
         self._output_failure_reported = False
 
     def start(self) -> None:
+        """Begin the session: its first tasks at once, those of the task file by their time."""
         engine, clock = self.engine, self.engine.clock
         for task in self.options.script:
-            doubtful = warning_for_task(task, self.options.scenario)
-            if doubtful is not None:
-                print_message(doubtful)
+            self._print_warning(task)
         engine.start()
         warning = simulated_robot_warning(self.options.scenario.robot, self.options.scenario.mode)
         if warning is not None:
@@ -117,14 +116,17 @@ class _HeadlessSession:
 
     def add(self, task: TimedTask) -> None:
         """A task that came while the session runs; one whose time is over is submitted at once."""
-        doubtful = warning_for_task(task, self.options.scenario)
-        if doubtful is not None:
-            print_message(doubtful)
+        self._print_warning(task)
         self._scripted_left += 1
         if task.at <= self.engine.clock.now():
             self._submit(task)
         else:
             self._schedule(task)
+
+    def _print_warning(self, task: TimedTask) -> None:
+        warning = warning_for_task(task, self.options.scenario)
+        if warning is not None:
+            print_message(warning)
 
     def report_bad_line(self, refused: TaskFileError) -> None:
         """A streamed line that cannot be used; the session goes on without it."""
@@ -132,11 +134,12 @@ class _HeadlessSession:
         self.status = exit_status.USAGE
 
     def end_if_idle(self) -> None:
-        """With `--until idle`: end when nothing happens by itself any more and nobody has anything left to say."""
+        """With `--until idle`: end when nothing happens by itself any more and no task is left to submit."""
         if self.options.until is None and not self._scripted_left and not self.streaming and self.engine.idle:
             self.engine.end("nothing is left to do")
 
     def interrupt(self) -> None:
+        """Somebody wants it to end: stop the robot first."""
         self.status = exit_status.INTERRUPTED
         self.engine.end("interrupted", stop=True)
 
@@ -146,8 +149,8 @@ class _HeadlessSession:
             if not self._output_failure_reported:
                 self._output_failure_reported = True
                 error = self.output.failure
-                said = f"{type(error).__name__}: {error}".removesuffix(": ")
-                print_message(f"error: a record could not be written ({said}); the session was ended")
+                text = f"{type(error).__name__}: {error}".removesuffix(": ")
+                print_message(f"error: a record could not be written ({text}); the session was ended")
                 self.status = exit_status.FAILED
                 self.engine.end("a record could not be written", stop=True)
         elif self.output.broken and self.status != exit_status.BROKEN_PIPE:
@@ -155,11 +158,13 @@ class _HeadlessSession:
             self.engine.end("nobody reads the output")
 
     def end_as_endless(self, message: str) -> None:
+        """End a session that would never end by itself; `message` says why."""
         print_message(f"error: {message}")
         self.status = exit_status.ENDLESS
         self.engine.end(message, stop=True)
 
     def status_at_end(self) -> int:
+        """The exit status, once the session is over."""
         if self.engine.failure is not None:
             print_message(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
             return exit_status.FAILED
@@ -193,13 +198,13 @@ def _run_virtual(options: RunOptions) -> int:
     engine = session.engine
     interrupts: list[int] = []
 
-    def interrupted(number: int, frame: FrameType | None) -> None:
+    def on_signal(number: int, frame: FrameType | None) -> None:
         if interrupts:
             sys.exit(exit_status.INTERRUPTED)
         interrupts.append(number)
 
     horizon = ENDLESS_AFTER + max((task.at for task in options.script), default=0.0)
-    with _SignalHandlers(interrupted), _tolerate_engine_failure(engine):
+    with _SignalHandlers(on_signal), _tolerate_engine_failure(engine):
         session.start()
         moment, inputs = clock.now(), engine.inputs
         while not engine.ended:
@@ -278,24 +283,24 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
     engine.on_ended(ended.set)
     engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)
 
-    def troubled() -> None:
+    def on_output_failure() -> None:
         with suppress(RuntimeError):  # the session is over and its loop is closed
             loop.call_soon_threadsafe(session.end_if_output_failed)
 
-    output.on_failure = troubled
+    output.on_failure = on_output_failure
     interrupts: list[int] = []
 
-    def interrupted() -> None:
+    def stop_session() -> None:
         session.interrupt()
         loop.call_later(STOP_SECONDS, engine.end_now, "interrupted")
 
-    def handler(number: int, frame: FrameType | None) -> None:
+    def on_signal(number: int, frame: FrameType | None) -> None:
         if interrupts:
             sys.exit(exit_status.INTERRUPTED)
         interrupts.append(number)
-        loop.call_soon_threadsafe(interrupted)
+        loop.call_soon_threadsafe(stop_session)
 
-    with _SignalHandlers(handler):
+    with _SignalHandlers(on_signal):
         try:
             with _tolerate_engine_failure(engine):
                 session.start()
@@ -312,7 +317,7 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
     """Tasks run as their lines arrive on standard input; its end ends the script."""
     reader = TaskFileReader("-")
 
-    def line(text: bytes) -> None:
+    def submit_line(text: bytes) -> None:
         try:
             task = reader.read(text)
         except TaskFileError as refused:
@@ -321,11 +326,11 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
             if task is not None:
                 session.add(task)
 
-    def ended() -> None:
+    def end_stream() -> None:
         session.streaming = False
         session.end_if_idle()
 
-    def read() -> None:
+    def read_lines() -> None:
         # Straight from the descriptor: at the end of the program nothing may be stuck in a lock of sys.stdin.
         rest = b""
         try:
@@ -333,17 +338,17 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
             while chunk := os.read(descriptor, 65_536):
                 *lines, rest = (rest + chunk).split(b"\n")
                 for text in lines:
-                    loop.call_soon_threadsafe(line, text)
+                    loop.call_soon_threadsafe(submit_line, text)
             if rest:
-                loop.call_soon_threadsafe(line, rest)
-            loop.call_soon_threadsafe(ended)
+                loop.call_soon_threadsafe(submit_line, rest)
+            loop.call_soon_threadsafe(end_stream)
         except RuntimeError:  # the session is over and its loop is closed
             return
         except (AttributeError, OSError, ValueError):  # no standard input at all
             with suppress(RuntimeError):
-                loop.call_soon_threadsafe(ended)
+                loop.call_soon_threadsafe(end_stream)
 
-    threading.Thread(target=read, name="rise-stdin", daemon=True).start()
+    threading.Thread(target=read_lines, name="rise-stdin", daemon=True).start()
 
 
 def print_message(message: str) -> None:

@@ -147,8 +147,8 @@ def doctor(folder: str | None, robot: str | None, ros: RosTransport, seconds: st
     if folder is not None:
         folder = resolve_scenario(folder)
     patience = parse_number("--seconds", seconds, "a number of seconds above 0, up to 600", 600, least_excluded=True)
-    wire = RosConnection(ros, click.get_current_context().obj)
-    sys.exit(doctor_report(folder, robot=robot, wire=wire, seconds=patience, as_json=as_json))
+    connection = RosConnection(ros, click.get_current_context().obj)
+    sys.exit(doctor_report(folder, robot=robot, ros=connection, seconds=patience, as_json=as_json))
 
 
 COMMANDS = {"check": check, "doctor": doctor, "eval": evaluate, "new": new, "robots": robots, "schema": schema}

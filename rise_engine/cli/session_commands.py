@@ -93,8 +93,8 @@ def run(
         if problem := condition_problem(scenario, options.condition):
             raise UnusableArgument(f"error: --condition: {problem}")
         script, stream = read_tasks_option(tasks, virtual=virtual)
-        plan = RunOptions(scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict)
-        sys.exit(run_session(plan))
+        run_options = RunOptions(scenario, options, script, stream, virtual, until=end, json=as_json, strict=strict)
+        sys.exit(run_session(run_options))
     except BridgeError as error:
         for line in error.lines:
             click.echo(f"error: {line}", err=True)
@@ -127,7 +127,7 @@ def run(
 @session_options
 @click.option(
     "--place",
-    "places",
+    "paths",
     metavar="KIND=PATH",
     multiple=True,
     help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
@@ -143,7 +143,7 @@ def serve(
     here: bool,
     new: bool,
     speed: str,
-    places: tuple[str, ...],
+    paths: tuple[str, ...],
     **session: Any,
 ) -> None:
     """Run a session of the scenario in DIR, for consoles to attach to (`rise-tui`). It needs no terminal.
@@ -161,7 +161,7 @@ def serve(
         exit_with_usage("--here goes with --recover or --session")
     options = replace(
         _options(folder, speed=pace, **session),
-        paths=parse_paths(places),
+        paths=parse_paths(paths),
         socket_name=name,
         unfinished=which or ("recover" if recover else "new" if new else "ask"),
         from_other_computer=here,
@@ -173,7 +173,7 @@ def serve(
         except UnusableArgument as error:
             click.echo(str(error), err=True)
             sys.exit(exit_status.USAGE)
-    sys.exit(serve_session(options, lambda word: print_startup(word, folder)))
+    sys.exit(serve_session(options, lambda message: print_startup(message, folder)))
 
 
 def _options(

@@ -8,8 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-import msgspec
-
 from rise_engine.cli.terminal import write_json
 from rise_engine.cli.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.client.running_sessions import all_running_sessions, sessions_on_other_computers
@@ -38,8 +36,7 @@ def print_sessions(*, as_json: bool) -> int:
     except RegistryError as error:
         return _print_error(str(error))
     if as_json:
-        told = [{"name": name, "about": None if each is None else each} for name, each in found.items()]
-        write_json(msgspec.json.encode(told).decode())
+        write_json([{"name": name, "about": each} for name, each in found.items()], indent=-1)
         return OK
     others = sessions_on_other_computers()
     if not found and not others:
@@ -77,7 +74,7 @@ def stop_session(which: str | None) -> int:
 
 
 def _find_session(which: str | None) -> str:
-    """Raises PlaceError."""
+    """The name of the session that is meant. Raises RegistryError."""
     if which is not None and Path(which).is_dir():
         if (name := session_name(which)) in running_names():
             return name
@@ -87,10 +84,10 @@ def _find_session(which: str | None) -> str:
         ) or find_running(name)
     if which is not None:
         return find_running(which)
-    there = running_names()
-    if len(there) == 1:
-        return there[0]
-    raise RegistryError(f"say which: {', '.join(there)}" if there else "no session is running")
+    names = running_names()
+    if len(names) == 1:
+        return names[0]
+    raise RegistryError(f"say which: {', '.join(names)}" if names else "no session is running")
 
 
 def _session_lines(name: str, about: SessionSummary | None) -> list[str]:

@@ -44,8 +44,8 @@ class TaskFileProblem(Struct, frozen=True):
     column: int | None = None
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.column is None else f"{self.file}:{self.line}:{self.column}"
-        return f"{place}: error: {self.message}"
+        where = f"{self.file}:{self.line}" if self.column is None else f"{self.file}:{self.line}:{self.column}"
+        return f"{where}: error: {self.message}"
 
 
 class TaskFileError(RiseError):
@@ -65,7 +65,7 @@ class TaskFileReader:
         self._at = 0.0
 
     def read(self, text: bytes | str) -> TimedTask | None:
-        """The task of the next line, or None for a line without one. Raises ScriptError with all its mistakes."""
+        """The task of the next line, or None for a line without one. Raises TaskFileError with all its mistakes."""
         self._line += 1
         if isinstance(text, bytes):
             try:
@@ -100,15 +100,15 @@ class TaskFileReader:
 
 
 def read_task_file(text: bytes, file: str) -> list[TimedTask]:
-    """The tasks of a whole file, by `at`; those of one moment in file order. Raises ScriptError with all mistakes."""
+    """The tasks of a whole file, by `at`; those of one moment in file order. Raises TaskFileError with all mistakes."""
     reader = TaskFileReader(file)
     tasks: list[TimedTask] = []
     problems: list[TaskFileProblem] = []
     for line in text.split(b"\n"):
         try:
             task = reader.read(line)
-        except TaskFileError as refused:
-            problems.extend(refused.problems)
+        except TaskFileError as error:
+            problems.extend(error.problems)
         else:
             if task is not None:
                 tasks.append(task)

@@ -1,8 +1,8 @@
 """Where every command writes: standard output and standard error, so that nothing of a file reaches the terminal raw.
 
-`guarded` is put around a whole program. Within it, text passes `clean`: a title or a file name can neither move the
-cursor nor rename the window. Documents (`--json`, a schema) go another way and keep every character, those that a
-terminal would obey written as the format's own escapes.
+`clean_standard_streams` is put around a whole program. Within it, text passes `clean`: a title or a file name can
+neither move the cursor nor rename the window. Documents (`--json`, a schema) go another way and keep every character,
+those that a terminal would obey written as the format's own escapes.
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
+import msgspec
+
 from rise_engine.errors import RiseError
 from rise_engine.exit_status import NOT_WRITTEN
+from rise_engine.json_codec import encode
 from rise_engine.session.disk import error_message
 from rise_engine.text import UNSEEN, clean, escape_unseen_json
 
@@ -58,7 +61,7 @@ class CleanStream:
 
     def _failed(self, error: OSError) -> None:
         if self._may_fail:
-            _discard(self._stream)
+            discard_rest(self._stream)
         else:
             raise _output_error(error) from error
 
@@ -80,18 +83,22 @@ def clean_standard_streams() -> Iterator[None]:
             with suppress(BrokenPipeError):
                 sys.stdout.flush()
     except OutputError as error:
-        _discard(sys.stdout)
+        discard_rest(sys.stdout)
         sys.stderr.write(f"error: standard output cannot be written: {error}\n")
         sys.exit(NOT_WRITTEN)
 
 
-def write_json(text: str) -> None:
-    """Write a JSON document and a line end: UTF-8 on every terminal, because an escaped character would spoil it."""
-    _write(escape_json(text.encode("utf-8", "backslashreplace")))
+def write_json(value: Any, *, indent: int = 2) -> None:
+    """Write a JSON document and a line end: UTF-8 on every terminal, because an escaped character would spoil it.
+
+    :param value: what the document says: JSON-like, or a Struct.
+    :param indent: blanks for each level; -1: all in one line.
+    """
+    _write(escape_json(msgspec.json.format(encode(value), indent=indent)))
 
 
 def write_xml(text: str) -> None:
-    """As `write_json`, for XML."""
+    """Write an XML document and a line end, in UTF-8 as `write_json` does."""
     _write(UNSEEN.sub(_xml_escape, text).encode("utf-8", "backslashreplace"))
 
 
@@ -133,8 +140,8 @@ def _guard_streams() -> None:
         setattr(sys, name, CleanStream(stream, may_fail=may_fail))
 
 
-def _discard(stream: Any) -> None:
-    """What is still buffered, and the flush at exit, go nowhere."""
+def discard_rest(stream: Any) -> None:
+    """Let what is still buffered in a standard stream, and its flush at exit, go nowhere."""
     with suppress(AttributeError, OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -2,7 +2,7 @@
 
     00:03.2  Speech    "Dear Reader, welcome!"           started
 
-One line for each record that tells something; an action's `accepted` and a task's repeated states are left out.
+One line for each record that says something new; an action's `accepted` and a task's repeated states are left out.
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ class Transcript:
 
     def line_for(self, record: AnyRecord) -> str | None:
         """The line for a record, without line end; None when it tells a reader nothing new."""
-        told = self._describe(record)
-        if told is None:
+        cells = self._describe(record)
+        if cells is None:
             return None
-        who, what, how = told
+        who, what, how = cells
         return f"{clock_text(record.t)}  {_cell(who, _WHO_WIDTH)}  {_cell(what, _WHAT_WIDTH)}  {how}".rstrip()
 
     def _describe(self, record: AnyRecord) -> tuple[str, str, str] | None:
@@ -102,7 +102,7 @@ class Transcript:
                 what = f"{record.act} (task {record.task})" if record.act else f"task {record.task}"
                 return "mistake", what, f"{_MARK_LABELS[record.mark]}, says {record.source}"
             case TimingRecord():
-                return None  # its times are those of records that were told
+                return None  # its times are those of other records
             case NoteRecord():
                 return "note", record.text, "" if record.source == "engine" else f"by {record.source}"
 
@@ -122,8 +122,8 @@ class Transcript:
             # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
             if not self._blocking or record.function not in _ACTS:
                 return None
-            place = f", {record.position} before it" if record.position else ""
-            return who, record.behavior, f"waits{place}, asked{by}"
+            before = f", {record.position} before it" if record.position else ""
+            return who, record.behavior, f"waits{before}, asked{by}"
         if record.status == "ACTIVE":
             self._tasks[record.id] = record.t
             if record.calling_type != "None" and record.function in _ACTS:
@@ -226,8 +226,8 @@ def _stop_text(record: StopRecord) -> str:
         return f"by {record.source}" if record.source else ""
     if record.status != "latched":
         return ""
-    told = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"
-    return f"{told}; NOT CONFIRMED: {', '.join(record.unconfirmed)}" if record.unconfirmed else told
+    confirmed = f"confirmed: {', '.join(record.confirmed) or 'nobody'}"
+    return f"{confirmed}; NOT CONFIRMED: {', '.join(record.unconfirmed)}" if record.unconfirmed else confirmed
 
 
 def _cell(text: str, width: int) -> str:

@@ -12,14 +12,14 @@ from rise_engine.protocol.registry import session_name
 from rise_engine.session.folder import SessionError, describe_session, find_unfinished, read_info
 
 MAX_SCENARIOS = 3
-"""Scenarios of which it is told at most, those with the latest sessions."""
+"""Scenarios that are listed at most, those with the latest sessions."""
 
 
 class UnfinishedSession(NamedTuple):
     """The latest unfinished session of one scenario."""
 
     command: str
-    """What offers to recover it."""
+    """The command that offers to recover it."""
     sentence: str
     """What it was."""
 
@@ -44,11 +44,11 @@ def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[Un
     return list(found.values())
 
 
-def unfinished_lines(leftovers: list[UnfinishedSession]) -> list[str]:
-    """The same in lines to read; none when there is nothing to tell."""
-    if not leftovers:
+def unfinished_lines(sessions: list[UnfinishedSession]) -> list[str]:
+    """The same in lines to read; none when there are none."""
+    if not sessions:
         return []
     first = "A session did not end. To go on with it:"
-    if len(leftovers) > 1:
+    if len(sessions) > 1:
         first = "These sessions did not end. To go on with one of them:"
-    return ["", first, *(line for command, what in leftovers for line in (f"  {command}", f"      {what}"))]
+    return ["", first, *(line for command, what in sessions for line in (f"  {command}", f"      {what}"))]

@@ -1,9 +1,6 @@
-"""The door for programs: take part in a running session (docs/how-to/drive-a-session-from-a-program.md).
+"""For programs: take part in a running session (docs/how-to/drive-a-session-from-a-program.md).
 
-from rise_engine.client import connect
-
-async with connect("lablinking", name="gaze-tracker") as session:
-    await session.raise_event("/H_arrived")
+`connect` gives the session. What `Client` means for consoles stands in `rise_engine.protocol.client`.
 """
 
 from __future__ import annotations
@@ -18,6 +15,15 @@ __all__ = ["EngineGone", "LinkLost", "Rejected", "Session", "connect"]
 
 def connect(session: str | os.PathLike[str], name: str, *, role: Role = "node") -> Session:
     """A running session, for `async with`.
+
+        import asyncio
+        from rise_engine.client import connect
+
+        async def main() -> None:
+            async with connect("greeting", name="gaze-tracker") as session:
+                await session.raise_event("/H_greets")
+
+        asyncio.run(main())
 
     :param session: its name (`rise-engine sessions` lists them; the six digits may be left out), or the path of its
         socket.

@@ -25,7 +25,10 @@ class ReplayClient:
     """Implements `rise_engine.protocol.client.Client` over a session's folder."""
 
     def __init__(self, folder: Path, speed: float = 1.0) -> None:
-        """`speed`: how many session seconds pass in one second."""
+        """
+        :param folder: the session's.
+        :param speed: session seconds in a second.
+        """
         self._folder = folder
         self._speed = speed
         self._records: Iterator[AnyRecord] = iter(())

@@ -13,13 +13,13 @@ from rise_engine.session.lock import running_message
 
 def all_running_sessions() -> dict[str, SessionSummary | None]:
     """Every session that runs on this computer and what it says about itself: those of this runtime folder by their
-    names, the others by the paths of their sockets. Raises PlaceError. Blocks up to a second for each."""
-    found = ask_all_summaries()
-    ours = {str(socket_path(name).absolute()) for name in found}
+    names, the others by the paths of their sockets. Raises RegistryError. Blocks up to a second for each."""
+    summaries = ask_all_summaries()
+    ours = {str(socket_path(name).absolute()) for name in summaries}
     for holder in running_sessions().values():
         if holder is not None and holder.is_this_computer and holder.socket and holder.socket not in ours:
-            found[holder.socket] = ask_summary(holder.socket)
-    return found
+            summaries[holder.socket] = ask_summary(holder.socket)
+    return summaries
 
 
 def sessions_on_other_computers() -> list[str]:

@@ -43,9 +43,32 @@ class Session:
     Every method that asks for something returns when the session has taken it (and it is on the disk), and raises
     Rejected when it has not. All raise LinkLost when this connection was cut (attach again), and EngineGone when the
     session is over. What came of an accepted task at once is in `view` when its method returns.
+
+        import asyncio
+        from rise_engine.client import Rejected, connect
+
+        async def main() -> None:
+            async with connect("greeting", name="gaze-tracker") as session:
+                await session.set("person_near", True)
+                assert session.view.memory["person_near"].value is True
+                task = await session.start("R_Smile")
+                ended = await session.finished(task, seconds=30)
+                await session.note(f"the smile ended as {ended.status}")
+                try:
+                    await session.start("R_Smiel")
+                except Rejected as error:
+                    print(error)
+
+        asyncio.run(main())
     """
 
     def __init__(self, session: str | os.PathLike[str], name: str, *, role: Role = "node") -> None:
+        """As `rise_engine.client.connect`, which makes it.
+
+        :param session: the name of a running session, or the path of its socket.
+        :param name: who the program is, in the record.
+        :param role: `node`, `observer` or `wizard`.
+        """
         self._client = SocketClient(session, name, role)
         self._attached: AttachReply | None = None
         self._changed = asyncio.Event()
@@ -53,11 +76,12 @@ class Session:
         self._following: asyncio.Task[None] | None = None
         self._ended_by: EngineGone | None = None
         self.journal_status = JournalStatus()
-        self.heartbeat = Heartbeat()
         """How the record of the session stands; while `trouble` is set, the session is paused."""
+        self.heartbeat = Heartbeat()
+        """The session's latest sign of life, and its robot's."""
 
     async def __aenter__(self) -> Session:
-        """Attach. Raises EngineGone when no such session runs."""
+        """Attach. Raises EngineGone when no such session runs, or it does not admit this program."""
         self._attached = await self._client.attach()
         self.journal_status = self._attached.journaling
         self._following = asyncio.create_task(self._follow(self._client.records()))
@@ -76,13 +100,17 @@ class Session:
 
     @property
     def hello(self) -> AttachReply:
-        """What the session said at the beginning: its mode, robot, seed, folder, and how it calls this program."""
+        """What the session said at the beginning: its mode, robot, seed, folder, and how it calls this program.
+
+        :raises RuntimeError: outside of `async with`.
+        """
         if self._attached is None:
             raise RuntimeError("use the session within `async with`")
         return self._attached
 
     @property
     def scenario(self) -> Scenario:
+        """What the session runs: its acts, rules, start memory and robot."""
         return self.hello.scenario
 
     @property
@@ -91,12 +119,16 @@ class Session:
         return self.hello.view
 
     def now(self) -> float:
-        """The session's time in seconds."""
+        """The session's time: seconds since it began, as well as this computer's clock knows it."""
         return self._client.now()
 
     def records(self) -> AsyncIterator[AnyRecord]:
-        """Every record from this call on, until the session ends. Iterating raises LinkLost when this connection is
-        cut, EngineGone when the engine goes without an end."""
+        """Every record from this call on, until the session ends. Each call gives an iterator of its own.
+
+        :return: for `async for`; what is not taken waits, without a limit.
+        :raises LinkLost: while iterating, when this connection is cut.
+        :raises EngineGone: while iterating, when the engine goes without an end.
+        """
         queue: asyncio.Queue[AnyRecord | None] = asyncio.Queue()
         self._record_queues.append(queue)
         return self._records_from(queue)
@@ -132,7 +164,14 @@ class Session:
                 await self._changed.wait()
 
     async def finished(self, task: int, seconds: float | None = None) -> TaskView:
-        """Wait until a task has come to its end; its `status` says to which."""
+        """Wait until a task has come to its end.
+
+        :param task: its id, as `start` and `submit` give it.
+        :param seconds: how long to wait at most; None: as long as the session lasts.
+        :return: the task; its `status` says how it ended: SUCCEEDED, ABORTED, CANCELED or REJECTED.
+        :raises TimeoutError: after so many seconds.
+        :raises EngineGone: when the session ends before, or this connection (`LinkLost`).
+        """
 
         def ended(view: SessionView) -> TaskView | None:
             found = view.tasks.get(task)
@@ -145,36 +184,83 @@ class Session:
     # --- what there is to do ------------------------------------------------------------------------------------
 
     async def start(self, act: str, calling_type: str = "") -> int:
-        """Start an act; gives the task's id, for `finished`. It may wait for its turn."""
+        """Start an act. It may wait for its turn.
+
+        :param act: its name.
+        :param calling_type: `Blocking`, `None` or `Interrupt` instead of the act's own.
+        :return: the task's id, for `finished`.
+        :raises Rejected: there is no such act, or everything is stopped.
+        """
         return await self.submit("startCommunicationRobotAct", act, calling_type)
 
     async def stop(self, act: str) -> int:
-        """Stop an act that runs or waits."""
+        """Stop an act that runs or waits.
+
+        :param act: its name.
+        :return: the id of the task that stops it.
+        :raises Rejected: it neither runs nor waits.
+        """
         return await self.submit("stopCommunicationRobotAct", act)
 
     async def start_rule(self, rule: str) -> int:
+        """Start an interaction rule. Its present state is `view.rules[rule].state`.
+
+        :param rule: its name.
+        :return: the id of the task, which ends with the rule.
+        :raises Rejected: there is no such rule, or it runs already.
+        """
         return await self.submit("startInteractionRule", rule)
 
     async def stop_rule(self, rule: str) -> int:
+        """Stop an interaction rule.
+
+        :param rule: its name.
+        :return: the id of the task that stops it.
+        :raises Rejected: it does not run.
+        """
         return await self.submit("stopInteractionRule", rule)
 
     async def raise_event(self, topic: str) -> int:
-        """Raise an event. Whether a rule took it is in its record."""
+        """Raise an event. Whether a rule took it is in its record.
+
+        :param topic: as the rules name it: `/H_arrived`.
+        :return: the task's id.
+        :raises Rejected: the event has no name.
+        """
         return await self.submit("raiseEventTopic", topic)
 
     async def set(self, key: str, value: Any) -> int:
-        """Set a key of the working memory to a JSON value."""
+        """Set a key of the working memory; it is made when it is not there.
+
+        :param key: its name.
+        :param value: what JSON can hold: None, a truth value, a number, a text, or lists and dicts of these.
+        :return: the task's id.
+        :raises Rejected: the memory cannot hold that key or value.
+        """
         return await self.submit("assignValue", json.dumps({key: value}, ensure_ascii=False))
 
     async def delete(self, key: str) -> int:
-        """Delete a key of the working memory."""
+        """Delete a key of the working memory.
+
+        :param key: its name.
+        :return: the task's id.
+        :raises Rejected: there is no such key.
+        """
         return await self.submit("deleteValue", key)
 
     async def stop_all(self) -> int:
-        """Stop everything, at once; nothing starts until somebody releases the stop. Every role may do this."""
+        """Stop everything, at once; nothing starts until somebody releases the stop. Every role may do this.
+
+        :return: the task's id. `view.stop` says what the robot has confirmed.
+        """
         return await self.submit("stopAll")
 
     async def release_stop(self) -> int:
+        """Let acts and rules start again after a stop.
+
+        :return: the task's id.
+        :raises Rejected: only who holds control may, and programs that the scenario names in `[control] may_release`.
+        """
         return await self.submit("releaseStop")
 
     async def submit(self, function: str, behavior: str = "", calling_type: str = "") -> int:
@@ -190,17 +276,29 @@ class Session:
         return task or 0
 
     async def note(self, text: str) -> None:
-        """Add a remark to the record."""
+        """Add a remark to the record.
+
+        :param text: what to remark, in one or more lines.
+        :raises Rejected: nothing can be recorded.
+        """
         await self._send(Note(text=text))
 
     async def control(self, verb: ControlVerb) -> None:
-        """As a wizard: take control, ask for it, give it to who asked, release it. Raises Rejected."""
+        """Do something about who holds control, as a wizard.
+
+        :param verb: `take` it (whoever has it), `ask` the holder for it, `give` it to who asked, or `release` it.
+        :raises Rejected: with the engine's sentence; always for a `node` or an `observer`.
+        """
         reply = await self._client.control(verb)
         if not reply.accepted:
             raise Rejected(reply.reason)
 
     async def end(self, reason: str = "") -> None:
-        """Stop the robot, end the session, and wait until it has ended. Raises Rejected."""
+        """Stop the robot, end the session, and wait until it has ended.
+
+        :param reason: why, for the record.
+        :raises Rejected: only who holds control may, and programs; never an observer.
+        """
         try:
             await self._client.close(end_session=True, reason=reason)
         except EndRefused as error:
@@ -208,7 +306,7 @@ class Session:
         if self._following is not None:
             await asyncio.wait([self._following])
 
-    # --- within -------------------------------------------------------------------------------------------------
+    # --- following the session ------------------------------------------------------------------------------------
 
     async def _send(self, message: ClientInput) -> int | None:
         reply = await self._client.send(message)
@@ -220,7 +318,7 @@ class Session:
         return task
 
     async def _follow(self, updates: AsyncIterator[Sequence[UpdateOrResync]]) -> None:
-        over: EngineGone = LinkLost("this program has left the session")
+        ended_by: EngineGone = LinkLost("this program has left the session")
         try:
             async for batch in updates:
                 for update in batch:
@@ -230,17 +328,17 @@ class Session:
                     if isinstance(update, Heartbeat):
                         self.heartbeat = update
                         continue
-                    if isinstance(update, Resync):  # which nobody asked for
+                    if isinstance(update, Resync):  # only for clients that ask for it
                         continue
                     self.view.apply(update)
                     for queue in self._record_queues:
                         queue.put_nowait(update)
                 self._changed.set()
-            over = EngineGone("the session has ended")
+            ended_by = EngineGone("the session has ended")
         except EngineGone as error:
-            over = error
+            ended_by = error
         finally:
-            self._ended_by = over
+            self._ended_by = ended_by
             self._changed.set()
             for queue in self._record_queues:
                 queue.put_nowait(None)

@@ -61,7 +61,7 @@ MAX_WAITING_RECORDS = 200_000
 MAX_WAITING_WITH_RESYNC = 5_000
 """The same for one who takes the state anew: with more, no more is read before some are taken."""
 LOCK_RELEASE_SECONDS = 0.3
-"""Seconds in which a process that is just ending lets go of its lock."""
+"""Seconds in which a process that is just ending releases its lock."""
 
 
 class SocketClient:
@@ -76,9 +76,13 @@ class SocketClient:
         scenario: Scenario | None = None,
         resync: bool = False,
     ) -> None:
-        """`session`: the name of a running session, or the path of its socket. `who`: the name in the record, without
-        the role. `scenario`: what the session is known to run; with the right hash it is not loaded again.
-        `resync`: a client that shows the state and needs not every record; see `Resync`."""
+        """
+        :param session: the name of a running session, or the path of its socket.
+        :param who: the client's name in the record, without the role.
+        :param role: what it may do.
+        :param scenario: what the session is known to run; with the right hash it is not loaded again.
+        :param resync: for a client that shows the state and needs not every record; see `Resync`.
+        """
         self._session = session
         self._name = who
         self._role: Role = role
@@ -125,8 +129,8 @@ class SocketClient:
             return 0.0
         t, speed, at = self._clock_at_attach
         connection = self._connection
-        until = time.monotonic() if connection is None or connection.ended_at is None else connection.ended_at
-        return t + (until - at) * speed
+        end = time.monotonic() if connection is None or connection.ended_at is None else connection.ended_at
+        return t + (end - at) * speed
 
     async def close(self, *, end_session: bool = False, reason: str = "") -> None:
         """As the protocol says; with `end_session`, returns when the session has ended."""
@@ -139,7 +143,7 @@ class SocketClient:
                 await connection.ended.wait()
         await self._disconnect()
 
-    # --- within -------------------------------------------------------------------------------------------------
+    # --- attaching -------------------------------------------------------------------------------------------------
 
     def _socket_path(self) -> Path:
         if isinstance(self._session, os.PathLike) or "/" in self._session:
@@ -161,31 +165,31 @@ class SocketClient:
 
     async def _receive_state(self, connection: _ServerConnection) -> AttachReply:
         """The connection goes on being read meanwhile: what comes after the state waits in it."""
-        welcome = await connection.welcome
-        self._clock_at_attach = welcome.t, welcome.speed, time.monotonic()
+        hello = await connection.hello
+        self._clock_at_attach = hello.t, hello.speed, time.monotonic()
         tasks = await connection.tasks
         return AttachReply(
-            await self._scenario_of(welcome, connection.scenario),
-            welcome.mode,
-            welcome.robot,
-            welcome.seed,
-            with_tasks(welcome.state, tasks),
-            you=welcome.you,
-            role=welcome.role,
-            folder=welcome.folder,
-            replay=welcome.replay,
-            journaling=welcome.journaling,
+            await self._scenario_of(hello, connection.scenario),
+            hello.mode,
+            hello.robot,
+            hello.seed,
+            with_tasks(hello.state, tasks),
+            you=hello.you,
+            role=hello.role,
+            folder=hello.folder,
+            replay=hello.replay,
+            journaling=hello.journaling,
         )
 
-    async def _scenario_of(self, welcome: HelloMessage, told: bytes) -> Scenario:
-        """What the session runs: as the engine told it, or else read from the copy in the session's folder."""
-        if told:
+    async def _scenario_of(self, hello: HelloMessage, encoded: bytes) -> Scenario:
+        """What the session runs: as the engine sent it, or else read from the copy in the session's folder."""
+        if encoded:
             with suppress(ValueError):  # an engine of another release may describe it otherwise
-                self._scenario = decode_scenario(told)
-        if self._scenario is None or self._scenario.hash != welcome.scenario_hash:
-            folder = Path(welcome.folder)
+                self._scenario = decode_scenario(encoded)
+        if self._scenario is None or self._scenario.hash != hello.scenario_hash:
+            folder = Path(hello.folder)
             self._scenario = await asyncio.to_thread(_load_copy, folder)
-            if self._scenario.hash != welcome.scenario_hash:
+            if self._scenario.hash != hello.scenario_hash:
                 raise EngineGone(f"{folder} does not hold the scenario that the session runs: it has another hash")
         return self._scenario
 
@@ -208,7 +212,7 @@ class _ServerConnection:
         self._resync = resync
         self._resync_hello: HelloMessage | None = None
         """A state that is on its way, after records that were left out."""
-        self._taken = asyncio.Event()
+        self._batch_taken = asyncio.Event()
         self._reader = reader
         self._writer = writer
         self._partial = b""
@@ -216,11 +220,11 @@ class _ServerConnection:
         self._numbers = count(1)
         self._unanswered: dict[int, asyncio.Future[Reply]] = {}
         loop = asyncio.get_running_loop()
-        self.welcome: asyncio.Future[HelloMessage] = loop.create_future()
+        self.hello: asyncio.Future[HelloMessage] = loop.create_future()
         self.tasks: asyncio.Future[list[TaskView]] = loop.create_future()
         """Those of the state, once it is complete."""
         self.scenario = b""
-        """What the session runs, if the engine told it."""
+        """What the session runs, if the engine sent it."""
         self._partial_tasks: list[TaskView] = []
         self._updates: deque[UpdateOrResync] = deque()
         self._arrived = asyncio.Event()
@@ -294,8 +298,8 @@ class _ServerConnection:
                             raise LinkLost("this client fell too far behind the engine; attach again")
                         self._arrived.set()
                         while self._resync and len(self._updates) > MAX_WAITING_WITH_RESYNC:
-                            self._taken.clear()
-                            await self._taken.wait()
+                            self._batch_taken.clear()
+                            await self._batch_taken.wait()
                     case ReplyMessage(id=id) as answer:
                         future = self._unanswered.get(id)
                         if future is not None and not future.done():
@@ -306,10 +310,10 @@ class _ServerConnection:
                     case HeartbeatMessage(pulse=pulse):
                         self._updates.append(pulse)
                         self._arrived.set()
-                    case HelloMessage() as welcome if self.welcome.done():
-                        self._resync_hello = welcome
-                    case HelloMessage() as welcome:
-                        self.welcome.set_result(welcome)
+                    case HelloMessage() as hello if self.hello.done():
+                        self._resync_hello = hello
+                    case HelloMessage() as hello:
+                        self.hello.set_result(hello)
                     case ScenarioMessage(scenario=scenario):
                         self.scenario = bytes(scenario)
                     case TasksMessage(tasks=tasks):
@@ -345,7 +349,7 @@ class _ServerConnection:
         self.ended.set()
         self._arrived.set()
         self._writer.close()
-        waiting: list[asyncio.Future[Any]] = [*self._unanswered.values(), self.welcome, self.tasks]
+        waiting: list[asyncio.Future[Any]] = [*self._unanswered.values(), self.hello, self.tasks]
         for future in waiting:
             if not future.done():
                 future.set_exception(self._reason)
@@ -354,9 +358,9 @@ class _ServerConnection:
     async def _reason_for_cut(self) -> EngineGone:
         """The connection has ended without a word. An engine's lock goes with its process."""
         lock = registry.lock_path(self._path)
-        until = time.monotonic() + LOCK_RELEASE_SECONDS
+        deadline = time.monotonic() + LOCK_RELEASE_SECONDS
         while registry.is_locked(lock):
-            if time.monotonic() > until:
+            if time.monotonic() > deadline:
                 return LinkLost("the engine has cut this connection, but it goes on; attach again")
             await asyncio.sleep(0.02)
         if not lock.exists() and await _accepts_connections(self._path):  # one that runs without a lock
@@ -370,7 +374,7 @@ class _ServerConnection:
             if self._updates:
                 batch = list(self._updates)
                 self._updates.clear()
-                self._taken.set()
+                self._batch_taken.set()
                 yield batch
             if self.ended.is_set() and not self._updates:
                 self._arrived.set()  # for whoever asks again

@@ -1,6 +1,6 @@
 """The two clocks of a session: real time (optionally faster) and virtual time (as fast as the machine can).
 
-Both measure seconds since the session began and never go back. `wall` is the label that records carry beside it.
+Both measure seconds since the session began and never go back. `wall_label` gives what records carry beside it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class VirtualClock:
     def __init__(self) -> None:
         self._now = 0.0
         self._heap: list[tuple[float, int, _VirtualTimer]] = []
-        self._made = 0
+        self._timer_count = 0
         self._cancelled_count = 0
 
     def now(self) -> float:
@@ -64,10 +64,10 @@ class VirtualClock:
         return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST_SECOND))).isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        # To the microsecond, as the engine stamps: timers that are due together run in the order of their setting.
+        # To the microsecond, as the engine counts: timers that are due together run in the order of their setting.
         timer = _VirtualTimer(self, callback)
-        self._made += 1
-        heappush(self._heap, (max(round(when, 6), self._now), self._made, timer))
+        self._timer_count += 1
+        heappush(self._heap, (max(round(when, 6), self._now), self._timer_count, timer))
         return timer
 
     @property
@@ -105,28 +105,24 @@ class RealClock:
     """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""
 
     def __init__(self, loop: AbstractEventLoop, speed: float = 1.0, start: float = 0.0) -> None:
-        """`start`: the session's time now, for one that goes on. Raises ValueError unless `speed` is above 0."""
+        """
+        :param loop: the engine's.
+        :param speed: session seconds in a second.
+        :param start: the session's time now, for one that goes on.
+        :raises ValueError: unless `speed` is above 0.
+        """
         if not 0 < speed < float("inf"):
             raise ValueError("the speed must be a number above 0")
         self._loop = loop
         self.speed = speed
         self._origin = loop.time() - start / speed
-        self._second = -1
-        self._label = ""
-        """That second, with the offset of the local time zone."""
 
     def now(self) -> float:
         return (self._loop.time() - self._origin) * self.speed
 
     def wall_label(self, t: float) -> str:
-        # Once for each step of the engine, and `astimezone` costs as much as the rest of a small one: the zone and all
-        # but the milliseconds are the same for a second.
-        second, fraction = divmod(time_ns(), 1_000_000_000)
-        if second != self._second:
-            self._second = second
-            self._label = datetime.fromtimestamp(second).astimezone().isoformat()
-        label = self._label
-        return f"{label[:19]}.{fraction // 1_000_000:03d}{label[19:]}"
+        moment = datetime.fromtimestamp(time_ns() // 1_000_000 / 1000, UTC)
+        return moment.astimezone().isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
         return self._loop.call_at(self._origin + when / self.speed, callback)

@@ -39,7 +39,7 @@ def driver_names() -> set[str]:
 
 
 def _plugins(group: str) -> dict[str, EntryPoint]:
-    """What installed packages offer, by name; of two with one name, the one that Python finds first."""
+    """The installed entry points of a group, by name; of two with one name, the one that Python finds first."""
     found: dict[str, EntryPoint] = {}
     for entry in entry_points(group=group):
         found.setdefault(entry.name, entry)
@@ -100,18 +100,22 @@ def make_robot(
 
 
 async def open_bridge(wire: RosConnection, profile: RobotProfile, mode: Mode) -> Bridge[Any] | None:
-    """The connection that a session needs, or is asked to have; None: it does without. Raises BridgeError."""
-    drives = driver_name_for(profile, mode) == ROS_BRIDGE
-    if wire.transport == "off" or (wire.transport == "auto" and not drives):
+    """Connect a session with ROS 2, when its robot needs that or it is asked for.
+
+    :param wire: how ROS 2 is spoken.
+    :param profile: the session's robot.
+    :param mode: the session's.
+    :return: the open connection, which whoever called closes; None: the session does without.
+    :raises BridgeError: it cannot be had.
+    """
+    reaches_robot = driver_name_for(profile, mode) == ROS_BRIDGE
+    if wire.transport == "off" or (wire.transport == "auto" and not reaches_robot):
         return None
-    entry = _plugins(BRIDGES).get(ROS_BRIDGE)
-    if entry is None:
-        raise BridgeError([f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {BRIDGES!r}"])
     try:
-        opener = cast(BridgeOpener, entry.load())
-    except Exception as error:
-        raise BridgeError([f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}"]) from error
-    return await opener(wire, profile if drives else None)
+        opener: BridgeOpener = _load_ros_plugin(BRIDGES)
+    except DriverError as error:
+        raise BridgeError([str(error)]) from error
+    return await opener(wire, profile if reaches_robot else None)
 
 
 def profile_problems(profile: RobotProfile, mode: Mode) -> list[str]:
@@ -130,23 +134,23 @@ def ros_parameters_as_options(
 
     Raises BridgeError for a parameter that is none, DriverError.
     """
-    entry = _plugins(PARAMETERS).get(ROS_BRIDGE)
-    if entry is None:
-        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {PARAMETERS!r}")
-    try:
-        reader = cast(ParameterReader, entry.load())
-    except Exception as error:
-        raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
+    reader: ParameterReader = _load_ros_plugin(PARAMETERS)
     return reader(arguments, switches=switches, single=single, many=many, written=written)
 
 
 def find_examiner() -> Examiner:
-    """What examines ROS 2 on this machine. Raises DriverError."""
-    entry = _plugins(DOCTORS).get(ROS_BRIDGE)
+    """The function that examines ROS 2 on this machine. Raises DriverError."""
+    examiner: Examiner = _load_ros_plugin(DOCTORS)
+    return examiner
+
+
+def _load_ros_plugin(group: str) -> Any:
+    """What the ROS 2 bridge offers in a group of entry points. Raises DriverError."""
+    entry = _plugins(group).get(ROS_BRIDGE)
     if entry is None:
-        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {DOCTORS!r}")
+        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {group!r}")
     try:
-        return cast(Examiner, entry.load())
+        return entry.load()
     except Exception as error:
         raise DriverError(f"the ROS 2 bridge ({entry.value}) cannot be loaded: {error}") from error
 

@@ -1,6 +1,6 @@
-"""The engine: the kernel with a clock, a robot, a journal and an audience (architecture, "The engine").
+"""The engine: the kernel with a clock, a robot, a journal and sinks for its records (architecture, "The engine").
 
-One step: input -> stamp -> kernel -> journal -> records to the sinks -> commands carried out. It is synchronous and
+One step: input -> time -> kernel -> journal -> records to the sinks -> commands carried out. It is synchronous and
 belongs to one thread; real time comes from a `RealClock` on an asyncio loop, virtual time from somebody who advances a
 `VirtualClock`.
 
@@ -16,7 +16,6 @@ import logging
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable
-from functools import partial
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -24,8 +23,9 @@ from msgspec.structs import replace
 
 from rise_engine import __version__
 from rise_engine.engine.clock import SessionClock
+from rise_engine.engine.command_runner import CommandRunner, error_text
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
+from rise_engine.kernel.commands import CancelAction, Command, StartAction, StopRobot
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
@@ -36,10 +36,9 @@ from rise_engine.kernel.inputs import (
     SessionStarted,
     StopReport,
     Submit,
-    TimerElapsed,
 )
 from rise_engine.kernel.records import AnyRecord, TaskRecord
-from rise_engine.ports.robot import Robot, RobotReport, Timer
+from rise_engine.ports.robot import Robot
 from rise_engine.protocol.client import JournalStatus, Reply
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal import Journal
@@ -48,7 +47,7 @@ from rise_engine.session.journal_format import encode_input, encode_record, join
 _LOG = logging.getLogger(__name__)
 
 LAG_SHOWN_FROM = 0.5
-"""Seconds that the disk may lag before the audience is told."""
+"""Seconds that the disk may lag before the clients are told."""
 
 Sink = Callable[[AnyRecord], None]
 """Gets every record, in order, on the engine's thread. It must not block; one that raises is dropped."""
@@ -83,13 +82,21 @@ class Engine:
 
     `start` or `resume`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`:
 
-        clock, records = VirtualClock(), []
-        engine = Engine(scenario, make_robot(scenario.robot, "debug", clock, 1), clock, seed=1, sinks=[records.append])
-        engine.start()
-        engine.accept(Submit(function="startCommunicationRobotAct", behavior="Greet"))
-        while not engine.idle and clock.advance():
-            pass
-        engine.end("done")
+    >>> from rise_engine.engine.clock import VirtualClock
+    >>> from rise_engine.engine.drivers import make_robot
+    >>> from rise_engine.scenario import load
+    >>> scenario = load("scenarios/greeting").scenario
+    >>> clock, records = VirtualClock(), []
+    >>> robot = make_robot(scenario.robot, "debug", clock, seed=1)
+    >>> engine = Engine(scenario, robot, clock, seed=1, participant="P07", sinks=[records.append])
+    >>> engine.start()
+    >>> engine.accept(Submit(function="startCommunicationRobotAct", behavior="R_Smile"), print)
+    Reply(accepted=True, reason='', task=1)
+    >>> while not engine.idle and clock.advance():
+    ...     pass
+    >>> engine.end("done")
+    >>> engine.ended, [record.status for record in records if isinstance(record, TaskRecord)]
+    (True, ['PENDING', 'ACTIVE', 'SUCCEEDED'])
     """
 
     def __init__(
@@ -134,15 +141,14 @@ class Engine:
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
         """Called when that has changed."""
         self._resume_state = resumption
+        self._commands = CommandRunner(robot, scenario.robot.name, clock, self.post)
         self._kernel = resumption.kernel if resumption is not None else Kernel(scenario, seed)
-        self._robot = robot
         self._journal = journal
         self._unrecorded_steps: deque[_UnrecordedStep] = deque()
         self._sinks: list[Sink] = list(sinks)
         self._end_callbacks: list[Callable[[], None]] = []
         self._queue: deque[tuple[AnyInput, ReplyCallback]] = deque()
         self._stepping = False
-        self._timers: dict[int, Timer] = {}
         self._t = self._kernel.core.t
         self._seq = self._kernel.seq
         self._end_reason: str | None = None
@@ -153,34 +159,36 @@ class Engine:
     # --- a session's life ---------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin: the session's first record, then the robot."""
+        """Begin: the session's first record, then the robot. Called once, unless `resume` is.
+
+        :raises Exception: what the kernel raised, after the engine has ended by it (`failure`).
+        """
         participant, condition = self._participant_and_condition
         self.accept(SessionStarted(versions=versions(), participant=participant, condition=condition))
-        self._connect()
+        self._commands.connect()
 
     def resume(self) -> None:
-        """Go on with a session whose engine has gone: timers with the time that they had left, then the robot."""
+        """Go on with a session whose engine has gone: timers with the time that they had left, then the robot.
+
+        Called once, instead of `start`, on an engine that was made with a `resumption`; raises as `start` does.
+        """
         assert self._resume_state is not None
         for timer, at in sorted(self._resume_state.timers.items(), key=lambda item: (item[1], item[0])):
-            self._timers[timer] = self.clock.call_at(at, partial(self._on_timer_elapsed, timer))
-        self._stepping = True  # the robot is there before anything goes out to it, and its word comes after the record
+            self._commands.set_timer(timer, at)
+        self._stepping = True  # the robot is there before anything goes out to it, and its report follows the record
         try:
-            self._connect()
+            self._commands.connect()
         finally:
             self._stepping = False
         self.accept(SessionRecovered(versions=versions(), reason=self._resume_state.reason))
 
-    def _connect(self) -> None:
-        try:
-            self._robot.connect(self._report)
-        except Exception as error:
-            _LOG.exception("the robot adapter failed to connect")
-            self.post(RobotChanged(status="lost", detail=_adapter_failure(error)))
-
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
-        """Begin to end the session: stop the robot when anything runs (or `stop` says so), then the last record.
+        """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
 
         `ended` is true when that has happened: at once, or after the robot's answer or the kernel's own deadline.
+
+        :param reason: why, for the record.
+        :param stop: whether the robot is stopped first; None: when anything runs.
         """
         if self._last_record_made or self._end_reason is not None:
             return
@@ -190,14 +198,17 @@ class Engine:
         self._end_if_idle()
 
     def end_now(self, reason: str = "") -> None:
-        """End the session without waiting for the robot any longer. What still runs is recorded as lost."""
+        """End the session without waiting for the robot any longer. What still runs is recorded as lost.
+
+        :param reason: why, for the record; what was said to `end` before counts more.
+        """
         if self._last_record_made:
             return
         if self._end_reason is None:
             self.end(reason)
         if not self._last_record_made and self._kernel.is_busy:
             self.post(RobotChanged(status="lost", detail="no answer before the session ended"))
-        if not self._last_record_made and not self.paused:  # the kernel may have become quiet by that
+        if not self._last_record_made and not self.paused:  # the kernel may have become idle by that
             self._record_end()
 
     def abandon(self) -> None:
@@ -213,15 +224,12 @@ class Engine:
     @property
     def robot_seen(self) -> float | None:
         """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
-        try:
-            return self._robot.seen()
-        except Exception:  # an adapter of others, perhaps older than this question
-            return None
+        return self._commands.robot_seen
 
     @property
     def idle(self) -> bool:
         """True when nothing will happen by itself: nothing runs and no timer is set. Waiting rules do not count."""
-        return not (self._kernel.is_busy or self._timers or self._queue or self._unrecorded_steps)
+        return not (self._kernel.is_busy or self._commands.has_timers or self._queue or self._unrecorded_steps)
 
     @property
     def paused(self) -> bool:
@@ -229,15 +237,17 @@ class Engine:
         return self._journal is not None and bool(self._journal.error)
 
     def subscribe(self, sink: Sink) -> None:
-        """Let `sink` have every record from now on."""
+        """Let somebody have every record from now on.
+
+        :param sink: gets one record at a time, in order, on this thread, as those given to `__init__` do.
+        """
         self._sinks.append(sink)
 
-    def unsubscribe(self, sink: Sink) -> None:
-        if sink in self._sinks:
-            self._sinks.remove(sink)
-
     def on_ended(self, callback: Callable[[], None]) -> None:
-        """Call `callback` once the session is over (at once when it is)."""
+        """Learn that the session is over.
+
+        :param callback: called once, without arguments; at once when the session has ended already.
+        """
         if self.ended:
             callback()
         else:
@@ -246,10 +256,11 @@ class Engine:
     # --- inputs -------------------------------------------------------------------------------------------------
 
     def accept(self, fact: AnyInput, answer: ReplyCallback | None = None) -> None:
-        """Take one input from outside; `answer` gets what became of it, once it is recorded and the sinks have had it.
+        """Take one input from outside.
 
         :param fact: what happened; its time is put on here.
-        :param answer: called once, perhaps before this returns.
+        :param answer: gets what became of it, once it is recorded and the sinks have had it: called once, perhaps
+            before this returns. An input that cannot be taken is answered too: the session has ended, or is paused.
         :raises RuntimeError: inside a step. Robots and sinks `post`.
         """
         answer = answer or _ignore_reply
@@ -264,7 +275,10 @@ class Engine:
             self._process_queue()
 
     def post(self, fact: AnyInput) -> None:
-        """Take one input after the step that is being made, if any. Never nests."""
+        """Take one input after the step that is being made, if any, so that steps never nest. Nobody is answered.
+
+        :param fact: what happened; its time is put on here. After the session's end it is dropped.
+        """
         if self._last_record_made:
             return
         self._queue.append((self._with_time(fact), _ignore_reply))
@@ -283,9 +297,6 @@ class Engine:
         self._unrecorded_stops.append(f"stop was sent to the robot by {fact.source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
-
-    def _report(self, report: RobotReport) -> None:
-        self.post(report)
 
     def _process_queue(self) -> None:
         while self._queue and not self._last_record_made and not self.paused:
@@ -324,7 +335,7 @@ class Engine:
             if self._journal is None:
                 self._publish(records)
                 for command in commands:
-                    self._carry_out(command)
+                    self._commands.run(command)
                 answer(reply)
             else:
                 position = self._journal.append(join_step(line, map(encode_record, records)))
@@ -340,8 +351,10 @@ class Engine:
     # --- outputs ------------------------------------------------------------------------------------------------
 
     def flush_durable(self) -> None:
-        """Send out what has become durable. The journal's `changed` calls for this, and somebody now and then, so that
-        a lag shows."""
+        """Send out what has become durable: records to the sinks, actions to the robot, answers to who asked.
+
+        The journal's `changed` calls for this, and somebody twice a second or so, so that a lag shows.
+        """
         journal = self._journal
         if journal is None:
             return
@@ -353,7 +366,7 @@ class Engine:
                     step = outgoing.popleft()
                     self._publish(step.records)
                     for start in step.starts:
-                        self._carry_out(start)
+                        self._commands.run(start)
                     step.on_reply(step.reply)
             finally:
                 self._stepping = False
@@ -368,14 +381,14 @@ class Engine:
     def _update_journal_status(self) -> None:
         journal = self._journal
         assert journal is not None
-        trouble = journal.error
-        if trouble and self._unrecorded_stops:
-            trouble += "; " + ", ".join(self._unrecorded_stops)
-        elif not trouble and self.journal_status.trouble:
+        error = journal.error
+        if error and self._unrecorded_stops:
+            error += "; " + ", ".join(self._unrecorded_stops)
+        elif not error and self.journal_status.trouble:
             self._unrecorded_stops.clear()
             self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.trouble}"))
-        behind = journal.lag
-        now = JournalStatus(self._seq, round(behind, 1) if behind > LAG_SHOWN_FROM else 0.0, trouble)
+        lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
+        now = JournalStatus(self._seq, lag, error)
         before, self.journal_status = self.journal_status, now
         if (before.behind, before.trouble) != (now.behind, now.trouble) and self.on_journal_status is not None:
             self.on_journal_status(now)
@@ -388,8 +401,8 @@ class Engine:
                     sink(record)
                 except Exception as error:
                     _LOG.exception("an output failed and gets no more records")
-                    self.unsubscribe(sink)
-                    self.post(Note(text=f"an output failed and gets no more records: {_error_text(error)}"))
+                    self._sinks.remove(sink)
+                    self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
 
     def _carry_out_before_recording(self, command: Command) -> None:
         """Carry out at once what needs no record first. An action that is cancelled before it went out never does."""
@@ -400,39 +413,7 @@ class Engine:
                         step.starts.remove(start)
                         self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
                         return
-        self._carry_out(command)
-
-    def _carry_out(self, command: Command) -> None:
-        match command:
-            case SetTimer(timer=timer, at=at):
-                self._timers[timer] = self.clock.call_at(at, partial(self._on_timer_elapsed, timer))
-            case CancelTimer(timer=timer):
-                handle = self._timers.pop(timer, None)
-                if handle is not None:
-                    handle.cancel()
-            case StartAction():
-                try:
-                    self._robot.start(command)
-                except Exception as error:
-                    _LOG.exception("the robot adapter failed to start %s", command.action)
-                    self.post(ActionReport(action=command.action, status="failed", reason=_adapter_failure(error)))
-            case CancelAction(action=action):
-                try:
-                    self._robot.cancel(action)
-                except Exception as error:  # it goes on running until it ends or its time is over
-                    _LOG.exception("the robot adapter failed to cancel %s", action)
-                    self.post(Note(text=f"{action} could not be cancelled: {_adapter_failure(error)}"))
-            case StopRobot():
-                try:
-                    self._robot.stop_all()
-                except Exception as error:
-                    _LOG.exception("the robot adapter failed to stop the robot")
-                    self.post(StopReport(unconfirmed=(self.scenario.robot.name,)))
-                    self.post(Note(text=f"the robot could not be asked to stop: {_adapter_failure(error)}"))
-
-    def _on_timer_elapsed(self, timer: int) -> None:
-        self._timers.pop(timer, None)
-        self.post(TimerElapsed(timer=timer))
+        self._commands.run(command)
 
     # --- the end ------------------------------------------------------------------------------------------------
 
@@ -445,7 +426,7 @@ class Engine:
         self._reject_waiting()
         self._step(self._with_time(SessionEnded(reason=self._end_reason or "")), _ignore_reply)
         self._last_record_made = True
-        self._release()
+        self._commands.release()
         if not self._unrecorded_steps:
             self._close()
 
@@ -457,22 +438,10 @@ class Engine:
 
     def _abort(self) -> None:
         """End here and now, whatever is not recorded; the robot is asked to stop."""
-        try:
-            self._robot.stop_all()
-        except Exception:
-            _LOG.exception("the robot adapter failed to stop the robot")
+        self._commands.stop_robot()
         self._last_record_made = True
-        self._release()
+        self._commands.release()
         self._close()
-
-    def _release(self) -> None:
-        for timer in self._timers.values():
-            timer.cancel()
-        self._timers.clear()
-        try:
-            self._robot.close()
-        except Exception:
-            _LOG.exception("the robot adapter failed to close")
 
     def _close(self) -> None:
         self.ended = True
@@ -510,11 +479,3 @@ def _stop_sentence(report: StopReport) -> str:
 def versions() -> dict[str, str]:
     """What made a session's records: this program and its Python."""
     return {"rise-tui": __version__, "python": platform.python_version()}
-
-
-def _error_text(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-
-
-def _adapter_failure(error: Exception) -> str:
-    return f"the robot adapter failed ({_error_text(error)})"

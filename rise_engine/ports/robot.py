@@ -58,6 +58,50 @@ class Robot(Protocol):
     the adapter. The engine logs it and takes the call for failed: the action has failed, nothing has confirmed a stop.)
 
     Every action that is started gets exactly one ending. What is reported about an action that has ended is ignored.
+
+    A robot whose actions take a second each:
+
+    >>> class Lamp:
+    ...     def __init__(self, clock: Clock) -> None:
+    ...         self.clock, self.timers = clock, {}
+    ...     def connect(self, report: ReportCallback) -> None:
+    ...         self.report = report
+    ...         report(RobotChanged(status="connected", detail="a lamp"))
+    ...     def start(self, goal: StartAction) -> None:
+    ...         self.report(ActionReport(action=goal.action, status="accepted"))
+    ...         end = partial(self.end, goal.action, "succeeded")
+    ...         self.timers[goal.action] = self.clock.call_at(self.clock.now() + 1.0, end)
+    ...     def end(self, action: str, status: str) -> None:
+    ...         if (timer := self.timers.pop(action, None)) is not None:
+    ...             timer.cancel()
+    ...             self.report(ActionReport(action=action, status=status))
+    ...     def cancel(self, action: str) -> None:
+    ...         self.end(action, "canceled")
+    ...     def stop_all(self) -> None:
+    ...         for action in list(self.timers):
+    ...             self.cancel(action)
+    ...         self.report(StopReport(confirmed=("lamp",)))
+    ...     def seen(self) -> float | None:
+    ...         return None
+    ...     def close(self) -> None:
+    ...         self.timers.clear()
+
+    As the engine calls it, in virtual time:
+
+    >>> from functools import partial
+    >>> from rise_engine.engine.clock import VirtualClock
+    >>> clock, reports = VirtualClock(), []
+    >>> robot: Robot = Lamp(clock)
+    >>> robot.connect(reports.append)
+    >>> robot.start(StartAction("1/1", "Emotion", {"value": "happy"}, expected=1.0))
+    >>> clock.advance(), clock.now()
+    (True, 1.0)
+    >>> robot.start(StartAction("2/1", "Emotion", {"value": "sad"}, expected=1.0))
+    >>> robot.stop_all()
+    >>> [report.status for report in reports if isinstance(report, ActionReport)]
+    ['accepted', 'succeeded', 'accepted', 'canceled']
+    >>> reports[-1].confirmed
+    ('lamp',)
     """
 
     def connect(self, report: ReportCallback) -> None:
@@ -119,7 +163,20 @@ class Driver(Protocol):
     group is what a profile's `driver` says.
 
         [project.entry-points."rise.drivers"]
-        lamp = "my_package:Lamp"
+        lamp = "my_package:make_lamp"
+
+    A function does as well; here one that refuses options, and otherwise makes the robot that comes with the program:
+
+    >>> from rise_adapters.simulated import SimulatedRobot
+    >>> def make_lamp(profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
+    ...     if unknown := sorted(set(profile.options) - {"port"}):
+    ...         raise ValueError(f"robots/{profile.name}.toml: there is no option {unknown[0]}")
+    ...     return SimulatedRobot(profile, clock, seed, faults)
+    >>> from rise_engine.engine.clock import VirtualClock
+    >>> driver: Driver = make_lamp
+    >>> driver(RobotProfile("lamp", "Lamp", "lamp", {}, {"prot": 9}), VirtualClock(), seed=1)
+    Traceback (most recent call last):
+    ValueError: robots/lamp.toml: there is no option prot
     """
 
     def __call__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:

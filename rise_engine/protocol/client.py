@@ -108,16 +108,45 @@ class EndRefused(RiseError):
 
 
 class Client(Protocol):
-    """One connection to one engine. All methods belong to the client's loop."""
+    """One connection to one engine. All methods belong to the client's loop.
+
+    Programs have it easier with `rise_engine.client.connect`; who wants the batches and replies themselves:
+
+        import asyncio
+        from rise_engine.client.socket import SocketClient
+        from rise_engine.kernel.inputs import Submit
+        from rise_engine.kernel.records import EventRecord
+        from rise_engine.protocol.client import Client
+
+        async def main() -> None:
+            client: Client = SocketClient("greeting", "gaze-tracker", "node")
+            print((await client.attach()).scenario.title)
+            reply = await client.send(Submit(function="raiseEventTopic", behavior="/H_greets"))
+            if not reply.accepted:
+                print(reply.reason)
+            async for batch in client.records():
+                if any(isinstance(update, EventRecord) for update in batch):
+                    break
+            await client.close()
+
+        asyncio.run(main())
+    """
 
     async def attach(self) -> AttachReply:
-        """Begin, or begin again. Raises EngineGone."""
+        """Begin, or begin again after `LinkLost`.
+
+        :return: what the session runs, and its state at this moment, from which `records` goes on.
+        :raises EngineGone: no such session runs, or it does not admit this client; the text says why.
+        """
         ...
 
     def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
-        """Batches of records since `attach`, in order and without gaps (but for `Resync`); ends when the session does.
+        """What happens from `attach` on. Ends when the session does.
 
-        Raises LinkLost when only this connection was cut, EngineGone when the engine has gone without an end.
+        :return: for `async for`: batches, in order and without gaps (but for `Resync`), of records and of what comes
+            among them (`JournalStatus`, `Heartbeat`).
+        :raises LinkLost: while iterating, when only this connection was cut.
+        :raises EngineGone: while iterating, when the engine has gone without an end.
         """
         ...
 
@@ -131,7 +160,12 @@ class Client(Protocol):
         ...
 
     async def control(self, verb: ControlVerb) -> Reply:
-        """Do something about who holds control; what comes of it arrives as a record too. Raises EngineGone."""
+        """Do something about who holds control. What comes of it arrives as a record too.
+
+        :param verb: `take`, `ask`, `give` or `release`, see `ControlVerb`.
+        :return: whether it was done, or why not.
+        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        """
         ...
 
     def now(self) -> float:
@@ -139,8 +173,9 @@ class Client(Protocol):
         ...
 
     async def close(self, *, end_session: bool = False) -> None:
-        """Leave; the session goes on. With `end_session`, the engine stops the robot and ends the session.
+        """Leave; the session goes on.
 
-        Raises EndRefused, and stays attached, when this client may not end it.
+        :param end_session: also let the engine stop the robot and end the session.
+        :raises EndRefused: when this client may not end it; it stays attached.
         """
         ...

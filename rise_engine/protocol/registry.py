@@ -32,14 +32,14 @@ MAX_PATH_BYTES = 103 if sys.platform == "darwin" else 107
 
 
 class RegistryError(RiseError):
-    """A session's place cannot be used; the text says why, for a person."""
+    """The folder or the name under which a session is reached cannot be used; the text says why, for a person."""
 
 
 def runtime_folder() -> Path:
-    """The folder of this user's sockets, made when it is not there. Raises PlaceError when it is not safe."""
-    named, runtime = os.environ.get("RISE_RUNTIME"), os.environ.get("XDG_RUNTIME_DIR")
-    if named:
-        folder = Path(named).expanduser()
+    """The folder of this user's sockets, made when it is not there. Raises RegistryError when it is not safe."""
+    ours, runtime = os.environ.get("RISE_RUNTIME"), os.environ.get("XDG_RUNTIME_DIR")
+    if ours:
+        folder = Path(ours).expanduser()
     elif runtime:
         folder = Path(runtime) / "rise-tui"
     else:
@@ -71,9 +71,9 @@ def session_name(folder: str | os.PathLike[str]) -> str:
 
 
 def socket_path(name: str) -> Path:
-    """Of the session that is called so in the runtime folder; a whole path is that of a session in any other one.
+    """The socket of a session: by its name in the runtime folder, or by its whole path in any other folder.
 
-    Raises PlaceError.
+    Raises RegistryError.
     """
     return Path(name) if name.startswith("/") else _socket_in_runtime_folder(name)
 
@@ -92,6 +92,7 @@ def _socket_in_runtime_folder(name: str) -> Path:
 
 
 def lock_path(socket: Path) -> Path:
+    """The lock that stands beside a session's socket."""
     return socket.with_suffix(".lock")
 
 
@@ -105,6 +106,7 @@ class SessionLock:
         self._descriptor = descriptor
 
     def close(self) -> None:
+        """Remove the socket and release the name."""
         if self._descriptor < 0:
             return
         # In this order: while the lock is held, nobody else makes these files.
@@ -122,7 +124,7 @@ class SessionLock:
 
 
 def acquire_lock(name: str) -> SessionLock | None:
-    """Take a session's name for this process; None when a running session has it. Raises PlaceError."""
+    """Take a session's name for this process; None when a running session has it. Raises RegistryError."""
     path = _socket_in_runtime_folder(name)
     for _ in range(20):  # somebody who looks whether it runs holds the lock for a moment
         try:
@@ -175,7 +177,7 @@ def is_locked(lock: Path) -> bool:
 
 
 def running_names() -> list[str]:
-    """The names of this user's running sessions. Raises PlaceError."""
+    """The names of this user's running sessions. Raises RegistryError."""
     folder = runtime_folder()
     return sorted(path.stem for path in folder.glob("*.lock") if is_locked(path))
 
@@ -184,25 +186,27 @@ def find_running(name: str) -> str:
     """The running session that is meant by `name`: its whole name, what stands before the six digits, or the path of
     its socket, whatever runtime folder that is in.
 
-    Raises PlaceError when there is none, or more than one.
+    Raises RegistryError when there is none, or more than one.
     """
     if "/" in name:
         path = os.path.abspath(name)  # noqa: PTH100  # links stay
         if is_locked(lock_path(Path(path))):
             return path
         raise RegistryError(f"no session runs at {name}")
-    there = running_names()
-    meant = [each for each in there if each == name] or [each for each in there if each.rpartition("-")[0] == name]
-    if len(meant) == 1:
-        return meant[0]
-    if meant:
-        raise RegistryError(f"{name} could be {' or '.join(meant)}; say which")
-    others = f"; there are: {', '.join(there)}" if there else "; no session is running"
+    running = running_names()
+    matches = [each for each in running if each == name] or [
+        each for each in running if each.rpartition("-")[0] == name
+    ]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise RegistryError(f"{name} could be {' or '.join(matches)}; say which")
+    others = f"; there are: {', '.join(running)}" if running else "; no session is running"
     raise RegistryError(f"no session {name} is running{others}")
 
 
 def ask_summary(name: str) -> SessionSummary | None:
-    """What a session says about itself; None when it says nothing within a second. Raises PlaceError. Blocks."""
+    """What a session says about itself; None when it says nothing within a second. Raises RegistryError. Blocks."""
     path = socket_path(name)
     deadline = time.monotonic() + SUMMARY_SECONDS
     data = bytearray()
@@ -227,5 +231,5 @@ def ask_summary(name: str) -> SessionSummary | None:
 
 
 def ask_all_summaries() -> dict[str, SessionSummary | None]:
-    """Every running session and what it says about itself. Raises PlaceError. Blocks up to a second for each."""
+    """Every running session and what it says about itself. Raises RegistryError. Blocks up to a second for each."""
     return {name: ask_summary(name) for name in running_names()}

@@ -25,7 +25,7 @@ BEHIND_SECONDS = 10.0
 
 
 class Attachment:
-    """One attached client. What happens while it gets the state waits in its connection."""
+    """One attached client's share of what is sent. What happens while it gets the state waits in its connection."""
 
     def __init__(self, connection: ClientConnection, client: AttachedClient, *, resyncs: bool) -> None:
         """`resyncs`: when it lies too far behind it takes the state anew; otherwise it is cut off."""
@@ -43,7 +43,7 @@ class Attachment:
         self._patience = STATE_SECONDS
         self._stalled_at = 0.0
         self._pieces: deque[bytes] = deque()
-        self._portions: Iterator[list[TaskView]] = iter(())
+        self._task_portions: Iterator[list[TaskView]] = iter(())
         self._stall_timer: asyncio.TimerHandle | None = None
         self._behind_timer: asyncio.TimerHandle | None = None
 
@@ -58,7 +58,7 @@ class Attachment:
         """Its connection has ended."""
         self._cancel_timers()
         self._pieces.clear()
-        self._portions = iter(())
+        self._task_portions = iter(())
 
     def send(self, pieces: list[bytes]) -> None:
         """Send records. One who leaves too much waiting gets no more (`missed`), or is cut off."""
@@ -88,7 +88,7 @@ class Attachment:
 
     # --- the state ----------------------------------------------------------------------------------------------
 
-    def begin_state(self, first: bytes, portions: Iterator[list[TaskView]]) -> None:
+    def begin_state(self, first: bytes, task_portions: Iterator[list[TaskView]]) -> None:
         """Send the state at this moment: `first` at once, then the other tasks, by `send_state`."""
         self._cancel_timers()
         self.missed_tasks = None
@@ -96,7 +96,7 @@ class Attachment:
         self._waiting_when_missed = 0
         self._backlog, self._patience = ARRIVAL_BACKLOG, STATE_SECONDS
         self._pieces.extend(split_into_pieces(first))
-        self._portions = portions
+        self._task_portions = task_portions
         self.connection.hold()
 
     def send_state(self) -> bool:
@@ -105,7 +105,7 @@ class Attachment:
         if connection.closing:
             return False
         if not self._pieces:
-            portion = next(self._portions, None)
+            portion = next(self._task_portions, None)
             if portion is None:
                 self._end_state()
                 return False

@@ -1,4 +1,4 @@
-"""Names of those who attach: what can be one, and which two a reader of the record could not tell apart. Pure.
+"""Names of clients: what can be one, and which two a reader of the record could not tell apart. Pure.
 
 The record says who did what by name alone, so a name that looks like another one's would put words into their mouth.
 After Unicode's UTS 39: a name mixes no scripts whose letters look alike, and two names differ in their skeleton, in

@@ -23,9 +23,11 @@ URGENT_WITHIN = 256
 
 
 class ConnectionOwner(Protocol):
-    """Who is told what happens on its connections."""
+    """Learns what happens on its connections."""
 
-    def connection_opened(self, connection: ClientConnection) -> None: ...
+    def connection_opened(self, connection: ClientConnection) -> None:
+        """It is there, and has sent nothing yet."""
+        ...
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
         """It has a whole line, after it had none; `take_line` gives it. Nothing more is read until all are taken."""
@@ -35,7 +37,9 @@ class ConnectionOwner(Protocol):
         """It can be sent more, after it was full."""
         ...
 
-    def connection_closed(self, connection: ClientConnection) -> None: ...
+    def connection_closed(self, connection: ClientConnection) -> None:
+        """It has ended. Nothing more is reported about it."""
+        ...
 
 
 class ClientConnection(asyncio.Protocol):
@@ -125,10 +129,11 @@ class ClientConnection(asyncio.Protocol):
 
     @property
     def has_line(self) -> bool:
+        """Whether `take_line` has a line to give."""
         return bool(self._lines) and not self.closing
 
     def take_line(self) -> bytes:
-        """The next line, without its end, while `has_line` says that there is one. It may be longer than LINE_LIMIT."""
+        """The next line, without its end, while `has_line`. It may be longer than MAX_LINE_BYTES."""
         line = self._lines.popleft()
         if not self._lines:
             if self._eof:
@@ -173,9 +178,9 @@ class ClientConnection(asyncio.Protocol):
         # The transport calls this in the middle of a write of its own. Whoever writes or closes now, and fails, has its
         # connection_lost called twice by asyncio, the second time on nothing: so it is done in the next turn.
         self.full = False
-        self._loop.call_soon(self._go_on)
+        self._loop.call_soon(self._send_after_full)
 
-    def _go_on(self) -> None:
+    def _send_after_full(self) -> None:
         if self.full or self._transport.is_closing():
             return
         if not self._holding:
@@ -202,11 +207,12 @@ class ClientConnection(asyncio.Protocol):
 
 
 def split_into_pieces(data: bytes) -> list[bytes]:
-    """As `ClientConnection.send` takes them."""
+    """The data in pieces as `ClientConnection.send` takes them."""
     return [data[at : at + PIECE] for at in range(0, len(data), PIECE)]
 
 
 def _user_of(connected: socket.socket) -> int | None:
+    """The number of the user whose program is at the other end; None where the system does not tell."""
     if sys.platform == "darwin":
         # struct xucred {u_int version; uid_t uid; ...}, by getsockopt(SOL_LOCAL, LOCAL_PEERCRED)
         return int(struct.unpack("=II", connected.getsockopt(0, 1, 76)[:8])[1])

@@ -1,9 +1,9 @@
-"""Who is attached to a session, who of them holds control, and what each may do. No sockets in here.
+"""The clients of a session: who is attached, who of them holds control, and what each may do. No sockets in here.
 
-One member at most holds control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
+One client at most holds control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
 What changes about control goes through the engine like any other input, so that it is in the record.
 
-Two names: a member's own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to one
+Two names: a client's own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to one
 console; the `source` of what it submits is the person (`wizard:anna`), because the record asks who did it.
 """
 
@@ -40,18 +40,23 @@ class NotAdmitted(RiseError):
 
 
 class AttachedClient:
-    """Somebody who is attached."""
+    """A console or a program that is attached."""
 
     __slots__ = ("name", "role", "source")
 
     def __init__(self, name: str, source: str, role: Role) -> None:
+        """
+        :param name: unique among those attached: `wizard:anna#2`.
+        :param source: what the record names for what it submits: `wizard:anna`.
+        :param role: what it may do.
+        """
         self.name = name
         self.source = source
         self.role = role
 
 
 class SessionHub:
-    """The audience of one engine. All methods belong to the engine's thread, and none may be called inside a step."""
+    """The clients of one engine. All methods belong to the engine's thread, and none may be called inside a step."""
 
     def __init__(
         self,
@@ -63,8 +68,11 @@ class SessionHub:
     ) -> None:
         """Make it before the engine starts, so that it misses no record.
 
-        `view`: the state of a session that goes on, before the first new record. `end`: what ends the session when a
-        member asks for it; without it, the engine is asked, and told again after `END_PATIENCE`.
+        :param engine: whose session it is.
+        :param folder: the session's; empty when nothing is kept.
+        :param view: the state of a session that goes on, before the first new record.
+        :param end: what ends the session, for the reason given, when a client asks for it; without it, the engine is
+            asked to, and after `END_SECONDS` does so without the robot.
         """
         self.engine = engine
         self.folder = folder
@@ -104,16 +112,20 @@ class SessionHub:
         """Let `listener` have every record, and every change of how recording stands. It may be called in a step."""
         self._listeners.append(listener)
 
-    # --- coming and going ---------------------------------------------------------------------------------------
+    # --- attaching and detaching --------------------------------------------------------------------------------
 
     def attach(self, name: str, role: Role, source: str | None = None) -> AttachedClient:
-        """Raises NotAdmitted. A wizard who comes while nobody holds control gets it.
+        """Admit a client. A wizard who attaches while nobody holds control gets it.
 
-        `source`: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
+        :param name: who it is; a second one of the same name gets a number.
+        :param role: what it may do.
+        :param source: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
+        :raises NotAdmitted: the name cannot be one, or looks like another's; or the session has ended.
         """
         name = normalize("NFC", name)
+        before = [self._view.wizard] if self._view.wizard else []  # of a session that goes on
         problem = name_problem(name)
-        if not problem and (other := find_lookalike(name, [*self._names_seen, *self._names_in_record()])):
+        if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
             problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
         if self.engine.ended:
             problem = "the session has ended"
@@ -126,28 +138,25 @@ class SessionHub:
         while unique in self.clients:
             number += 1
             unique = f"{source}#{number}"
-        member = self.clients[unique] = AttachedClient(unique, source, role)
+        client = self.clients[unique] = AttachedClient(unique, source, role)
         self._names_seen[name] = None
         if role == "wizard" and self._holder is None and self._has_begun:
-            self._set_control("taken", member, member)
-        return member
+            self._set_control("taken", client, client)
+        return client
 
-    def _names_in_record(self) -> list[str]:
-        """Of the wizard before an engine that had gone: the record goes on with what they did."""
-        return [self._view.wizard] if self._view.wizard else []
-
-    def detach(self, member: AttachedClient) -> None:
-        """Somebody has gone. Control that they held goes to who asked for it, or to nobody."""
-        if self.clients.get(member.name) is not member:
+    def detach(self, client: AttachedClient) -> None:
+        """A client has gone. Control that it held goes to who asked for it, or to nobody."""
+        if self.clients.get(client.name) is not client:
             return
-        del self.clients[member.name]
-        if member is self._holder:
-            heir = self._requester
-            self._set_control("released" if heir is None else "given", member, heir)
-        elif member is self._requester:
-            self._set_control("released", member, self._holder)
+        del self.clients[client.name]
+        if client is self._holder:
+            next_holder = self._requester
+            self._set_control("released" if next_holder is None else "given", client, next_holder)
+        elif client is self._requester:
+            self._set_control("released", client, self._holder)
 
     def summary(self) -> SessionSummary:
+        """The session in a few words, but for what only its server knows."""
         engine, scenario, view = self.engine, self.engine.scenario, self._view
         return SessionSummary(
             version=VERSION,
@@ -172,79 +181,79 @@ class SessionHub:
             versions=versions(),
         )
 
-    # --- what members do ----------------------------------------------------------------------------------------
+    # --- what clients do ----------------------------------------------------------------------------------------
 
-    def submit(self, member: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
-        """Pass an input on, in the member's name; `answer` is called once."""
-        problem = self._why_not_submit(member, message)
+    def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
+        """Pass an input on, in the client's name; `answer` is called once."""
+        problem = self._why_not_submit(client, message)
         if problem:
             answer(Reply(False, problem))
         else:
-            self.engine.accept(replace(message, source=member.source, t=0.0), answer)
+            self.engine.accept(replace(message, source=client.source, t=0.0), answer)
 
-    def change_control(self, member: AttachedClient, verb: ControlVerb, answer: ReplyCallback) -> None:
+    def change_control(self, client: AttachedClient, verb: ControlVerb, answer: ReplyCallback) -> None:
         """Take control, ask for it, give it away or release it; `answer` is called once."""
         problem = "" if self._has_begun else "the session has not begun yet"
-        if not problem and member.role == "observer":
+        if not problem and client.role == "observer":
             problem = "an observer never has control; attach as a wizard to have it"
-        if not problem and member.role == "node":
+        if not problem and client.role == "node":
             problem = "a program needs no control: it may submit at any time"
         if problem:
             answer(Reply(False, problem))
             return
-        holder, asker = self._holder, self._requester
+        holder, requester = self._holder, self._requester
         match verb:
-            case "take" | "ask" if holder is member:
+            case "take" | "ask" if holder is client:
                 answer(Reply(True, "you hold control already"))
-            case "ask" if asker is member:
+            case "ask" if requester is client:
                 answer(Reply(True, "you have asked already"))
             case "ask" if holder is not None:
-                self._set_control("asked", member, holder, answer)
+                self._set_control("asked", client, holder, answer)
             case "take" | "ask":
-                self._set_control("taken", member, member, answer)
-            case "give" | "release" if holder is not member and not (verb == "release" and asker is member):
+                self._set_control("taken", client, client, answer)
+            case "give" | "release" if holder is not client and not (verb == "release" and requester is client):
                 answer(Reply(False, f"you do not hold control: {self._holder_sentence()}"))
-            case "give" if asker is None:
+            case "give" if requester is None:
                 answer(Reply(False, "nobody has asked for control; release it, and anybody can take it"))
             case "give":
-                self._set_control("given", member, asker, answer)
+                self._set_control("given", client, requester, answer)
             case "release":  # also of one who asked and does not want it any more
-                self._set_control("released", member, None if holder is member else holder, answer)
+                self._set_control("released", client, None if holder is client else holder, answer)
 
-    def end_session(self, member: AttachedClient, reason: str, answer: ReplyCallback) -> None:
+    def end_session(self, client: AttachedClient, reason: str, answer: ReplyCallback) -> None:
         """End the session; the answer says that it begins to end."""
         problem = ""
-        if member.role == "observer":
+        if client.role == "observer":
             problem = "an observer cannot end the session"
-        elif member.role == "wizard" and self._holder not in (None, member):
+        elif client.role == "wizard" and self._holder not in (None, client):
             problem = f"only who holds control can end the session: {self._holder_sentence()}"
         if problem:
             answer(Reply(False, problem))
         else:
             answer(Reply(True))
-            self._end_session(reason or f"ended by {member.source}")
+            self._end_session(reason or f"ended by {client.source}")
 
-    def _why_not_submit(self, member: AttachedClient, message: ClientInput) -> str:
+    def _why_not_submit(self, client: AttachedClient, message: ClientInput) -> str:
         if not self._has_begun:
             return "the session has not begun yet"
         if not isinstance(message, Submit) or message.function in ALLOWED_WITHOUT_CONTROL:
             return ""
-        if member.role == "node":
-            return self._why_not_release(member) if message.function == "releaseStop" else ""
-        if member is self._holder:
+        if client.role == "node":
+            return self._why_not_release(client) if message.function == "releaseStop" else ""
+        if client is self._holder:
             return ""
-        if member.role == "observer":
+        if client.role == "observer":
             return "an observer only watches, adds notes and can stop everything; attach as a wizard to do more"
         return f"you do not hold control: {self._holder_sentence()}"
 
-    def _why_not_release(self, member: AttachedClient) -> str:
+    def _why_not_release(self, client: AttachedClient) -> str:
         """A stop is not undone by whatever program happens to run: by a person, or by one that the study names."""
         named = self.engine.scenario.may_release
-        who = member.source.partition(":")[2]
-        if who in named:
+        program = client.source.partition(":")[2]
+        if program in named:
             return ""
         others = f"or {', '.join(named)}" if named else "or a program that scenario.toml names: [control] may_release"
-        return f"{who} may not release a stop: only who holds control may, {others}"
+        return f"{program} may not release a stop: only who holds control may, {others}"
 
     def _holder_sentence(self) -> str:
         holder = self._holder
@@ -264,9 +273,10 @@ class SessionHub:
         holder: AttachedClient | None,
         answer: ReplyCallback | None = None,
     ) -> None:
-        """Counts from now on, although the record of it may still be on its way to the disk.
+        """Set who holds control: `holder`, because of what `by` did. It counts at once, before it is recorded.
 
-        Without `answer` it is no wish but a fact: it is recorded later if it cannot be now.
+        With `answer` it is a request, and undone when it is rejected. Without, it is a fact (somebody has gone), and
+        recorded later if it cannot be now.
         """
         before = self._holder, self._requester
         after = self._holder, self._requester = holder, by if status == "asked" else None
@@ -274,21 +284,21 @@ class SessionHub:
         if answer is None:
             self.engine.post(fact)
             return
-        asks_back = answer
+        answer_request = answer
 
-        def answered(reply: Reply) -> None:
+        def undo_if_rejected(reply: Reply) -> None:
             if not reply.accepted and (self._holder, self._requester) == after:
                 self._holder, self._requester = before
-            asks_back(reply)
+            answer_request(reply)
 
-        self.engine.accept(fact, answered)
+        self.engine.accept(fact, undo_if_rejected)
 
     def _assign_control_at_start(self) -> None:
-        """With the first record: who came before it gets control, and who held it before a crash does not."""
+        """With the first record: a wizard who attached before it gets control; who held it before a crash does not."""
         self._first_record_came = True
         if self._holder is not None:
             return
-        wizard = next((member for member in self.clients.values() if member.role == "wizard"), None)
+        wizard = next((client for client in self.clients.values() if client.role == "wizard"), None)
         if wizard is not None:
             self._set_control("taken", wizard, wizard)
         elif self._view.control is not None:
@@ -318,7 +328,7 @@ class SessionHub:
         for listener in self._listeners:
             try:
                 listener(update)
-            except Exception:  # the engine would let go of the whole hub
+            except Exception:  # or the engine would drop the whole hub
                 _LOG.exception("a listener failed")
 
     def _end_engine(self, reason: str) -> None:

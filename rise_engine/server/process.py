@@ -1,8 +1,7 @@
 """`rise-engine serve`: one session in a process of its own, which no console can take down.
 
-The process claims the session's name, makes or takes up the session's folder, runs the engine, and listens on the
-session's socket until the session ends. SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a
-lost terminal sends, is ignored.
+`SessionPreparation` gives what is run. The process runs its engine and listens on the session's socket until it has
+ended. SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
 """
 
 from __future__ import annotations
@@ -15,276 +14,55 @@ import socket
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from random import SystemRandom
-from typing import TYPE_CHECKING, TypeAlias
-
-import msgspec
 
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot, open_bridge, simulated_robot_warning
+from rise_engine.engine.drivers import simulated_robot_warning
 from rise_engine.engine.engine import Engine, ResumeState, versions
-from rise_engine.errors import RiseError
+from rise_engine.json_codec import encode
 from rise_engine.kernel.inputs import Note
-from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
+from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
-from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.scenario import load
-from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study import condition_problem
-from rise_engine.server.hub import SessionHub
+from rise_engine.server.hub import END_SECONDS, SessionHub
+from rise_engine.server.preparation import ReportStartup, ServeRefused, SessionPreparation
 from rise_engine.server.server import SessionServer
 from rise_engine.server.spawn import StartupProgress, StartupReport
-from rise_engine.session.folder import (
-    JOURNAL,
-    SessionError,
-    belongs_to,
-    create_session,
-    describe_session,
-    find_session,
-    find_unfinished,
-    mark_abandoned,
-    participant_text,
-    read_info,
-    running_sessions,
-    sessions_folder,
-)
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
-from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
-from rise_engine.session.recovery import RecoveredSession, recover
-from rise_engine.text import escape_all_surrogates
+from rise_engine.session.lock import JournalLock
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-END_SECONDS = 6.0
-"""Real seconds that the robot gets to confirm the last stop."""
 RECORD_SECONDS = 5.0
 """Real seconds that the disk gets to take the last records."""
 POLL_SECONDS = 0.5
+"""Between two looks at the journal, so that a lag shows."""
 
 
-ReportStartup: TypeAlias = "Callable[[StartupReport | StartupProgress], None]"
-"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
+def serve(options: SessionOptions, report: ReportStartup) -> int:
+    """Serve a session until it ends.
 
-
-class ServeRefused(RiseError):
-    """Nothing is served."""
-
-    def __init__(
-        self,
-        code: int,
-        *lines: str,
-        unfinished: Sequence[Path] = (),
-        others: Sequence[Path] = (),
-        socket: str = "",
-    ) -> None:
-        super().__init__("\n".join(lines))
-        self.report = StartupReport(
-            code, lines=list(lines), unfinished=_descriptions(unfinished), others=_descriptions(others), socket=socket
-        )
-
-
-def _descriptions(folders: Sequence[Path]) -> list[tuple[str, str]]:
-    return [(str(folder), describe_session(folder)) for folder in folders]
-
-
-def serve(options: SessionOptions, say: ReportStartup) -> int:
-    """Serve a session until it ends; gives the exit status. `say` gets the progress, and then one `StartupReport`."""
+    :param options: what to run.
+    :param report: gets the progress, and then one `StartupReport`: that the session is served, or why not.
+    :return: the exit status.
+    """
+    preparation: SessionPreparation | None = None
     try:
-        session = _SessionPreparation(options, say)
+        preparation = SessionPreparation(options, report)
+        return asyncio.run(_SessionProcess(preparation, report).run())
     except ServeRefused as refusal:
-        say(refusal.report)
-        return refusal.report.code
-    try:
-        return asyncio.run(_SessionProcess(session, say).run())
-    except ServeRefused as refusal:
-        say(refusal.report)
+        report(refusal.report)
         return refusal.report.code
     finally:
-        session.close()
-
-
-class _SessionPreparation:
-    """Everything that can be refused, before anything runs."""
-
-    def __init__(self, options: SessionOptions, say: ReportStartup) -> None:
-        self.options = options
-        self._report = say
-        self.recovered: RecoveredSession | None = None
-        self.lock: JournalLock | None = None
-        """Of the journal of a session that goes on, until that is open."""
-        try:
-            self.name = options.socket_name or session_name(Path(options.folder))
-            claimed = acquire_lock(self.name)
-        except RegistryError as error:
-            raise ServeRefused(exit_status.FAILED, str(error)) from None
-        if claimed is None:
-            raise ServeRefused(
-                exit_status.ALREADY_RUNNING, f"a session of this scenario is running already: {self.name}"
-            )
-        self.name_lock: SessionLock = claimed
-        try:
-            self._choose_session()
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        """Let go of what is still held."""
-        if self.lock is not None:
-            self.lock.release()
-        self.name_lock.close()
-
-    def _choose_session(self) -> None:
-        options = self.options
-        self._refuse_if_running()
-        which: Path | None = None
-        if options.unfinished not in ("ask", "new", "recover"):
-            try:
-                which = find_session(options.unfinished)
-                self._check_participant(which)
-            except SessionError as error:
-                raise ServeRefused(exit_status.USAGE, str(error)) from None
-        else:
-            there = find_unfinished(str(Path(options.folder).absolute()))
-            meant = [
-                folder for folder in there if belongs_to(read_info(folder), options.participant, options.condition)
-            ]
-            others = [folder for folder in there if folder not in meant]
-            if there and options.unfinished == "ask":
-                raise ServeRefused(
-                    exit_status.UNFINISHED,
-                    "an earlier session of this scenario did not end: recover it, or begin a new one",
-                    unfinished=meant,
-                    others=others,
-                )
-            if others and not meant and options.unfinished == "recover":
-                raise ServeRefused(
-                    exit_status.UNFINISHED,
-                    f"no session of {participant_text(options.participant, options.condition)} waits to be recovered",
-                    others=others,
-                )
-            if meant and options.unfinished == "recover":
-                which = meant[0]
-            for folder in meant if options.unfinished == "new" else ():  # others' stay to be recovered
-                mark_abandoned(folder)
-        if which is not None:
-            self._recover(which)
-        else:
-            self._load_scenario()
-
-    def _refuse_if_running(self) -> None:
-        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
-        if self.options.socket_name is not None:
-            return
-        for folder, holder in running_sessions(str(Path(self.options.folder).absolute())).items():
-            socket = holder.socket if holder is not None and holder.is_this_computer else ""
-            raise ServeRefused(exit_status.ALREADY_RUNNING, running_message(folder, holder), socket=socket)
-
-    def _check_participant(self, which: Path) -> None:
-        """Nobody's session goes on as somebody else's. Raises SessionError."""
-        options, info = self.options, read_info(which)
-        if not belongs_to(info, options.participant, options.condition):
-            named = participant_text(options.participant, options.condition)
-            raise SessionError(
-                f"{which.name} is the session of {participant_text(info.participant, info.condition)}, not of {named}: "
-                "nothing was started"
-            )
-
-    def _load_scenario(self) -> None:
-        options = self.options
-        loaded = load(options.folder, robot=options.robot, mode=options.mode, paths=options.paths)
-        if loaded.scenario is None:
-            raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
-        self.scenario: Scenario = loaded.scenario
-        if problem := condition_problem(self.scenario, options.condition):
-            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
-        self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
-        self.speed, self.faults, self.wire = options.speed, options.faults, options.ros
-        self._files = loaded.files
-
-    def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
-        """Of the session that goes on, or of a new one in a folder of its own, once nothing is in its way."""
-        try:
-            if self.recovered is not None:
-                journal = open(self.folder / JOURNAL, self.recovered.size, self.lock)
-                self.lock = None  # it is the journal's now
-                return journal
-            root = sessions_folder()
-            with suppress(OSError):
-                root.mkdir(0o700, parents=True, exist_ok=True)
-            with one_at_a_time(root):
-                self._refuse_if_running()
-                self._make_folder()
-                return open(self.folder / JOURNAL, 0, None)
-        except OSError as error:
-            raise ServeRefused(exit_status.NOT_WRITTEN, f"the journal cannot be opened: {error}") from None
-        except SessionError as error:
-            raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
-
-    def _make_folder(self) -> None:
-        try:
-            self.folder = create_session(
-                sessions_folder(),
-                self.scenario,
-                self._files,
-                seed=self.seed,
-                speed=self.speed,
-                faults=self.faults,
-                wire=self.wire,
-                versions=versions(),
-                participant=self.options.participant,
-                condition=self.options.condition,
-                wizard=self.options.wizard,
-            )
-        except SessionError as error:
-            raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
-
-    def _recover(self, which: Path) -> None:
-        try:
-            with one_at_a_time(which.parent):
-                self._refuse_if_running()
-                self.lock = JournalLock(which / JOURNAL, here=self.options.from_other_computer)
-            self.recovered = recover(which, lock=self.lock, on_progress=self._report_recovery)
-        except JournalLockedError as error:
-            holder = error.holder
-            socket = holder.socket if holder and holder.is_this_computer else ""
-            raise ServeRefused(exit_status.ALREADY_RUNNING, str(error), socket=socket) from None
-        except SessionError as error:
-            raise ServeRefused(exit_status.UNRECOVERABLE, f"{which.name} cannot be recovered: {error}") from None
-        info = self.recovered.info
-        self.scenario, self.folder = self.recovered.scenario, which
-        self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
-        self.wire = RosConnection(info.ros, info.ros_args)
-
-    def _report_recovery(self, sentence: str) -> None:
-        self._report(StartupProgress(f"recovering: {sentence}"))
-
-    async def connect(self) -> Bridge[SessionHub] | None:
-        """The connection to ROS, where the session has one."""
-        try:
-            return await open_bridge(self.wire, self.scenario.robot, self.scenario.mode)
-        except BridgeError as error:
-            raise ServeRefused(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
-
-    def make_robot(self, clock: RealClock, bridge: Bridge[SessionHub] | None) -> Robot:
-        try:
-            return make_robot(self.scenario.robot, self.scenario.mode, clock, self.seed, self.faults, bridge)
-        except DriverError as error:
-            raise ServeRefused(exit_status.REFUSED, f"error: {error}") from None
-        except RobotOptionsError as error:
-            raise ServeRefused(exit_status.USAGE, f"error: {error}") from None
+        if preparation is not None:
+            preparation.close()
 
 
 class _SessionProcess:
     """The running session."""
 
-    def __init__(self, prepared: _SessionPreparation, say: ReportStartup) -> None:
+    def __init__(self, prepared: SessionPreparation, report: ReportStartup) -> None:
         self.prepared = prepared
-        self.report = say
+        self.report = report
         self.ending = False
         self.unrecorded = False
 
@@ -317,15 +95,15 @@ class _SessionProcess:
         except OSError as error:
             raise ServeRefused(exit_status.FAILED, f"the session's socket cannot be made: {error}") from None
         journal.lock.write_holder(str(prepared.name_lock.socket.absolute()))
-        looking = self.loop.create_task(self._poll_journal(engine))
-        self._start_engine(engine, recovered)
+        polling = self.loop.create_task(self._poll_journal(engine))
+        self._start_engine(engine)
         if bridge is not None:
             engine.post(Note(text=f"the session is on {bridge.about}"))
         self._report_ready()
         try:
             await ended.wait()
         finally:
-            looking.cancel()
+            polling.cancel()
             _notify_systemd("STOPPING=1")
             await server.close()
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
@@ -374,7 +152,8 @@ class _SessionProcess:
         self.report(StartupReport(exit_status.OK, name, folder, lines, recovered=recovered is not None))
         _notify_systemd("READY=1")
 
-    def _start_engine(self, engine: Engine, recovered: RecoveredSession | None) -> None:
+    def _start_engine(self, engine: Engine) -> None:
+        recovered = self.prepared.recovered
         if recovered is not None:
             engine.resume()
             for sentence in recovered.report:
@@ -409,15 +188,18 @@ class _SessionProcess:
 
 
 def report_to_pipe(descriptor: int) -> ReportStartup:
-    """How it says it to whoever started it and waits at the other end of a pipe."""
+    """Reports that are written to a pipe, at whose other end waits who started this process.
 
-    def say(word: StartupReport | StartupProgress) -> None:
-        with suppress(OSError):  # it has gone; the session goes on without it
-            os.write(descriptor, msgspec.json.encode(escape_all_surrogates(msgspec.to_builtins(word))) + b"\n")
-        if isinstance(word, StartupReport):
+    :param descriptor: the pipe's; it is closed after the last report.
+    """
+
+    def write(message: StartupReport | StartupProgress) -> None:
+        with suppress(OSError):  # nobody waits any more; the session goes on
+            os.write(descriptor, encode(message) + b"\n")
+        if isinstance(message, StartupReport):
             os.close(descriptor)
 
-    return say
+    return write
 
 
 def _notify_systemd(state: str) -> None:

@@ -14,8 +14,8 @@ from rise_engine.text import restore_all_surrogates
 def main() -> None:
     """`python -m rise_engine.server.process_main OPTIONS DESCRIPTOR`."""
     _, options, descriptor = sys.argv
-    meant = msgspec.convert(restore_all_surrogates(msgspec.json.decode(options)), SessionOptions)
-    sys.exit(serve(meant, report_to_pipe(int(descriptor))))
+    session = msgspec.convert(restore_all_surrogates(msgspec.json.decode(options)), SessionOptions)
+    sys.exit(serve(session, report_to_pipe(int(descriptor))))
 
 
 if __name__ == "__main__":

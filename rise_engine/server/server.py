@@ -1,7 +1,7 @@
 """The session's socket, in the engine's loop. The engine never waits for a client.
 
 What keeps the loop free, whatever clients do:
-- messages are taken in turn, one of each client, and only so many before the loop goes on; stop-all comes first;
+- messages are taken in turn, one of each client, and only so many before the loop goes on; stop-all goes first;
 - records are encoded once, gathered for one turn of the loop, and shared by everybody's queue;
 - a client that leaves more than `attachment.BACKLOG` bytes waiting gets no more records, and the state anew once it has
   taken those; or, if it does not take that, it is dropped, and attaches again when it can;
@@ -64,8 +64,9 @@ MAX_CLIENTS = 200
 MAX_UNANSWERED = 256
 """Messages of one client that are not answered yet."""
 ATTACH_SECONDS = 5.0
-"""Within which a connection has to say who it is."""
+"""Within which a connection has to attach."""
 TASKS_AT_ONCE = 128
+"""Tasks of the state in one message."""
 HEARTBEAT_SECONDS = 1.0
 """Between two signs of life."""
 SLICE_SECONDS = 0.005
@@ -77,27 +78,31 @@ class SessionServer:
     """Listens for clients of one session. All methods belong to the engine's loop."""
 
     def __init__(self, hub: SessionHub, path: str | os.PathLike[str], *, allowed: frozenset[int] | None = None) -> None:
-        """`allowed`: the users whose programs may connect; without it, this process's own and root."""
+        """
+        :param hub: the session.
+        :param path: of the socket; nothing is there yet.
+        :param allowed: the users whose programs may connect; None: this process's own and root.
+        """
         self.hub = hub
         self.path = Path(path)
         self.allowed = allowed if allowed is not None else frozenset({os.getuid(), 0})
         self.connections: dict[ClientConnection, Attachment | None] = {}
-        """Every connection, the oldest first; None for one that has not said who it is."""
+        """Every connection, the oldest first; None for one that has not attached."""
         self.lag: LagMeter | None = None
         self._server: asyncio.AbstractServer | None = None
         self._attach_timers: dict[ClientConnection, asyncio.TimerHandle] = {}
         self._attached: set[Attachment] = set()
         self._behind: set[Attachment] = set()
-        """Those who get no records until they have taken what waits for them."""
+        """Those that get no records until they have taken what waits for them."""
         self._waiting_connections: deque[ClientConnection] = deque()
-        """Those who have said something that was not taken yet."""
+        """Those that have sent something that was not taken yet."""
         self._messages = TimeSlicer(self._take_message, SLICE_SECONDS, most=SLICE_BYTES)
         self._getting_state: deque[Attachment] = deque()
-        """Those who can be sent more of the state."""
+        """Those that can be sent more of the state."""
         self._state_portions = TimeSlicer(self._send_state, SLICE_SECONDS)
         self._all_gone = asyncio.Event()
         self._records: list[bytes] = []
-        """What has happened in this turn of the loop."""
+        """Encoded, of this turn of the loop."""
         self._replies: dict[Attachment, list[bytes]] = {}
         self._flushing = False
         hub.subscribe(self._on_update)
@@ -148,8 +153,8 @@ class SessionServer:
         self._heartbeat.cancel()
         self._server = None
 
-    def about(self) -> SessionSummary:
-        """What this session is, in a few words."""
+    def summary(self) -> SessionSummary:
+        """The session in a few words, and how late its loop is."""
         lag = self.lag
         assert lag is not None
         return replace(
@@ -170,7 +175,7 @@ class SessionServer:
             )
 
     def _close_idle(self, newcomer: ClientConnection) -> bool:
-        """Let the oldest connection go that has not said who it is, so that such ones keep no console out."""
+        """Refuse the oldest connection that has not attached, so that such ones keep no console out."""
         for connection, attachment in self.connections.items():
             if attachment is None and not connection.closing and connection is not newcomer:
                 _refuse(connection, "others are waiting to connect, and you have not attached")
@@ -207,7 +212,7 @@ class SessionServer:
     # --- in: one message of each client in turn ---------------------------------------------------------------------
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
-        if urgent:  # whoever waits with a stop-all is not kept behind others who wait with long messages
+        if urgent:  # a stop-all does not wait behind the long messages of others
             self._waiting_connections.appendleft(connection)
         else:
             self._waiting_connections.append(connection)
@@ -244,7 +249,7 @@ class SessionServer:
             case AttachMessage():
                 self._attach(connection, message)
             case AskSummaryMessage():
-                connection.finish(encode_line(self.about()))
+                connection.finish(encode_line(self.summary()))
             case _ if attachment is not None:
                 self._take_request(attachment, message, len(data))
             case _:
@@ -291,10 +296,10 @@ class SessionServer:
         attachment = self.connections[connection] = Attachment(connection, client, resyncs=message.resync)
         self._attached.add(attachment)
         # Everything that can still change is encoded now; the tasks that cannot, some at a time.
-        open, all = self.hub.tasks()
+        changing, all_tasks = self.hub.tasks()
         scenario = self._scenario_line if message.scenario else b""
-        first = encode_line(self._welcome(client)) + scenario + encode_line(TasksMessage(open))
-        self._begin_state(attachment, first, _in_portions(all, {task.id for task in open}))
+        first = encode_line(self._hello(client)) + scenario + encode_line(TasksMessage(changing))
+        self._begin_state(attachment, first, _in_portions(all_tasks, {task.id for task in changing}))
 
     # --- out: everything of one turn together -----------------------------------------------------------------------
 
@@ -313,14 +318,14 @@ class SessionServer:
             self._flush_soon()
 
     def _send_heartbeat(self) -> None:
-        """Signs of life, for those who are attached."""
+        """Signs of life, for those that are attached."""
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
         if self._attached:
             assert self.lag is not None
             seen = self.hub.engine.robot_seen
-            pulse = Heartbeat(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
+            heartbeat = Heartbeat(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
             self._flush_records()
-            self._broadcast(encode_line(HeartbeatMessage(pulse)))
+            self._broadcast(encode_line(HeartbeatMessage(heartbeat)))
 
     def _answer(self, attachment: Attachment, id: int, reply: Reply) -> None:
         attachment.unanswered -= 1
@@ -356,7 +361,7 @@ class SessionServer:
             if attachment.missed_tasks is not None:
                 self._behind.add(attachment)
 
-    # --- the state for those who come, and for those who lay behind -------------------------------------------------
+    # --- the state, for clients that attach or lay behind -----------------------------------------------------------
 
     def _begin_state(self, attachment: Attachment, first: bytes, portions: Iterator[list[TaskView]]) -> None:
         attachment.begin_state(first, portions)
@@ -378,24 +383,24 @@ class SessionServer:
         """The state for one who lay behind, with the tasks that are not over or have changed meanwhile."""
         self._flush_records()
         self._behind.discard(attachment)
-        open, _ = self.hub.tasks()
+        changing, _ = self.hub.tasks()
         tasks = self.hub.view.tasks
-        missed = (attachment.missed_tasks or set()) - {task.id for task in open}
-        more = [tasks[id] for id in sorted(missed) if id in tasks]
-        first = encode_line(self._welcome(attachment.client)) + encode_line(TasksMessage(open))
-        self._begin_state(attachment, first, _in_portions(more, set()))
+        missed = (attachment.missed_tasks or set()) - {task.id for task in changing}
+        changed = [tasks[id] for id in sorted(missed) if id in tasks]
+        first = encode_line(self._hello(attachment.client)) + encode_line(TasksMessage(changing))
+        self._begin_state(attachment, first, _in_portions(changed, set()))
 
-    def _welcome(self, client: AttachedClient) -> HelloMessage:
+    def _hello(self, client: AttachedClient) -> HelloMessage:
         hub = self.hub
-        engine, runs = hub.engine, hub.engine.scenario
+        engine, scenario = hub.engine, hub.engine.scenario
         return HelloMessage(
             version=VERSION,
             you=client.name,
             role=client.role,
-            mode=runs.mode,
-            robot=runs.robot.name,
+            mode=scenario.mode,
+            robot=scenario.robot.name,
             seed=engine.seed,
-            scenario_hash=runs.hash,
+            scenario_hash=scenario.hash,
             folder=hub.folder,
             replay=False,
             journaling=engine.journal_status,

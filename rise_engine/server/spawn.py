@@ -1,4 +1,4 @@
-"""Starting an engine in the background: a process that belongs to no terminal, and its word whether it serves."""
+"""Starting an engine in the background: a process that belongs to no terminal, and its report whether it serves."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine import exit_status
+from rise_engine.json_codec import encode
 from rise_engine.protocol.registry import RegistryError, runtime_folder
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.text import escape_all_surrogates, restore_all_surrogates
+from rise_engine.text import restore_all_surrogates
 
 SILENCE_SECONDS = 30.0
 """Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
@@ -29,7 +30,7 @@ class EngineStarted(Struct, frozen=True):
     folder: str
     """The session's folder."""
     lines: list[str] = []
-    """What there is to say about a recovery."""
+    """About a recovery, for a person."""
     recovered: bool = False
     """Whether a session that did not end goes on."""
 
@@ -48,13 +49,13 @@ class EngineRefused(Struct, frozen=True):
 
 
 class StartupProgress(Struct, tag="progress"):
-    """What an engine's process says to whoever started it while that takes long."""
+    """How far an engine's process is, for who started it, while that takes long."""
 
     sentence: str
 
 
 class StartupReport(Struct, tag="report"):
-    """What it says at last: that it serves, or why not."""
+    """Its last message: that it serves, or why not."""
 
     code: int
     """The exit status; 0: it serves."""
@@ -72,9 +73,10 @@ StartOutcome: TypeAlias = EngineStarted | EngineRefused
 
 
 class EngineProcess:
-    """An engine that is coming up; something else can be done meanwhile."""
+    """An engine that is starting; something else can be done meanwhile."""
 
     def __init__(self, options: SessionOptions) -> None:
+        """Start it. `wait` says what came of it, also when it could not be started."""
         self._process: subprocess.Popen[bytes] | None = None
         self._problem = ""
         self._report_pipe, ready = os.pipe()
@@ -86,10 +88,10 @@ class EngineProcess:
             self._problem = str(error)
             os.close(ready)
             return
-        order = msgspec.json.encode(escape_all_surrogates(msgspec.to_builtins(options))).decode()
+        encoded = encode(options).decode()
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rise_engine.server.process_main", order, str(ready)],
+                [sys.executable, "-m", "rise_engine.server.process_main", encoded, str(ready)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -103,22 +105,25 @@ class EngineProcess:
             os.close(ready)
             os.close(log)
 
-    def wait(self, tell: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
-        """Wait (blocking) for the engine's word, as long as it works; `tell` gets what it says meanwhile."""
-        word = None if self._problem else self._read_report(tell)
+    def wait(self, on_progress: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
+        """Wait (blocking) until the engine serves or refuses, as long as it works.
+
+        :param on_progress: gets sentences about how far it is.
+        """
+        report = None if self._problem else self._read_report(on_progress)
         os.close(self._report_pipe)
-        if word is None:
+        if report is None:
             return self._report_from_log()
-        if word.code == exit_status.OK:
+        if report.code == exit_status.OK:
             if self._process is not None:
                 self._process.returncode = 0  # it is nobody's child: no warning that it still runs
-            return EngineStarted(word.name, word.folder, word.lines, word.recovered)
+            return EngineStarted(report.name, report.folder, report.lines, report.recovered)
         if self._process is not None:
             self._process.wait()
-        return EngineRefused(word.code, word.lines, word.unfinished, word.others, word.socket)
+        return EngineRefused(report.code, report.lines, report.unfinished, report.others, report.socket)
 
-    def _read_report(self, tell: Callable[[str], object]) -> StartupReport | None:
-        """None when it has gone, or says nothing any more."""
+    def _read_report(self, on_progress: Callable[[str], object]) -> StartupReport | None:
+        """Its last message; None when it has gone, or says nothing any more."""
         text = b""
         while True:
             if not select([self._report_pipe], [], [], SILENCE_SECONDS)[0]:
@@ -129,15 +134,15 @@ class EngineProcess:
                 return None
             *lines, text = (text + chunk).split(b"\n")
             for line in lines:
-                said = msgspec.convert(
+                message = msgspec.convert(
                     restore_all_surrogates(msgspec.json.decode(line)), StartupProgress | StartupReport
                 )
-                if isinstance(said, StartupReport):
-                    return said
-                tell(said.sentence)
+                if isinstance(message, StartupReport):
+                    return message
+                on_progress(message.sentence)
 
     def _report_from_log(self) -> EngineRefused:
-        """What it left in its log instead."""
+        """A refusal with what it left in its log instead of a report."""
         if self._process is None:
             return EngineRefused(exit_status.FAILED, [self._problem])
         if self._problem:
@@ -145,11 +150,15 @@ class EngineProcess:
         code = self._process.wait()
         with self._log.open("rb") as log:
             log.seek(self._logged)
-            said = log.read().decode("utf-8", "replace").splitlines()
+            lines = log.read().decode("utf-8", "replace").splitlines()
         ended = f"the engine ended before it served (its log is {self._log})"
-        return EngineRefused(code if code > 0 else exit_status.FAILED, [self._problem or ended, *said[-20:]])
+        return EngineRefused(code if code > 0 else exit_status.FAILED, [self._problem or ended, *lines[-20:]])
 
 
-def start_engine(options: SessionOptions, tell: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
-    """Start an engine and wait (blocking) until it serves or refuses; `tell` gets what it says meanwhile."""
-    return EngineProcess(options).wait(tell)
+def start_engine(options: SessionOptions, on_progress: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
+    """Start an engine and wait (blocking) until it serves or refuses.
+
+    :param options: what to run.
+    :param on_progress: gets sentences about how far it is.
+    """
+    return EngineProcess(options).wait(on_progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import json
 import os
 import re
@@ -10,13 +11,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import dedent
 from typing import get_args
 
 import pytest
 
-from rise_engine.client import Rejected, connect
+from rise_engine.client import Rejected, Session, connect
 from rise_engine.kernel.records import MemoryRecord, SessionRecord
-from rise_engine.protocol.client import EngineGone, LinkLost
+from rise_engine.protocol.client import Client, EngineGone, LinkLost
 from rise_engine.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
 from tests.server.serving import GREETING, ROOT, served
 
@@ -27,13 +29,25 @@ def examples(page: Path) -> list[str]:
     return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
 
 
+def docstring_example(documented: object) -> str:
+    """The program in a docstring: what is indented, from its first import on."""
+    text = inspect.getdoc(documented) or ""
+    lines = [line for line in text.splitlines() if line.startswith("    ") or not line]
+    return dedent("\n".join(lines[lines.index("    import asyncio") : lines.index("    asyncio.run(main())") + 1]))
+
+
+PROGRAMS = {f"{page.name} {n}": program for page in PAGES for n, program in enumerate(examples(page))} | {
+    documented.__name__: docstring_example(documented) for documented in (connect, Session, Client)
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "number"), [(page, n) for page in PAGES for n in range(len(examples(page)))])
-async def test_the_examples_of_the_documentation_run(place: Path, page: Path, number: int) -> None:
-    async with served(place, GREETING) as session:
+@pytest.mark.parametrize("name", PROGRAMS)
+async def test_the_examples_of_the_documentation_run(scratch: Path, name: str) -> None:
+    async with served(scratch, GREETING) as session:
         done = await asyncio.to_thread(
             subprocess.run,
-            [sys.executable, "-W", "error", "-c", examples(page)[number]],
+            [sys.executable, "-W", "error", "-c", PROGRAMS[name]],
             capture_output=True,
             text=True,
             timeout=60,
@@ -48,13 +62,13 @@ def test_the_example_is_one_of_ten_lines() -> None:
     assert len(lines) <= 10
 
 
-def test_the_door_brings_no_engine_along() -> None:
+def test_the_client_package_loads_no_engine() -> None:
     code = "import sys, rise_engine.client; assert not {'rise_engine.engine.engine', 'textual'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], timeout=60, check=True)
 
 
-async def test_a_program_drives_a_session(place: Path) -> None:
-    async with served(place, GREETING) as running, connect(running.name, name="test") as session:
+async def test_a_program_drives_a_session(scratch: Path) -> None:
+    async with served(scratch, GREETING) as running, connect(running.name, name="test") as session:
         assert session.hello.you == "node:test" and session.scenario.title == running.engine.scenario.title
         records = session.records()
         await session.set("person_name", {"first": "Zoë", "age": 7})
@@ -90,12 +104,12 @@ async def test_a_program_drives_a_session(place: Path) -> None:
         assert session.view.stop.latched and session.now() > 0
 
 
-async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(place: Path) -> None:
-    scenario = place / "study"
+async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_study_names(scratch: Path) -> None:
+    scenario = scratch / "study"
     scenario.mkdir()
     (scenario / "scenario.toml").write_text('[control]\nmay_release = ["watchdog", "/lab/boss"]\n', "utf-8")
     async with (
-        served(place, scenario) as running,
+        served(scratch, scenario) as running,
         connect(running.name, name="watchdog") as watchdog,
         connect(running.name, name="other") as other,
         connect(running.name, name="anna", role="wizard") as anna,
@@ -109,8 +123,8 @@ async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_
             await other.until(lambda view: not view.stop.latched, 10)
 
 
-async def test_a_program_ends_a_session(place: Path) -> None:
-    async with served(place) as running, connect(running.path, name="test") as session:
+async def test_a_program_ends_a_session(scratch: Path) -> None:
+    async with served(scratch) as running, connect(running.path, name="test") as session:
         running.engine.on_ended(lambda: tasks.append(asyncio.ensure_future(running.server.close())))
         tasks: list[asyncio.Future[None]] = []
         records = session.records()
@@ -123,13 +137,13 @@ async def test_a_program_ends_a_session(place: Path) -> None:
         await asyncio.gather(*tasks)
 
 
-async def test_a_program_that_is_cut_off_is_told(place: Path) -> None:
-    async with served(place) as running, connect(running.path, name="test", role="observer") as session:
+async def test_a_program_that_is_cut_off_is_told(scratch: Path) -> None:
+    async with served(scratch) as running, connect(running.path, name="test", role="observer") as session:
         records = session.records()
         with pytest.raises(Rejected, match="cannot end"):
             await session.end()
-        for peer in tuple(running.server.connections):
-            peer.abort()
+        for connection in tuple(running.server.connections):
+            connection.abort()
         with pytest.raises(LinkLost):
             await session.until(lambda view: view.ended)
         with pytest.raises(LinkLost):
@@ -139,8 +153,8 @@ async def test_a_program_that_is_cut_off_is_told(place: Path) -> None:
             await session.note("x")
 
 
-async def test_no_such_session(place: Path) -> None:
-    assert os.environ["RISE_RUNTIME"] == str(place / "run")
+async def test_no_such_session(scratch: Path) -> None:
+    assert os.environ["RISE_RUNTIME"] == str(scratch / "run")
     with pytest.raises(EngineGone, match="no session study is running"):
         async with connect("study", name="test"):
             pass

@@ -43,7 +43,7 @@ def test_a_scenario_can_be_given_by_its_toml_file(tmp_path: Path) -> None:
     assert wrong.returncode == 2 and "scenario.toml" in wrong.stderr
 
 
-def test_errors_have_a_place_a_code_and_a_summary(tmp_path: Path) -> None:
+def test_errors_have_a_location_a_code_and_a_summary(tmp_path: Path) -> None:
     done = engine("check", folder(tmp_path / "s", bad=BAD))
     assert done.returncode == 1
     *findings, summary = done.stdout.splitlines()
@@ -54,12 +54,12 @@ def test_errors_have_a_place_a_code_and_a_summary(tmp_path: Path) -> None:
 def test_warnings_alone_are_no_error(tmp_path: Path) -> None:
     lonely = '<InteractionRule name="Lonely" initial="A"><State id="A"><transition eventTopic="/never" target="A"/>' \
         "</State></InteractionRule>"  # fmt: skip
-    place = folder(tmp_path / "s")
-    (place / "rules" / "lonely.xml").write_text(lonely)
-    done = engine("check", place)
+    study = folder(tmp_path / "s")
+    (study / "rules" / "lonely.xml").write_text(lonely)
+    done = engine("check", study)
     assert done.returncode == 0
     assert ": warning " in done.stdout and "0 errors, 1 warning" in done.stdout
-    assert engine("run", place, "--speed", "max").returncode == 0
+    assert engine("run", study, "--speed", "max").returncode == 0
 
 
 def test_check_as_json(tmp_path: Path) -> None:
@@ -76,14 +76,14 @@ def test_check_as_json(tmp_path: Path) -> None:
 
 
 def test_check_for_another_robot(tmp_path: Path) -> None:
-    place = folder(
+    study = folder(
         tmp_path / "s",
         brows='<Dialog name="Brows"><Animation><actionID>1</actionID><value>eyebrows_raise</value></Animation>'
         "</Dialog>",
     )
-    assert engine("check", place, "--robot", "floka").returncode == 0
-    assert engine("check", place, "--robot", "pepper").returncode == 1
-    unknown = engine("check", place, "--robot", "peper")
+    assert engine("check", study, "--robot", "floka").returncode == 0
+    assert engine("check", study, "--robot", "pepper").returncode == 1
+    unknown = engine("check", study, "--robot", "peper")
     assert unknown.returncode == 1 and "`pepper`" in unknown.stdout
 
 
@@ -182,12 +182,12 @@ def test_a_memory_that_cannot_be_read(memory: str) -> None:
 def test_schemas(tmp_path: Path) -> None:
     from lxml import etree
 
-    place = folder(tmp_path / "s")
+    study = folder(tmp_path / "s")
     for kind, file in (("cra", "acts/greet.xml"), ("rules", "rules/rules.xml")):
-        for arguments in ((), (str(place),)):
+        for arguments in ((), (str(study),)):
             done = engine("schema", *arguments, "--kind", kind)
             schema = etree.RelaxNG(etree.fromstring(done.stdout.encode()))
-            schema.assertValid(etree.parse(str(place / file)))
+            schema.assertValid(etree.parse(str(study / file)))
     assert engine("schema", folder(tmp_path / "t", bad=BAD), "--kind", "cra").returncode == 1
     assert engine("schema", "--kind", "cra", "--robot", "peper").returncode == 1
 
@@ -201,7 +201,7 @@ def test_robots() -> None:
     assert all(not row["findings"] and row["installed"] for row in rows)
 
 
-def test_no_reader_is_no_trouble(tmp_path: Path) -> None:
+def test_a_closed_pipe_ends_quietly(tmp_path: Path) -> None:
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(
@@ -231,23 +231,23 @@ def _raw(environment: dict[str, str], *arguments: object) -> subprocess.Complete
 
 @pytest.mark.parametrize("environment", ENCODINGS, ids=str)
 def test_a_file_name_that_is_no_text_is_shown_with_an_escape(tmp_path: Path, environment: dict[str, str]) -> None:
-    place = folder(tmp_path / "s")
+    study = folder(tmp_path / "s")
     try:
-        (place / "acts" / os.fsdecode(b"b\xff.xml")).write_text(BAD)
+        (study / "acts" / os.fsdecode(b"b\xff.xml")).write_text(BAD)
     except OSError:
         pytest.skip("this file system has no such names")
     for options in ((), ("--json",)):
-        done = _raw(environment, "check", place, *options)
+        done = _raw(environment, "check", study, *options)
         assert (done.returncode, done.stderr) == (1, b"")
         assert b"\\udcff.xml" in done.stdout
         if options:
             assert json.loads(done.stdout)["findings"][0]["file"] == "acts/b\\udcff.xml"
-    refused = _raw(environment, "run", place, "--speed", "max")
+    refused = _raw(environment, "run", study, "--speed", "max")
     assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"\\udcff.xml" in refused.stderr
 
 
 @pytest.mark.parametrize("environment", ENCODINGS, ids=str)
-def test_no_terminal_is_too_plain(tmp_path: Path, environment: dict[str, str]) -> None:
+def test_a_terminal_that_shows_only_ascii(tmp_path: Path, environment: dict[str, str]) -> None:
     done = _raw(environment, "eval", '"你"')
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.startswith(b"value")
@@ -255,33 +255,33 @@ def test_no_terminal_is_too_plain(tmp_path: Path, environment: dict[str, str]) -
     assert refused.returncode == 1 and b"Traceback" not in refused.stderr and b"error:" in refused.stderr
     missing = _raw(environment, "check", tmp_path / "你")
     assert missing.returncode == 2 and b"there is no folder" in missing.stderr
-    place = folder(
+    study = folder(
         tmp_path / "s",
         hello='<Dialog name="你好"><Speech><actionID>1</actionID><message>你好</message></Speech></Dialog>',
     )
     for options in ((), ("--json",)):
-        ran = _raw(environment, "run", place, "--act", "Greet", "--set", 'name="\\u4f60"', "--speed", "max", *options)
+        ran = _raw(environment, "run", study, "--act", "Greet", "--set", 'name="\\u4f60"', "--speed", "max", *options)
         assert (ran.returncode, ran.stderr) == (0, b"")
         assert b"\xe4\xbd\xa0" in ran.stdout or (not options and b"\\u4f60" in ran.stdout)
     assert _raw(environment, "robots", "--json").returncode == 0
-    assert _raw(environment, "schema", place, "--kind", "cra").returncode == 0
+    assert _raw(environment, "schema", study, "--kind", "cra").returncode == 0
 
 
 def test_closed_streams_are_no_trouble(tmp_path: Path) -> None:
-    place = folder(tmp_path / "s")
+    study = folder(tmp_path / "s")
     for redirected in (">&-", "2>&-", ">&- 2>&-", "<&-"):
-        line = f"{shlex.quote(ENGINE)} check {shlex.quote(str(place))} {redirected}"
+        line = f"{shlex.quote(ENGINE)} check {shlex.quote(str(study))} {redirected}"
         assert subprocess.run(["sh", "-c", line], capture_output=True, timeout=60, check=False).returncode == 0
 
 
-# --- the readable account ---
+# --- the readable transcript ---
 
 
 def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
-    account = Transcript()
+    transcript = Transcript()
     stays = RuleRecord(1, 2.0, "", "R", "stayed", "S", "S", "/topic")
-    assert (account.line_for(stays) or "").split("  ", 1)[0] == "00:02.0"
-    assert (account.line_for(stays) or "").endswith("stays in S on /topic")
+    assert (transcript.line_for(stays) or "").split("  ", 1)[0] == "00:02.0"
+    assert (transcript.line_for(stays) or "").endswith("stays in S on /topic")
     new: Any = "levitating"
     records: list[AnyRecord] = [
         SessionRecord(seq=1, t=0, wall="", status=new),
@@ -292,11 +292,11 @@ def test_a_rule_that_stays_and_what_this_version_does_not_know() -> None:
         StopRecord(1, 0, "", new),
     ]
     for record in records:
-        assert "levitating" in (account.line_for(record) or "")
+        assert "levitating" in (transcript.line_for(record) or "")
     begun = TaskRecord(1, 0, "", 1, "startCommunicationRobotAct", "Waltz", "Blocking", "", "ACTIVE")
-    account.line_for(begun)
-    account.line_for(structs.replace(begun, status=new, t=1))
-    assert "succeeded, 2.0 s" in (account.line_for(structs.replace(begun, status="SUCCEEDED", t=2)) or "")
+    transcript.line_for(begun)
+    transcript.line_for(structs.replace(begun, status=new, t=1))
+    assert "succeeded, 2.0 s" in (transcript.line_for(structs.replace(begun, status="SUCCEEDED", t=2)) or "")
 
 
 def test_times_and_parameters_in_short() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from textwrap import dedent
 from typing import Any
 
 import msgspec
@@ -32,7 +31,7 @@ from rise_engine.scenario.model import Scenario
 from .samples import GREETING, act, assert_one_ending_each, endings, scenario, speech, start
 
 
-class Instant:
+class InstantRobot:
     """A robot that answers inside the call, which is allowed."""
 
     def __init__(self) -> None:
@@ -127,7 +126,7 @@ def test_a_rejected_task_says_why_and_names_the_nearest() -> None:
 
 def test_a_robot_that_answers_inside_the_call_never_nests_a_step() -> None:
     chain = act("Chain", *(speech(str(n), wait=(str(n - 1),) if n else ()) for n in range(300)))
-    s = Session(scenario(chain), Instant())
+    s = Session(scenario(chain), InstantRobot())
     s.engine.accept(start("Chain"))
     assert sum(endings(s.records).values()) == 300
     assert [record.seq for record in s.records] == list(range(1, len(s.records) + 1))
@@ -135,7 +134,7 @@ def test_a_robot_that_answers_inside_the_call_never_nests_a_step() -> None:
 
 
 def test_a_robot_that_raises_in_start_fails_that_action_and_nothing_else(caplog: pytest.LogCaptureFixture) -> None:
-    robot = Instant()
+    robot = InstantRobot()
     s = Session(scenario(GREETING), robot)
     robot.raises["start"] = RuntimeError("cable cut")
     with caplog.at_level(logging.CRITICAL):
@@ -151,7 +150,7 @@ def test_a_robot_that_raises_in_start_fails_that_action_and_nothing_else(caplog:
 
 @pytest.mark.parametrize("call", ["connect", "cancel", "stop_all", "close"])
 def test_a_robot_that_raises_anywhere_does_not_end_the_session(call: str, caplog: pytest.LogCaptureFixture) -> None:
-    robot = Instant()
+    robot = InstantRobot()
     robot.raises[call] = OSError("no route")
     with caplog.at_level(logging.CRITICAL):
         s = Session(scenario(GREETING), robot)
@@ -253,7 +252,7 @@ def test_same_inputs_same_output_byte_for_byte() -> None:
 def test_a_kernel_that_fails_leaves_the_robot_still(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    robot = Instant()
+    robot = InstantRobot()
     s = Session(scenario(GREETING), robot)
     ended: list[bool] = []
     s.engine.on_ended(lambda: ended.append(True))
@@ -266,13 +265,3 @@ def test_a_kernel_that_fails_leaves_the_robot_still(
         s.engine.accept(start("Greet"))
     assert robot.calls[-2:] == ["stop_all", "close"]
     assert s.engine.ended and isinstance(s.engine.failure, AssertionError) and ended == [True]
-
-
-def test_the_example_of_the_class_runs() -> None:
-    example = dedent(str(Engine.__doc__).partition("then `end`:\n")[2])
-    names: dict[str, Any] = {"scenario": scenario(GREETING), "make_robot": make_robot, "Engine": Engine}
-    names |= {"VirtualClock": VirtualClock, "Submit": Submit}
-    exec(example, names)
-    first, *_, last = names["records"]
-    assert (first.status, last.status, last.reason) == ("started", "ended", "done")
-    assert [each.status for each in names["records"] if isinstance(each, TaskRecord)][-1] == "SUCCEEDED"

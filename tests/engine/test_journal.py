@@ -83,7 +83,7 @@ def test_the_disk_fails_at_the_nth_call(tmp_path: Path, number: int, nth: int, t
     assert len(disk.calls) >= nth
 
 
-def test_trouble_is_told_in_words_and_so_is_its_end(tmp_path: Path) -> None:
+def test_a_failing_disk_and_its_recovery_are_reported(tmp_path: Path) -> None:
     disk = FullDisk()
     it, watch = journal(tmp_path / "journal.jsonl", disk)
     it.append(b"one\n")

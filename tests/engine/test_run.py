@@ -38,7 +38,7 @@ FAST = ("--speed", "max", "--json")
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Path:
+def study(tmp_path: Path) -> Path:
     return folder(tmp_path / "study")
 
 
@@ -59,8 +59,8 @@ def options(first: tuple[Submit, ...], speed: float | None, **more: Any) -> RunO
 # --- what it prints ---
 
 
-def test_an_act_from_start_to_end(place: Path) -> None:
-    done = engine("run", place, "--act", "Greet", *FAST)
+def test_an_act_from_start_to_end(study: Path) -> None:
+    done = engine("run", study, "--act", "Greet", *FAST)
     assert (done.returncode, done.stderr) == (0, "")
     found = records(done.stdout)
     assert found[0]["kind"] == "session" and found[0]["status"] == "started" and found[0]["mode"] == "debug"
@@ -76,8 +76,8 @@ def test_an_act_from_start_to_end(place: Path) -> None:
     assert all({"seq", "t", "wall", "kind"} <= set(record) for record in found)
 
 
-def test_the_readable_account(place: Path) -> None:
-    done = engine("run", place, "--act", "Greet", "--speed", "max")
+def test_the_transcript(study: Path) -> None:
+    done = engine("run", study, "--act", "Greet", "--speed", "max")
     assert done.returncode == 0
     lines = done.stdout.splitlines()
     assert any(line.startswith("00:00.0") and '"Hello, Anna!"' in line and line.endswith("started") for line in lines)
@@ -85,12 +85,12 @@ def test_the_readable_account(place: Path) -> None:
     assert not any("accepted" in line for line in lines)
 
 
-def test_the_same_twice_is_the_same_byte_for_byte(place: Path, tmp_path: Path) -> None:
+def test_the_same_twice_is_the_same_byte_for_byte(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "s.jsonl"
     script.write_text(
         "\n".join([act("Chat", at=n * 1.7) for n in range(8)] + [act("Greet", at=3, calling_type="None")])
     )
-    command = ("run", place, "--tasks", script, "--speed", "max", "--json", "--fault", "Speech=slow:1.5@3")
+    command = ("run", study, "--tasks", script, "--speed", "max", "--json", "--fault", "Speech=slow:1.5@3")
     assert engine(*command, "--seed", 7).stdout == engine(*command, "--seed", 7).stdout
     said = [
         [
@@ -105,21 +105,21 @@ def test_the_same_twice_is_the_same_byte_for_byte(place: Path, tmp_path: Path) -
         assert all(first != second for first, second in pairwise(each))
 
 
-def test_real_time_says_the_same_as_virtual_time(place: Path) -> None:
+def test_real_time_says_the_same_as_virtual_time(study: Path) -> None:
     def what(speed: str) -> list[tuple[str, ...]]:
-        done = engine("run", place, "--act", "Greet", "--speed", speed, "--json")
+        done = engine("run", study, "--act", "Greet", "--speed", speed, "--json")
         return [(r["kind"], r.get("status", ""), r.get("action", "")) for r in records(done.stdout)]
 
     assert sorted(what("20")) == sorted(what("max"))
 
 
-def test_first_set_then_rules_then_acts_then_tasks(place: Path, tmp_path: Path) -> None:
+def test_first_set_then_rules_then_acts_then_tasks(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "s.jsonl"
     script.write_text(
         "# a comment\n\n" + task("raiseEventTopic", "/go", at=2) + "\n" + task("assignValue", "n = 1", at=0) + "\r\n"
     )
     done = engine(
-        "run", place, "--act", "Chat", "--rule", "Wait for it", "--set", "name=Ben", "--set", "n=0", "--tasks", script,
+        "run", study, "--act", "Chat", "--rule", "Wait for it", "--set", "name=Ben", "--set", "n=0", "--tasks", script,
         *FAST,
     )  # fmt: skip
     assert done.returncode == 0
@@ -144,8 +144,8 @@ def test_first_set_then_rules_then_acts_then_tasks(place: Path, tmp_path: Path) 
      {"a": [1, {"b": True}]}), ("n=", ValueError), ("=2", ValueError), ("n", ValueError), ("n=[1", ValueError),
      ("n=NaN", "NaN"), ("n=Anna Maria", "Anna Maria"), ('n={"a": 1, "a": 2}', ValueError), ("n=01", ValueError)],
 )  # fmt: skip
-def test_set(place: Path, setting: str, value: object) -> None:
-    done = engine("run", place, "--set", setting, *FAST)
+def test_set(study: Path, setting: str, value: object) -> None:
+    done = engine("run", study, "--set", setting, *FAST)
     if value is ValueError:
         assert done.returncode == 2 and done.stdout == "" and "--set" in done.stderr
     else:
@@ -156,41 +156,41 @@ def test_set(place: Path, setting: str, value: object) -> None:
 # --- when it ends ---
 
 
-def test_idle_means_that_waiting_rules_do_not_keep_it_alive(place: Path) -> None:
-    done = engine("run", place, "--rule", "Wait for it", *FAST)
+def test_idle_means_that_waiting_rules_do_not_keep_it_alive(study: Path) -> None:
+    done = engine("run", study, "--rule", "Wait for it", *FAST)
     assert done.returncode == 0
     assert records(done.stdout)[-1]["t"] == 0
 
 
-def test_until_a_time(place: Path) -> None:
-    done = engine("run", place, "--rule", "Clock", "--until", "35", *FAST)
+def test_until_a_time(study: Path) -> None:
+    done = engine("run", study, "--rule", "Clock", "--until", "35", *FAST)
     assert done.returncode == 0
     found = records(done.stdout)
     assert found[-1]["t"] == 35 and found[-1]["status"] == "ended"
     assert len([r for r in found if r["kind"] == "rule" and r["trigger"] == "after 10s"]) == 3
 
 
-def test_the_latest_until(place: Path) -> None:
-    done = engine("run", place, "--until", "2592000", *FAST)
+def test_the_latest_until(study: Path) -> None:
+    done = engine("run", study, "--until", "2592000", *FAST)
     assert (done.returncode, done.stderr) == (0, "")
     assert records(done.stdout)[-1]["wall"] == "1970-01-31T00:00:00.000+00:00"
 
 
-def test_until_a_time_in_the_middle_of_an_act_stops_the_robot_first(place: Path) -> None:
-    found = records(engine("run", place, "--act", "Greet", "--until", "0.5", *FAST).stdout)
+def test_until_a_time_in_the_middle_of_an_act_stops_the_robot_first(study: Path) -> None:
+    found = records(engine("run", study, "--act", "Greet", "--until", "0.5", *FAST).stdout)
     assert_one_ending_each(found)
     assert [r["status"] for r in found if r["kind"] == "stop"] == ["requested", "latched"]
     assert found[-1]["kind"] == "session"
 
 
-def test_what_would_never_be_idle_ends_with_a_message(place: Path) -> None:
-    done = engine("run", place, "--rule", "Clock", *FAST)
+def test_what_would_never_be_idle_ends_with_a_message(study: Path) -> None:
+    done = engine("run", study, "--rule", "Clock", *FAST)
     assert done.returncode == 4 and "--until" in done.stderr
     assert records(done.stdout)[-1]["status"] == "ended"
 
 
-def test_circles_without_any_time_passing_end_with_a_message(place: Path) -> None:
-    done = engine("run", place, "--rule", "Circle", *FAST, "--until", "1")
+def test_circles_without_any_time_passing_end_with_a_message(study: Path) -> None:
+    done = engine("run", study, "--rule", "Circle", *FAST, "--until", "1")
     assert done.returncode == 4 and "circles" in done.stderr
     found = [json.loads(line) for line in done.stdout.splitlines()]
     assert found[-1]["status"] == "ended"
@@ -201,8 +201,8 @@ def test_circles_without_any_time_passing_end_with_a_message(place: Path) -> Non
 
 
 def test_a_refused_scenario(tmp_path: Path) -> None:
-    place = folder(tmp_path / "bad", bad='<Dialog name="Bad"><Speach><actionID>1</actionID></Speach></Dialog>')
-    done = engine("run", place, *FAST)
+    study = folder(tmp_path / "bad", bad='<Dialog name="Bad"><Speach><actionID>1</actionID></Speach></Dialog>')
+    done = engine("run", study, *FAST)
     assert done.returncode == 1 and done.stdout == ""
     assert "acts/bad.xml:1:" in done.stderr and "Speech" in done.stderr
 
@@ -227,8 +227,8 @@ def test_a_refused_scenario(tmp_path: Path) -> None:
         (("--wat",), "--wat"),
     ],
 )
-def test_wrong_usage_is_refused_before_anything_starts(place: Path, arguments: tuple[str, ...], said: str) -> None:
-    done = engine("run", place, *FAST, *arguments)
+def test_wrong_usage_is_refused_before_anything_starts(study: Path, arguments: tuple[str, ...], said: str) -> None:
+    done = engine("run", study, *FAST, *arguments)
     assert done.returncode == 2
     assert done.stdout == ""
     assert said in done.stderr
@@ -241,16 +241,16 @@ def test_a_missing_folder(tmp_path: Path) -> None:
         assert done.returncode == 2 and "there is no folder" in done.stderr
 
 
-def test_strict(place: Path, tmp_path: Path) -> None:
+def test_strict(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "s.jsonl"
     script.write_text(act("Gret"))
-    loose = engine("run", place, "--tasks", script, *FAST)
+    loose = engine("run", study, "--tasks", script, *FAST)
     assert loose.returncode == 0
     assert f"{script}:1: warning" in loose.stderr and "`Greet`" in loose.stderr
     assert [r["status"] for r in records(loose.stdout) if r["kind"] == "task"] == ["REJECTED"]
-    assert engine("run", place, "--tasks", script, "--strict", *FAST).returncode == 3
-    assert engine("run", place, "--act", "Greet", "--strict", *FAST).returncode == 0
-    aborted = engine("run", place, "--act", "Greet", "--strict", "--fault", "Speech=fail", *FAST)
+    assert engine("run", study, "--tasks", script, "--strict", *FAST).returncode == 3
+    assert engine("run", study, "--act", "Greet", "--strict", *FAST).returncode == 0
+    aborted = engine("run", study, "--act", "Greet", "--strict", "--fault", "Speech=fail", *FAST)
     assert aborted.returncode == 3
 
 
@@ -272,9 +272,9 @@ def test_strict(place: Path, tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("speed", ["max", "200"])
 def test_whatever_goes_wrong_every_action_ends_exactly_once(
-    place: Path, fault: str, ended: str, outcome: str, speed: str
+    study: Path, fault: str, ended: str, outcome: str, speed: str
 ) -> None:
-    done = engine("run", place, "--act", "Greet", "--json", "--speed", speed, "--fault", fault)
+    done = engine("run", study, "--act", "Greet", "--json", "--speed", speed, "--fault", fault)
     assert done.returncode == 0, done.stderr
     found = records(done.stdout)
     assert_one_ending_each(found)
@@ -282,8 +282,8 @@ def test_whatever_goes_wrong_every_action_ends_exactly_once(
     assert [r["status"] for r in found if r["kind"] == "task"][-1] == outcome
 
 
-def test_a_hanging_part_does_not_confirm_a_stop(place: Path) -> None:
-    found = records(engine("run", place, "--act", "Greet", "--until", "1", "--fault", "Speech=hang", *FAST).stdout)
+def test_a_hanging_part_does_not_confirm_a_stop(study: Path) -> None:
+    found = records(engine("run", study, "--act", "Greet", "--until", "1", "--fault", "Speech=hang", *FAST).stdout)
     latched = next(r for r in found if r["kind"] == "stop" and r["status"] == "latched")
     assert latched["unconfirmed"] == ["generic/speech"] and "generic/gaze" in latched["confirmed"]
     assert_one_ending_each(found)
@@ -292,7 +292,7 @@ def test_a_hanging_part_does_not_confirm_a_stop(place: Path) -> None:
 # --- task files ---
 
 
-def test_every_mistake_of_a_task_file_is_told_before_anything_starts(place: Path, tmp_path: Path) -> None:
+def test_every_mistake_of_a_task_file_is_told_before_anything_starts(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "bad.jsonl"
     script.write_text(
         "\n".join(
@@ -311,7 +311,7 @@ def test_every_mistake_of_a_task_file_is_told_before_anything_starts(place: Path
             ]
         )
     )
-    done = engine("run", place, "--tasks", script, *FAST)
+    done = engine("run", study, "--tasks", script, *FAST)
     assert done.returncode == 2 and done.stdout == ""
     told = done.stderr.splitlines()
     for line in range(2, 12):
@@ -320,25 +320,25 @@ def test_every_mistake_of_a_task_file_is_told_before_anything_starts(place: Path
     assert not any(each.startswith(f"{script}:1:") for each in told)
 
 
-def test_tasks_that_are_not_text(place: Path, tmp_path: Path) -> None:
+def test_tasks_that_are_not_text(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "bad.jsonl"
     script.write_bytes(b"\xff\xfe{}")
-    done = engine("run", place, "--tasks", script, *FAST)
+    done = engine("run", study, "--tasks", script, *FAST)
     assert done.returncode == 2 and "UTF-8" in done.stderr
 
 
-def test_a_whole_script_from_standard_input_in_virtual_time(place: Path) -> None:
+def test_a_whole_script_from_standard_input_in_virtual_time(study: Path) -> None:
     lines = "\n".join([act("Chat", at=5), act("Greet", at=1)])
-    done = engine("run", place, "--tasks", "-", *FAST, stdin=lines)
+    done = engine("run", study, "--tasks", "-", *FAST, stdin=lines)
     started = [
         (r["t"], r["behavior"]) for r in records(done.stdout) if r["kind"] == "task" and r["status"] == "PENDING"
     ]
     assert started == [(1, "Greet"), (5, "Chat")]
-    assert engine("run", place, "--tasks", "-", *FAST, stdin="{").returncode == 2
+    assert engine("run", study, "--tasks", "-", *FAST, stdin="{").returncode == 2
 
 
-def test_standard_input_as_it_comes(place: Path) -> None:
-    with Live("run", place, "--tasks", "-", "--speed", "20", "--json") as live:
+def test_standard_input_as_it_comes(study: Path) -> None:
+    with Live("run", study, "--tasks", "-", "--speed", "20", "--json") as live:
         live.until("robot", status="connected")
         live.write(act("Greet"))
         live.until("task", behavior="Greet", status="SUCCEEDED")
@@ -354,8 +354,8 @@ def test_standard_input_as_it_comes(place: Path) -> None:
         assert_one_ending_each(live.records)
 
 
-def test_the_end_of_standard_input_ends_the_session_when_all_is_done(place: Path) -> None:
-    with Live("run", place, "--tasks", "-", "--speed", "20", "--json") as live:
+def test_the_end_of_standard_input_ends_the_session_when_all_is_done(study: Path) -> None:
+    with Live("run", study, "--tasks", "-", "--speed", "20", "--json") as live:
         live.until("robot")
         live.write(act("Greet"))
         live.until("action", status="started")
@@ -368,8 +368,8 @@ def test_the_end_of_standard_input_ends_the_session_when_all_is_done(place: Path
 
 
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_stops_the_robot_first(place: Path, which: signal.Signals) -> None:
-    with Live("run", place, "--act", "Greet", "--json") as live:
+def test_an_interrupt_stops_the_robot_first(study: Path, which: signal.Signals) -> None:
+    with Live("run", study, "--act", "Greet", "--json") as live:
         live.until("action", status="accepted")
         live.signal(which)
         assert live.rest() == 130
@@ -379,39 +379,39 @@ def test_an_interrupt_stops_the_robot_first(place: Path, which: signal.Signals) 
         assert live.errors() == ""
 
 
-def test_an_interrupt_while_waiting_for_standard_input(place: Path) -> None:
-    with Live("run", place, "--tasks", "-", "--json") as live:
+def test_an_interrupt_while_waiting_for_standard_input(study: Path) -> None:
+    with Live("run", study, "--tasks", "-", "--json") as live:
         live.until("robot", status="connected")
         live.signal()
         assert live.rest() == 130
         assert [r["status"] for r in live.records if r["kind"] == "stop"] == ["requested", "latched"]
         assert live.records[-1]["reason"] == "interrupted" and live.errors() == ""
-    with Live("run", place, "--tasks", "-", *FAST) as live:  # reads all of it before anything starts
+    with Live("run", study, "--tasks", "-", *FAST) as live:  # reads all of it before anything starts
         live.write(f"# {'x' * 300_000}")  # more than a pipe holds: when it is written, somebody is reading
         live.signal()
         assert live.rest() == 130
         assert live.records == [] and live.errors() == ""
 
 
-def test_no_standard_input_is_an_empty_one(place: Path) -> None:
+def test_no_standard_input_is_an_empty_one(study: Path) -> None:
     for speed in ("max", "1"):
         for redirected in ("<&-", "</dev/null"):
-            line = f"{shlex.quote(ENGINE)} run {shlex.quote(str(place))} --tasks - --json --speed {speed} {redirected}"
+            line = f"{shlex.quote(ENGINE)} run {shlex.quote(str(study))} --tasks - --json --speed {speed} {redirected}"
             done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=20, check=False)
             assert (done.returncode, done.stderr) == (0, "")
             assert records(done.stdout)[-1]["reason"] == "nothing is left to do"
 
 
-def test_an_interrupt_when_nothing_runs_stops_all_the_same(place: Path) -> None:
-    with Live("run", place, "--rule", "Wait for it", "--until", "1000", "--json") as live:
+def test_an_interrupt_when_nothing_runs_stops_all_the_same(study: Path) -> None:
+    with Live("run", study, "--rule", "Wait for it", "--until", "1000", "--json") as live:
         live.until("rule", status="entered")
         live.signal()
         assert live.rest() == 130
         assert [r["status"] for r in live.records if r["kind"] == "stop"] == ["requested", "latched"]
 
 
-def test_a_second_interrupt_ends_at_once(place: Path) -> None:
-    with Live("run", place, "--act", "Greet", "--json", "--fault", "Speech=hang") as live:
+def test_a_second_interrupt_ends_at_once(study: Path) -> None:
+    with Live("run", study, "--act", "Greet", "--json", "--fault", "Speech=hang") as live:
         live.until("action", status="accepted")
         live.signal()
         live.until("stop", status="latched")
@@ -420,9 +420,9 @@ def test_a_second_interrupt_ends_at_once(place: Path) -> None:
         assert live.records[-1]["kind"] == "stop"
 
 
-def test_a_reader_that_goes_away_ends_the_session_quietly(place: Path) -> None:
+def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:
     for speed in ("50", "max"):
-        command = [ENGINE, "run", str(place), "--rule", "Clock", "--until", "40000", "--speed", speed, "--json"]
+        command = [ENGINE, "run", str(study), "--rule", "Clock", "--until", "40000", "--speed", speed, "--json"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL)
         assert process.stdout is not None and process.stderr is not None
         process.stdout.readline()
@@ -434,9 +434,9 @@ def test_a_reader_that_goes_away_ends_the_session_quietly(place: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize("speed", ["max", "1"])
-def test_a_full_disk_ends_the_session(place: Path, speed: str) -> None:
+def test_a_full_disk_ends_the_session(study: Path, speed: str) -> None:
     for options in ((), ("--json",)):
-        command = [ENGINE, "run", str(place), "--act", "Greet", "--rule", "Clock", "--until", "1000", "--speed", speed]
+        command = [ENGINE, "run", str(study), "--act", "Greet", "--rule", "Clock", "--until", "1000", "--speed", speed]
         with Path("/dev/full").open("wb") as full:
             done = subprocess.run(
                 [*command, *options], stdout=full, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=60,
@@ -520,8 +520,8 @@ def test_an_engine_that_fails_says_so_and_loses_no_output(
     assert records(out)[-1]["kind"] == "robot"
 
 
-def test_half_characters_are_recorded_with_an_escape(place: Path) -> None:
-    strange = place.rename(place.with_name(os.fsdecode(b"study\xff")))
+def test_half_characters_are_recorded_with_an_escape(study: Path) -> None:
+    strange = study.rename(study.with_name(os.fsdecode(b"study\xff")))
     for options in ((), ("--json",)):
         done = engine("run", strange, "--act", "Greet", "--speed", "max", *options)
         assert (done.returncode, done.stderr) == (0, "")
@@ -556,59 +556,59 @@ def test_a_reader_that_takes_its_time_gets_everything(
 
 
 def test_a_new_robot_and_a_new_action_are_files(tmp_path: Path) -> None:
-    place = folder(
+    study = folder(
         tmp_path / "study",
         toml='robot = "trolley"\n[actions.Beep]\nchannels = ["horn"]\nparameters.times = { type = "integer" }\n',
         drive='<Dialog name="Serve"><Drive><actionID>1</actionID><place>table</place></Drive>'
         "<Beep><actionID>2</actionID><waitForActions>1</waitForActions><times>2</times></Beep></Dialog>",
     )
-    (place / "robots").mkdir()
-    (place / "robots" / "trolley.toml").write_text(
+    (study / "robots").mkdir()
+    (study / "robots" / "trolley.toml").write_text(
         'title = "Trolley"\n[actions.Speech]\n[actions.LookAt]\n'
         '[actions.Drive]\nchannels = ["base"]\nseconds = 4\n'
         'parameters.place = { type = "name", required = true, names = ["door", "table"] }\n'
     )
-    done = engine("run", place, "--act", "Serve", *FAST)
+    done = engine("run", study, "--act", "Serve", *FAST)
     assert done.returncode == 0, done.stderr
     found = records(done.stdout)
     ended = [
         (r["t"], r["type"], r["parameters"]) for r in found if r["kind"] == "action" and r["status"] == "succeeded"
     ]
     assert ended[0] == (4.0, "Drive", {"place": "table"}) and ended[1][1:] == ("Beep", {"times": 2})
-    assert "trolley: Trolley" in engine("robots", place).stdout
-    schema = engine("schema", place, "--kind", "cra").stdout
+    assert "trolley: Trolley" in engine("robots", study).stdout
+    schema = engine("schema", study, "--kind", "cra").stdout
     assert '"Drive"' in schema and '"Beep"' in schema
 
 
 @pytest.mark.parametrize("robot", ["generic", "floka", "nao", "pepper"])
-def test_every_robot_that_comes_with_it_runs(place: Path, robot: str) -> None:
-    assert engine("check", place, "--robot", robot).returncode == 0
-    done = engine("run", place, "--act", "Greet", "--robot", robot, "--strict", *FAST)
+def test_every_robot_that_comes_with_it_runs(study: Path, robot: str) -> None:
+    assert engine("check", study, "--robot", robot).returncode == 0
+    done = engine("run", study, "--act", "Greet", "--robot", robot, "--strict", *FAST)
     assert done.returncode == 0
     assert records(done.stdout)[0]["robot"] == robot
 
 
 def test_a_head_points_with_its_gaze(tmp_path: Path) -> None:
-    place = folder(
+    study = folder(
         tmp_path / "study",
         point='<Dialog name="There"><PointAt><actionID>1</actionID><pointx>1</pointx><pointy>0</pointy>'
         "<pointz>1</pointz><hand>left</hand></PointAt></Dialog>",
     )
-    found = records(engine("run", place, "--act", "There", "--robot", "floka", "--strict", *FAST).stdout)
+    found = records(engine("run", study, "--act", "There", "--robot", "floka", "--strict", *FAST).stdout)
     started = next(r for r in found if r["kind"] == "action")
     assert (started["type"], started["sent_as"]) == ("PointAt", "LookAt")
-    refused = engine("run", place, "--act", "There", "--robot", "floka", "--fault", "PointAt=fail", *FAST)
+    refused = engine("run", study, "--act", "There", "--robot", "floka", "--fault", "PointAt=fail", *FAST)
     assert refused.returncode == 2 and "LookAt=fail" in refused.stderr
 
 
 def test_mode_real(tmp_path: Path) -> None:
-    place = folder(tmp_path / "study", toml='mode = "real"\nrobot = "arm"\n')
-    (place / "robots").mkdir()
-    (place / "robots" / "arm.toml").write_text('driver = "ros7"\n[actions.Speech]\n[actions.LookAt]\n')
-    done = engine("run", place, *FAST)
+    study = folder(tmp_path / "study", toml='mode = "real"\nrobot = "arm"\n')
+    (study / "robots").mkdir()
+    (study / "robots" / "arm.toml").write_text('driver = "ros7"\n[actions.Speech]\n[actions.LookAt]\n')
+    done = engine("run", study, *FAST)
     assert done.returncode == 1 and "'ros7' is not installed" in done.stderr and done.stdout == ""
-    assert engine("run", place, "--mode", "debug", "--act", "Greet", *FAST).returncode == 0
-    warned = engine("run", place, "--robot", "generic", *FAST)
+    assert engine("run", study, "--mode", "debug", "--act", "Greet", *FAST).returncode == 0
+    warned = engine("run", study, "--robot", "generic", *FAST)
     assert warned.returncode == 0 and "nothing leaves this machine" in warned.stderr
     found = records(warned.stdout)
     assert found[0]["mode"] == "real"

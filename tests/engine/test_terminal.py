@@ -50,8 +50,8 @@ EVERY_COMMAND = (
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
 @pytest.mark.parametrize("command", EVERY_COMMAND, ids=" ".join)
 def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> None:
-    place = str(folder(tmp_path / "s"))
-    words = [place if word == "DIR" else word for word in command]
+    study = str(folder(tmp_path / "s"))
+    words = [study if word == "DIR" else word for word in command]
     with FULL.open("wb") as full:
         done = subprocess.run([ENGINE, *words], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (
@@ -61,10 +61,10 @@ def test_a_full_disk_is_a_sentence(tmp_path: Path, command: tuple[str, ...]) -> 
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
-def test_when_there_is_nobody_to_complain_to(tmp_path: Path) -> None:
-    place = folder(tmp_path / "s")
+def test_standard_error_that_cannot_be_written(tmp_path: Path) -> None:
+    study = folder(tmp_path / "s")
     with FULL.open("wb") as full:
-        for words, code in ((["check", place], 0), (["check", tmp_path / "nowhere"], 2), (["run", place], 2)):
+        for words, code in ((["check", study], 0), (["check", tmp_path / "nowhere"], 2), (["run", study], 2)):
             words = [*map(str, words), *(["--rule", "none"] if code == 2 and words[0] == "run" else [])]
             done = subprocess.run([ENGINE, *words], stdout=subprocess.PIPE, stderr=full, timeout=60, check=False)
             assert done.returncode == code
@@ -75,16 +75,16 @@ def evil(tmp_path: Path) -> Path:
     """A scenario whose title, names, topics, texts and file names would all play with the terminal."""
     in_xml = EVIL.replace("\x1b", "\x9b").replace("\x07", "").replace("\r\n", " ")
     toml = "title = " + json.dumps(EVIL) + "\n[actions.Dance]\nhelp = " + json.dumps(EVIL) + "\n"
-    place = folder(
+    study = folder(
         tmp_path / f"s{EVIL}"[:60].replace("/", ""),
         toml,
         memory={"name": EVIL, EVIL: 1},
         evil=f'<Dialog name="{in_xml}"><Speech><actionID>1</actionID><message>{in_xml}</message></Speech></Dialog>',
         **{f"x{EVIL}"[:40]: f'<Dialog name="{in_xml}2"><Wait><actionID>1</actionID></Wait></Dialog>'},
     )
-    rules = place / "rules" / "rules.xml"
+    rules = study / "rules" / "rules.xml"
     rules.write_text(rules.read_text("utf-8").replace('"/go"', f'"/go{in_xml}"'), "utf-8")
-    return place
+    return study
 
 
 def seen(output: str) -> bool:
@@ -143,7 +143,7 @@ def test_running_sessions_are_listed_clean(monkeypatch: pytest.MonkeyPatch, caps
     assert seen(listed) and all(line.startswith(("one", "    ")) for line in listed.splitlines())
 
 
-def test_a_session_told_in_lines(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+def test_the_transcript_of_a_session_is_clean(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
     Output(json=False)(NoteRecord(1, 0.0, "", EVIL, "anna"))
     Output(json=True)(NoteRecord(1, 0.0, "", EVIL, "anna"))
     told_, json_ = capsysbinary.readouterr().out.decode().splitlines()

@@ -100,7 +100,7 @@ def _write_word(descriptor: int, word: StartupReport | StartupProgress) -> None:
     os.close(descriptor)
 
 
-class Wire:
+class SoakConnection:
     """A client that only remembers: what it sent, what was acknowledged, which records it saw."""
 
     def __init__(self, path: Path) -> None:
@@ -176,11 +176,11 @@ def random_task(dice: random.Random, scenario: Scenario) -> Submit:
 class Soak:
     """One run."""
 
-    def __init__(self, seed: int, place: Path) -> None:
+    def __init__(self, seed: int, scratch: Path) -> None:
         self.dice = random.Random(seed)
-        self.place = place
-        os.environ["RISE_SESSIONS"] = str(place / "sessions")
-        os.environ["RISE_RUNTIME"] = str(place / "run")
+        self.scratch = scratch
+        os.environ["RISE_SESSIONS"] = str(scratch / "sessions")
+        os.environ["RISE_RUNTIME"] = str(scratch / "run")
         self.scenarios = {folder: load(folder).scenario for folder in SCENARIOS}
         self.counts: Counter[str] = Counter()
 
@@ -222,31 +222,31 @@ class Soak:
                 raise Mistake(f"an engine refused: {word}")
             self.counts["recoveries"] += where is not None
             where = Path(word.folder)
-            wire = Wire(self.place / "run" / "soak.sock")
+            connection = SoakConnection(self.scratch / "run" / "soak.sock")
             wanted, most = dice.randint(0, 40), dice.randint(1, 60)
-            while len(wire.acknowledged) < wanted and len(wire.sent) < most:
+            while len(connection.acknowledged) < wanted and len(connection.sent) < most:
                 for _ in range(dice.randint(1, 5)):
-                    wire.send(random_task(dice, scenario))
-                if not wire.read(dice.random() * 0.01):
+                    connection.send(random_task(dice, scenario))
+                if not connection.read(dice.random() * 0.01):
                     raise Mistake("the engine ended by itself")
             time.sleep(dice.random() * 0.004)
             if dice.random() < 0.1:
                 code = child.end()
-                wire.drain()
+                connection.drain()
                 if code != 0:
                     raise Mistake(f"the engine ended with {code} instead of 0")
                 self.counts["ended in order"] += 1
-                self.check(where, wire, ended=True)
+                self.check(where, connection, ended=True)
                 return
             child.kill()
-            wire.drain()
+            connection.drain()
             self.counts["kills"] += 1
-            self.check(where, wire)
+            self.check(where, connection)
 
-    def check(self, where: Path, wire: Wire | None, *, ended: bool = False) -> None:
+    def check(self, where: Path, connection: SoakConnection | None, *, ended: bool = False) -> None:
         """The journal reads, holds what was acknowledged and seen, and replays identically."""
         if (where / JOURNAL).stat().st_size == 0:  # killed before anything was durable: so nothing may have gone out
-            if wire is not None and (wire.acknowledged or wire.seen):
+            if connection is not None and (connection.acknowledged or connection.seen):
                 raise Mistake(f"{where}: something went out, and nothing was recorded")
             self.counts["killed before the first line"] += 1
             return
@@ -260,20 +260,20 @@ class Soak:
         if not comparison.identical:
             raise Mistake(f"{where}: {comparison}")
         self.counts["inputs"] += comparison.inputs
-        if wire is not None:
-            self.compare_with(where, contents, wire)
+        if connection is not None:
+            self.compare_with(where, contents, connection)
         if ended:
             _one_ending_each(where, contents)
 
-    def compare_with(self, where: Path, contents: Any, wire: Wire) -> None:
+    def compare_with(self, where: Path, contents: Any, connection: SoakConnection) -> None:
         inputs = (found.input for _, _, found in contents.lines() if isinstance(found, InputLine))
         kept = {each.ref for each in inputs if isinstance(each, Submit)}
-        for number, reply in wire.acknowledged.items():
+        for number, reply in connection.acknowledged.items():
             self.counts["acknowledged"] += 1
-            if reply.get("accepted") and wire.sent[number].ref not in kept:
-                raise Mistake(f"{where}: {wire.sent[number]} was acknowledged and is not in the journal")
+            if reply.get("accepted") and connection.sent[number].ref not in kept:
+                raise Mistake(f"{where}: {connection.sent[number]} was acknowledged and is not in the journal")
         records = {record.seq: record for record in contents.read_records()}
-        for seq, seen in wire.seen.items():
+        for seq, seen in connection.seen.items():
             self.counts["records seen"] += 1
             if seq not in records or msgspec.to_builtins(records[seq])["kind"] != seen["kind"]:
                 raise Mistake(f"{where}: record {seq} was seen and is not in the journal: {seen}")
@@ -297,20 +297,20 @@ def main() -> int:
     options = parser.parse_args()
     seed = options.seed if options.seed is not None else random.SystemRandom().randrange(10**6)
     print(f"seed {seed}", flush=True)
-    place = Path(tempfile.mkdtemp(prefix="soak-", dir="/tmp"))
-    (place / "run").mkdir(0o700)
+    scratch = Path(tempfile.mkdtemp(prefix="soak-", dir="/tmp"))
+    (scratch / "run").mkdir(0o700)
     began = time.monotonic()
-    soak = Soak(seed, place)
+    soak = Soak(seed, scratch)
     try:
         soak.run(options.kills)
     except Mistake as mistake:
-        print(f"MISTAKE (seed {seed}, kept in {place}): {mistake}", flush=True)
+        print(f"MISTAKE (seed {seed}, kept in {scratch}): {mistake}", flush=True)
         return 1
     finally:
         took = time.monotonic() - began
         print(", ".join(f"{name} {number}" for name, number in sorted(soak.counts.items())), f"in {took:.0f} s")
     if not options.keep:
-        shutil.rmtree(place)
+        shutil.rmtree(scratch)
     return 0
 
 

@@ -33,7 +33,7 @@ TUI = Path(ENGINE).with_name("rise-tui")
 
 
 @pytest.fixture
-def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Sessions and sockets of one test; what it leaves running is ended, by its own id."""
     run = Path(tempfile.mkdtemp(prefix="r-", dir="/tmp"))
     monkeypatch.setenv("RISE_RUNTIME", str(run))
@@ -57,11 +57,11 @@ class Serving:
             text=True,
         )
         assert self.process.stderr is not None
-        self.said = self.process.stderr.readline()
+        self.report = self.process.stderr.readline()
 
     @property
     def record(self) -> Path:
-        return Path(self.said.strip().partition("the record is in ")[2])
+        return Path(self.report.strip().partition("the record is in ")[2])
 
     def end(self, number: int = signal.SIGTERM) -> int:
         self.process.send_signal(number)
@@ -80,9 +80,9 @@ def statuses(record: Path, kind: str) -> list[str]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_stops_the_robot_and_ends_the_session_in_order(places: Path, number: int) -> None:
-    it = Serving(folder(places / "study"), "--act", "Greet", "--speed", "0.1")
-    assert it.said.startswith("serving study-"), it.said
+def test_a_signal_stops_the_robot_and_ends_the_session_in_order(root: Path, number: int) -> None:
+    it = Serving(folder(root / "study"), "--act", "Greet", "--speed", "0.1")
+    assert it.report.startswith("serving study-"), it.report
     wait_for_record(it.record, b'"status":"accepted"')
     assert it.end(number) == 0
     assert statuses(it.record, "stop") == ["requested", "latched"]
@@ -101,16 +101,16 @@ def wait_for_record(record: Path, what: bytes) -> None:
         time.sleep(0.01)
 
 
-def test_a_lost_terminal_changes_nothing(places: Path) -> None:
-    it = Serving(folder(places / "study"))
+def test_a_lost_terminal_changes_nothing(root: Path) -> None:
+    it = Serving(folder(root / "study"))
     it.process.send_signal(signal.SIGHUP)
     it.process.send_signal(signal.SIGHUP)
     assert engine("sessions").stdout.startswith("study-")
     assert it.end() == 0
 
 
-def test_sessions_are_listed_and_stopped_by_folder_or_name(places: Path) -> None:
-    one, two = folder(places / "one"), folder(places / "two")
+def test_sessions_are_listed_and_stopped_by_folder_or_name(root: Path) -> None:
+    one, two = folder(root / "one"), folder(root / "two")
     first, second = Serving(one), Serving(two, "--name", "other")
     listed = json.loads(engine("sessions", "--json").stdout)
     assert sorted(each["name"] for each in listed) == sorted([session_name(one), "other"])
@@ -123,8 +123,8 @@ def test_sessions_are_listed_and_stopped_by_folder_or_name(places: Path) -> None
     assert second.wait() == 0
 
 
-def test_one_session_per_folder(places: Path) -> None:
-    study = folder(places / "study")
+def test_one_session_per_folder(root: Path) -> None:
+    study = folder(root / "study")
     it = Serving(study)
     result = engine("serve", study)
     assert result.returncode == 3
@@ -132,19 +132,19 @@ def test_one_session_per_folder(places: Path) -> None:
     assert it.end() == 0
 
 
-def test_a_scenario_with_errors_is_refused_before_anything_is_made(places: Path) -> None:
-    study = folder(places / "study", bad='<Dialog name="Bad"><Speach><actionID>1</actionID></Speach></Dialog>')
+def test_a_scenario_with_errors_is_refused_before_anything_is_made(root: Path) -> None:
+    study = folder(root / "study", bad='<Dialog name="Bad"><Speach><actionID>1</actionID></Speach></Dialog>')
     result = engine("serve", study)
     assert result.returncode == 1
     assert "did you mean" in result.stderr
-    assert not (places / "sessions").exists()
-    wrong = engine("serve", folder(places / "fine"), "--fault", "Speach=fail")
+    assert not (root / "sessions").exists()
+    wrong = engine("serve", folder(root / "fine"), "--fault", "Speach=fail")
     assert wrong.returncode == 2
     assert "did you mean 'Speech'" in wrong.stderr
 
 
-def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(places: Path) -> None:
-    study = folder(places / "study")
+def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> None:
+    study = folder(root / "study")
     it = Serving(study, "--act", "Greet", "--rule", "Wait for it", "--speed", "0.1", "--seed", "7")
     wait_for_record(it.record, b'"status":"accepted"')
     assert it.end(signal.SIGKILL) == -signal.SIGKILL
@@ -179,8 +179,8 @@ def killed(study: Path, *arguments: object) -> Path:
     return record
 
 
-def test_nobody_s_session_goes_on_as_somebody_else_s(places: Path) -> None:
-    study = folder(places / "study")
+def test_nobody_s_session_goes_on_as_somebody_else_s(root: Path) -> None:
+    study = folder(root / "study")
     record = killed(study, "--participant", "P07", "--condition", "calm")
     for arguments in (["--participant", "P08", "--recover"], ["--condition", "loud", "--recover"]):
         refused = engine("serve", study, *arguments)
@@ -206,8 +206,8 @@ def test_nobody_s_session_goes_on_as_somebody_else_s(places: Path) -> None:
     again.end()
 
 
-def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places: Path) -> None:
-    study, other = folder(places / "my study"), folder(places / "other")
+def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(root: Path) -> None:
+    study, other = folder(root / "my study"), folder(root / "other")
     crashed = Serving(study)
     wait_for_record(crashed.record, b'"kind":"robot"')
     running = Serving(other, "--name", "apart")
@@ -216,9 +216,9 @@ def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places
     crashed.end(signal.SIGKILL)
 
     command = f"  rise-tui --config '{study}'\n"
-    told = engine("sessions")
-    assert told.stdout.startswith("apart") and "A session did not end. To go on with it:\n" + command in told.stderr
-    assert "begun 20" in told.stderr.partition(command)[2] and str(other) not in told.stderr
+    result = engine("sessions")
+    assert result.stdout.startswith("apart") and "A session did not end. To go on with it:\n" + command in result.stderr
+    assert "begun 20" in result.stderr.partition(command)[2] and str(other) not in result.stderr
     running.end()
     console = subprocess.run([TUI], stdin=subprocess.DEVNULL, capture_output=True, text=True)
     assert console.returncode == 2 and console.stderr.startswith("no session is running; start one with:")
@@ -227,21 +227,21 @@ def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(places
     running = Serving(other)
     wait_for_record(running.record, b'"kind":"robot"')
     running.end(signal.SIGKILL)
-    told = engine("sessions")
-    assert "These sessions did not end. To go on with one of them:\n  rise-tui --config " + str(other) in told.stderr
-    assert command in told.stderr, "the latest first, and one of each scenario"
+    result = engine("sessions")
+    assert "These sessions did not end. To go on with one of them:\n  rise-tui --config " + str(other) in result.stderr
+    assert command in result.stderr, "the latest first, and one of each scenario"
     info = running.record / "session.toml"
     info.write_text(re.sub('started = ".*"', 'started = "yesterday"', info.read_text("utf-8")), "utf-8")
-    told = engine("sessions")
-    assert told.returncode == 0 and f"{running.record.name} cannot be described: " in told.stderr
+    result = engine("sessions")
+    assert result.returncode == 0 and f"{running.record.name} cannot be described: " in result.stderr
 
     shutil.rmtree(other)
     assert Serving(study, "--new").end() == 0
     assert "did not end" not in engine("sessions").stderr, "nobody is asked again about a session that was left"
 
 
-def test_the_latest_session_of_a_scenario_is_named_and_none_while_it_runs(places: Path) -> None:
-    study = folder(places / "study")
+def test_the_latest_session_of_a_scenario_is_named_and_none_while_it_runs(root: Path) -> None:
+    study = folder(root / "study")
     first = Serving(study)
     wait_for_record(first.record, b'"kind":"robot"')
     first.end(signal.SIGKILL)
@@ -251,16 +251,16 @@ def test_the_latest_session_of_a_scenario_is_named_and_none_while_it_runs(places
     (first.record / "abandoned").unlink()
     info = second.record / "session.toml"
     info.write_text(re.sub('^title = ".*"', 'title = "The latest"', info.read_text("utf-8"), flags=re.M), "utf-8")
-    told = engine("sessions").stderr
-    assert told.count("begun 20") == 1 and "      The latest (debug" in told
+    result = engine("sessions").stderr
+    assert result.count("begun 20") == 1 and "      The latest (debug" in result
     running = Serving(study, "--session", first.record)
     assert running.record == first.record
     assert "did not end" not in engine("sessions").stderr, "it cannot be recovered now"
     assert running.end() == 0
 
 
-def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_ever(places: Path) -> None:
-    study = folder(places / "study")
+def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_ever(root: Path) -> None:
+    study = folder(root / "study")
     it = Serving(study, "--act", "Greet")
     wait_for_record(it.record, b'"status":"accepted"')
     it.end(signal.SIGKILL)
@@ -273,8 +273,8 @@ def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_e
     assert f"line {where + 1} is damaged" in result.stderr and "Traceback" not in result.stderr
 
 
-def test_an_engine_in_the_background_says_that_it_serves_or_why_not(places: Path) -> None:
-    study = folder(places / "study")
+def test_an_engine_in_the_background_says_that_it_serves_or_why_not(root: Path) -> None:
+    study = folder(root / "study")
     started = start_engine(SessionOptions(str(study), seed=3))
     assert isinstance(started, EngineStarted)
     assert started.name == session_name(study)
@@ -284,18 +284,18 @@ def test_an_engine_in_the_background_says_that_it_serves_or_why_not(places: Path
     pid = int(lock_path(socket_path(started.name)).read_text())
     assert os.getsid(pid) == pid, "it belongs to no terminal"
     assert engine("stop").returncode == 0
-    nowhere = start_engine(SessionOptions(str(places / "nowhere")))
+    nowhere = start_engine(SessionOptions(str(root / "nowhere")))
     assert isinstance(nowhere, EngineRefused) and nowhere.code == 1
 
 
-def test_systemd_is_told(places: Path) -> None:
-    path = places / "notify"
+def test_systemd_is_told(root: Path) -> None:
+    path = root / "notify"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
         notify.bind(str(path))
         notify.settimeout(20)
         environment = {**os.environ, "NOTIFY_SOCKET": str(path)}
         process = subprocess.Popen(
-            [ENGINE, "serve", folder(places / "study")],
+            [ENGINE, "serve", folder(root / "study")],
             env=environment,
             stdin=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -315,8 +315,8 @@ def test_the_unit_file_names_options_that_exist() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="needs root to become somebody else")
-def test_other_users_cannot_connect(places: Path) -> None:
-    it = Serving(folder(places / "study"))
+def test_other_users_cannot_connect(root: Path) -> None:
+    it = Serving(folder(root / "study"))
     path = next(Path(os.environ["RISE_RUNTIME"]).glob("*.sock"))
     assert path.stat().st_mode & 0o777 == 0o600 and path.parent.stat().st_mode & 0o777 == 0o700
     program = (
@@ -330,12 +330,12 @@ def test_other_users_cannot_connect(places: Path) -> None:
     assert it.end() == 0
 
 
-def test_a_folder_whose_name_is_no_text(places: Path) -> None:
+def test_a_folder_whose_name_is_no_text(root: Path) -> None:
     """It was written into the record with a `?`: --recover began a new session, and a console could not start one."""
     studies = []
     for name in (b"l\xe4b", b"l\xf6b"):
         try:
-            studies.append(folder(places / os.fsdecode(name)))
+            studies.append(folder(root / os.fsdecode(name)))
         except OSError:
             pytest.skip("this file system has no such names")
     one, other = studies

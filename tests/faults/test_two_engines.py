@@ -22,7 +22,7 @@ from rise_engine.client.socket import SocketClient
 from rise_engine.protocol.client import EngineGone
 from rise_engine.protocol.registry import is_locked, session_name
 from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.process import ServeRefused, _SessionPreparation
+from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock as locks
 from rise_engine.session.folder import JOURNAL, SessionError, find_unfinished, running_sessions
 from rise_engine.session.journal_reader import read_journal
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.slow
 TUI = Path(ENGINE).with_name("rise-tui")
 
 
-class Places:
+class Runtimes:
     """Two runtime folders of one user, and one sessions folder."""
 
     def __init__(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,15 +67,15 @@ class Places:
 
 
 @pytest.fixture
-def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Places]:
-    made = Places(tmp_path, monkeypatch)
+def runtimes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtimes]:
+    made = Runtimes(tmp_path, monkeypatch)
     yield made
     made.close()
 
 
 def begun(study: Path, *more: object) -> Serving:
     it = Serving(study, *more)
-    assert it.said.startswith("serving "), it.said
+    assert it.report.startswith("serving "), it.report
     wait_for_record(it.record, b'"kind":"robot"')
     return it
 
@@ -88,28 +88,28 @@ def killed(study: Path) -> Path:
 
 
 @pytest.mark.parametrize("how", [[], ["--recover"], ["--new"]])
-def test_a_running_session_is_not_begun_again_in_another_runtime_folder(places: Places, how: list[str]) -> None:
-    study = folder(places.root / "study")
+def test_a_running_session_is_not_begun_again_in_another_runtime_folder(runtimes: Runtimes, how: list[str]) -> None:
+    study = folder(runtimes.root / "study")
     it = begun(study)
     before = (it.record / JOURNAL).read_bytes()
-    places.use(1)
-    told = engine("serve", study, *how)
-    assert told.returncode == 3, told.stderr
-    assert it.record.name in told.stderr and f"process {it.process.pid} of " in told.stderr
-    socket = places.runs[0] / f"{session_name(study)}.sock"
-    assert f"To attach: rise-tui --session {socket}." in told.stderr
-    assert f"To end it: rise-engine stop {socket}" in told.stderr
+    runtimes.use(1)
+    result = engine("serve", study, *how)
+    assert result.returncode == 3, result.stderr
+    assert it.record.name in result.stderr and f"process {it.process.pid} of " in result.stderr
+    socket = runtimes.runs[0] / f"{session_name(study)}.sock"
+    assert f"To attach: rise-tui --session {socket}." in result.stderr
+    assert f"To end it: rise-engine stop {socket}" in result.stderr
     assert (it.record / JOURNAL).read_bytes() == before and len(list(it.record.parent.iterdir())) == 1
     assert it.end() == 0
 
 
 @pytest.mark.parametrize("how", ["--recover", "--session"])
-def test_another_name_does_not_recover_a_running_session(places: Places, how: str) -> None:
-    study = folder(places.root / "study")
+def test_another_name_does_not_recover_a_running_session(runtimes: Runtimes, how: str) -> None:
+    study = folder(runtimes.root / "study")
     it = begun(study)
     if how == "--session":
-        told = engine("serve", study, "--name", "other", "--session", it.record)
-        assert told.returncode == 3 and f"process {it.process.pid} of " in told.stderr, told.stderr
+        result = engine("serve", study, "--name", "other", "--session", it.record)
+        assert result.returncode == 3 and f"process {it.process.pid} of " in result.stderr, result.stderr
     else:  # there is nothing to recover, so another session begins, as whoever gave it a name wants it
         other = begun(study, "--name", "other", "--recover")
         assert other.record != it.record
@@ -118,26 +118,26 @@ def test_another_name_does_not_recover_a_running_session(places: Places, how: st
     assert engine("replay", it.record).stdout.startswith("identical")
 
 
-def test_a_running_session_is_listed_attached_to_and_stopped_from_anywhere(places: Places) -> None:
-    study = folder(places.root / "study")
+def test_a_running_session_is_listed_attached_to_and_stopped_from_anywhere(runtimes: Runtimes) -> None:
+    study = folder(runtimes.root / "study")
     it = begun(study, "--set", 'name="Bo"')
-    socket = str(places.runs[0] / f"{session_name(study)}.sock")
-    places.use(1)
-    told = engine("sessions")
-    assert told.stdout.startswith(f"{socket}  ") and str(it.record) in told.stdout
-    assert "did not end" not in told.stderr
+    socket = str(runtimes.runs[0] / f"{session_name(study)}.sock")
+    runtimes.use(1)
+    result = engine("sessions")
+    assert result.stdout.startswith(f"{socket}  ") and str(it.record) in result.stdout
+    assert "did not end" not in result.stderr
     assert [each["name"] for each in json.loads(engine("sessions", "--json").stdout)] == [socket]
     assert find_unfinished(str(study)) == [] and list(running_sessions(str(study))) == [it.record]
-    assert engine("stop", places.root).returncode == 1
+    assert engine("stop", runtimes.root).returncode == 1
     assert engine("stop", study).returncode == 0
     assert it.wait() == 0
     assert running_sessions(str(study)) == {} and not (it.record / HOLDER_FILE).exists()
     assert engine("stop", socket).returncode == 1
 
 
-async def test_a_client_attaches_by_the_socket_that_the_folder_names(places: Places) -> None:
-    it = begun(folder(places.root / "study"))
-    places.use(1)
+async def test_a_client_attaches_by_the_socket_that_the_folder_names(runtimes: Runtimes) -> None:
+    it = begun(folder(runtimes.root / "study"))
+    runtimes.use(1)
     holder = read_holder(it.record)
     assert holder is not None and holder.pid == it.process.pid and holder.is_this_computer
     client = SocketClient(holder.socket, "anna")
@@ -149,44 +149,44 @@ async def test_a_client_attaches_by_the_socket_that_the_folder_names(places: Pla
     await client.close()
 
 
-def test_the_lock_goes_with_the_process_however_that_ends(places: Places) -> None:
-    study = folder(places.root / "study")
+def test_the_lock_goes_with_the_process_however_that_ends(runtimes: Runtimes) -> None:
+    study = folder(runtimes.root / "study")
     record = killed(study)
     assert not is_journal_locked(record / JOURNAL) and read_holder(record) is not None
     assert find_unfinished(str(study)) == [record]
-    places.use(1)
+    runtimes.use(1)
     more = begun(study, "--recover")
     assert more.record == record
     assert more.end() == 0
 
 
-def test_of_many_that_recover_at_once_one_does(places: Places) -> None:
-    study = folder(places.root / "study")
+def test_of_many_that_recover_at_once_one_does(runtimes: Runtimes) -> None:
+    study = folder(runtimes.root / "study")
     record = killed(study)
     tried = [_serve(study, ["--name", f"n{number}", "--session", str(record)]) for number in range(6)]
-    said = [each.stderr.readline() for each in tried if each.stderr is not None]
-    serving = [each for each, line in zip(tried, said, strict=True) if line.startswith("In ") or "serving" in line]
-    refused = [line for line in said if f"the session {record.name} is running: process " in line]
-    assert len(serving) == 1 and len(refused) == 5, said
-    _end(tried, said)
+    lines = [each.stderr.readline() for each in tried if each.stderr is not None]
+    serving = [each for each, line in zip(tried, lines, strict=True) if line.startswith("In ") or "serving" in line]
+    refused = [line for line in lines if f"the session {record.name} is running: process " in line]
+    assert len(serving) == 1 and len(refused) == 5, lines
+    _end(tried, lines)
     assert engine("replay", record).returncode == 0
     contents = read_journal(record / JOURNAL)
     assert contents.ended and not contents.gaps and not contents.damaged
 
 
 @pytest.mark.parametrize("how", [[], ["--new"]])
-def test_of_many_that_begin_at_once_one_does(places: Places, how: list[str]) -> None:
+def test_of_many_that_begin_at_once_one_does(runtimes: Runtimes, how: list[str]) -> None:
     """Each with a runtime folder of its own, as cron, su and a console have."""
-    study = folder(places.root / "study")
-    runs = [places.root / f"run{number}" for number in range(4)]
+    study = folder(runtimes.root / "study")
+    runs = [runtimes.root / f"run{number}" for number in range(4)]
     for run in runs:
         run.mkdir(0o700)
     tried = [_serve(study, how, RISE_RUNTIME=str(run)) for run in runs]
-    said = [each.stderr.readline() for each in tried if each.stderr is not None]
-    assert sum(line.startswith("serving ") for line in said) == 1, said
-    assert sum(" is running: process " in line for line in said) == 3, said
-    _end(tried, said)
-    assert len(list((places.root / "sessions").iterdir())) == 1
+    lines = [each.stderr.readline() for each in tried if each.stderr is not None]
+    assert sum(line.startswith("serving ") for line in lines) == 1, lines
+    assert sum(" is running: process " in line for line in lines) == 3, lines
+    _end(tried, lines)
+    assert len(list((runtimes.root / "sessions").iterdir())) == 1
 
 
 def _serve(study: Path, how: list[str], **environment: str) -> subprocess.Popen[str]:
@@ -200,8 +200,8 @@ def _serve(study: Path, how: list[str], **environment: str) -> subprocess.Popen[
     )
 
 
-def _end(tried: list[subprocess.Popen[str]], said: list[str]) -> None:
-    for each, line in zip(tried, said, strict=True):
+def _end(tried: list[subprocess.Popen[str]], lines: list[str]) -> None:
+    for each, line in zip(tried, lines, strict=True):
         refused = " is running: process " in line
         if not refused:
             each.terminate()
@@ -210,8 +210,8 @@ def _end(tried: list[subprocess.Popen[str]], said: list[str]) -> None:
         each.stderr.close()
 
 
-def test_a_copied_folder_is_not_locked(places: Places) -> None:
-    study = folder(places.root / "study")
+def test_a_copied_folder_is_not_locked(runtimes: Runtimes) -> None:
+    study = folder(runtimes.root / "study")
     it = begun(study)
     copy = it.record.with_name("copy")
     shutil.copytree(it.record, copy)
@@ -251,9 +251,9 @@ def test_a_forked_process_does_not_hold_the_lock(tmp_path: Path) -> None:
 
 
 def test_the_lock_is_there_before_a_byte_is_read_and_while_it_is_repaired(
-    places: Places, monkeypatch: pytest.MonkeyPatch
+    runtimes: Runtimes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    record = killed(folder(places.root / "study"))
+    record = killed(folder(runtimes.root / "study"))
     path = record / JOURNAL
     lines = path.read_bytes().splitlines(keepends=True)
     at = next(n for n, line in enumerate(lines) if b'"kind":"robot"' in line)
@@ -284,8 +284,8 @@ def wrap(monkeypatch: pytest.MonkeyPatch, name: str, also: Any) -> None:
     monkeypatch.setattr(name, wrapped)
 
 
-def test_a_journal_that_was_removed_and_is_written_anew_is_locked(places: Places) -> None:
-    it = begun(folder(places.root / "study"))
+def test_a_journal_that_was_removed_and_is_written_anew_is_locked(runtimes: Runtimes) -> None:
+    it = begun(folder(runtimes.root / "study"))
     (it.record / JOURNAL).unlink()
     wait_for_file(it.record / JOURNAL)
     assert is_journal_locked(it.record / JOURNAL)
@@ -303,17 +303,17 @@ def wait_for_file(path: Path) -> None:
         time.sleep(0.02)
 
 
-def test_reading_needs_no_lock(places: Places) -> None:
-    it = begun(folder(places.root / "study"))
+def test_reading_needs_no_lock(runtimes: Runtimes) -> None:
+    it = begun(folder(runtimes.root / "study"))
     assert engine("replay", it.record).stdout.startswith("note: the session has not ended in order")
     assert engine("export", it.record, "--format", "csv").stdout.startswith("session,")
     assert it.end() == 0
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="needs root to become somebody else")
-def test_a_folder_that_may_only_be_read_is_refused_in_words(places: Places) -> None:
-    record = killed(folder(places.root / "study"))
-    places.root.chmod(0o755)
+def test_a_folder_that_may_only_be_read_is_refused_in_words(runtimes: Runtimes) -> None:
+    record = killed(folder(runtimes.root / "study"))
+    runtimes.root.chmod(0o755)
     program = (
         "import os, sys; from pathlib import Path; from rise_engine.session.recovery import recover\n"
         "from rise_engine.session.folder import SessionError\n"
@@ -340,8 +340,8 @@ def of_another_computer(record: Path) -> None:
     (record / HOLDER_FILE).write_text(json.dumps({**note, "host": "lab-2"}))
 
 
-def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.MonkeyPatch) -> None:
-    study = folder(places.root / "study")
+def test_another_computer_had_it_last(runtimes: Runtimes, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = folder(runtimes.root / "study")
     record = killed(study)
     of_another_computer(record)
     recover(record)  # on a disk of this machine the lock says it all; a copied or a renamed computer binds nobody
@@ -354,18 +354,18 @@ def test_another_computer_had_it_last(places: Places, monkeypatch: pytest.Monkey
         JournalLock(record / JOURNAL)
     order = SessionOptions(str(study), unfinished=str(record))
     with pytest.raises(ServeRefused) as refused:
-        _SessionPreparation(order, print)
+        SessionPreparation(order, print)
     assert refused.value.report.code == 5 and "lab-2" in refused.value.report.lines[0]
     holder = read_holder(record)
     assert holder is not None and holder.host == "lab-2", "who only asked has changed nothing"
-    prepared = _SessionPreparation(SessionOptions(str(study), unfinished=str(record), from_other_computer=True), print)
+    prepared = SessionPreparation(SessionOptions(str(study), unfinished=str(record), from_other_computer=True), print)
     holder = read_holder(record)
     assert holder is not None and holder.host == platform.node()
     prepared.close()
 
 
-def test_where_nothing_can_be_locked_it_is_asked_too(places: Places, monkeypatch: pytest.MonkeyPatch) -> None:
-    record = killed(folder(places.root / "study"))
+def test_where_nothing_can_be_locked_it_is_asked_too(runtimes: Runtimes, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = killed(folder(runtimes.root / "study"))
     monkeypatch.setattr(locks, "file_system", lambda path: "cifs")
     with pytest.raises(HeldElsewhereError, match="say --here too"):
         JournalLock(record / JOURNAL)
@@ -413,7 +413,7 @@ def test_who_is_refused_is_told_even_without_a_note(tmp_path: Path) -> None:
         JournalLock(tmp_path / "nothing.jsonl")
 
 
-def test_those_who_look_whether_it_runs_keep_nobody_from_taking_it(tmp_path: Path) -> None:
+def test_asking_whether_a_session_runs_keeps_nobody_from_its_lock(tmp_path: Path) -> None:
     """However long one of them stands still while it looks."""
     (tmp_path / JOURNAL).touch()
     looking = os.open(tmp_path / JOURNAL, os.O_RDONLY)

@@ -1,5 +1,5 @@
 """A runtime folder with a short path for each test, as the tests of the server have it."""
 
-from tests.server.conftest import place
+from tests.server.conftest import scratch
 
-__all__ = ["place"]
+__all__ = ["scratch"]

@@ -28,16 +28,16 @@ sys.stdin.read()
 """
 
 
-def test_the_folder_is_made_and_is_ones_own(place: Path) -> None:
+def test_the_folder_is_made_and_is_ones_own(scratch: Path) -> None:
     folder = registry.runtime_folder()
-    assert folder == place / "run" and stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert folder == scratch / "run" and stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert registry.runtime_folder() == folder
 
 
-def test_which_folder(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_which_folder(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RISE_RUNTIME")
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(place))
-    assert registry.runtime_folder() == place / "rise-tui"
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(scratch))
+    assert registry.runtime_folder() == scratch / "rise-tui"
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     uid = os.getpid() + 1_000_000  # nobody's; so the folder that is made is not this user's
     monkeypatch.setattr(os, "getuid", lambda: uid)
@@ -48,15 +48,15 @@ def test_which_folder(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         Path(f"/tmp/rise-tui-{uid}").rmdir()
 
 
-def test_an_unsafe_folder_is_refused(place: Path) -> None:
-    run = place / "run"
+def test_an_unsafe_folder_is_refused(scratch: Path) -> None:
+    run = scratch / "run"
     run.mkdir(0o700)
     run.chmod(0o750)
     with pytest.raises(RegistryError, match=r"open to other users.*chmod 700"):
         registry.runtime_folder()
     run.rmdir()
-    (place / "real").mkdir(0o700)
-    run.symlink_to(place / "real")
+    (scratch / "real").mkdir(0o700)
+    run.symlink_to(scratch / "real")
     with pytest.raises(RegistryError, match="is a link"):
         registry.runtime_folder()
     run.unlink()
@@ -71,22 +71,22 @@ def test_an_unsafe_folder_is_refused(place: Path) -> None:
             registry.acquire_lock("x")
 
 
-def test_a_folder_that_cannot_be_made(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (place / "file").touch()
-    monkeypatch.setenv("RISE_RUNTIME", str(place / "file" / "run"))
+def test_a_folder_that_cannot_be_made(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (scratch / "file").touch()
+    monkeypatch.setenv("RISE_RUNTIME", str(scratch / "file" / "run"))
     with pytest.raises(RegistryError, match="cannot be made: Not a directory"):
         registry.runtime_folder()
 
 
-def test_the_name_of_a_session(place: Path) -> None:
-    folder = place / "Ölüm & Leben (2)"
+def test_the_name_of_a_session(scratch: Path) -> None:
+    folder = scratch / "Ölüm & Leben (2)"
     folder.mkdir()
-    (place / "link").symlink_to(folder)
+    (scratch / "link").symlink_to(folder)
     name = registry.session_name(folder)
     assert name.startswith("olum-leben-2-") and len(name) == len("olum-leben-2-") + 6
-    assert registry.session_name(place / "link") == name == registry.session_name(f"{folder}/")
-    (place / "other" / folder.name).mkdir(parents=True)
-    assert registry.session_name(place / "other" / folder.name) != name
+    assert registry.session_name(scratch / "link") == name == registry.session_name(f"{folder}/")
+    (scratch / "other" / folder.name).mkdir(parents=True)
+    assert registry.session_name(scratch / "other" / folder.name) != name
     assert registry.session_name("/").startswith("scenario-")
     assert len(registry.session_name("/" + "x" * 200)) <= 39
     for odd in ("", "../x", "a/b", ".hidden", "x" * 65):
@@ -94,13 +94,13 @@ def test_the_name_of_a_session(place: Path) -> None:
             registry.socket_path(odd)
 
 
-def test_a_path_that_is_too_long(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RISE_RUNTIME", str(place / ("x" * 100)))
+def test_a_path_that_is_too_long(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RISE_RUNTIME", str(scratch / ("x" * 100)))
     with pytest.raises(RegistryError, match="shorter path in RISE_RUNTIME"):
         registry.acquire_lock("name")
 
 
-def test_one_lock_at_a_time_and_nothing_left_after_it(place: Path) -> None:
+def test_one_lock_at_a_time_and_nothing_left_after_it(scratch: Path) -> None:
     lock = registry.acquire_lock("study-123456")
     assert lock is not None and registry.running_names() == ["study-123456"]
     assert registry.acquire_lock("study-123456") is None
@@ -115,7 +115,7 @@ def test_one_lock_at_a_time_and_nothing_left_after_it(place: Path) -> None:
         assert again.name == "study-123456"
 
 
-def test_looking_does_not_keep_anybody_from_locking(place: Path) -> None:
+def test_asking_whether_it_is_locked_keeps_nobody_from_locking(scratch: Path) -> None:
     done = threading.Event()
 
     def look() -> None:
@@ -134,7 +134,7 @@ def test_looking_does_not_keep_anybody_from_locking(place: Path) -> None:
         looking.join()
 
 
-def test_a_name_without_its_digits(place: Path) -> None:
+def test_a_name_without_its_digits(scratch: Path) -> None:
     with pytest.raises(RegistryError, match="no session study is running; no session is running"):
         registry.find_running("study")
     with (
@@ -152,7 +152,7 @@ def test_a_name_without_its_digits(place: Path) -> None:
             registry.find_running("study")
 
 
-def test_a_killed_engine_leaves_no_lock_and_its_socket_is_replaced(place: Path) -> None:
+def test_a_killed_engine_leaves_no_lock_and_its_socket_is_replaced(scratch: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", HOLDER, "killed-123456"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as holder:

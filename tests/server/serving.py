@@ -41,11 +41,9 @@ FAST = 50.0
 class Served:
     """A running session and its parts."""
 
-    def __init__(
-        self, engine: Engine, hub: SessionHub, server: SessionServer, claim: SessionLock, folder: Path
-    ) -> None:
-        self.engine, self.hub, self.server, self.claim, self.folder = engine, hub, server, claim, folder
-        self.name, self.path = claim.name, claim.socket
+    def __init__(self, engine: Engine, hub: SessionHub, server: SessionServer, lock: SessionLock, folder: Path) -> None:
+        self.engine, self.hub, self.server, self.lock, self.folder = engine, hub, server, lock, folder
+        self.name, self.path = lock.name, lock.socket
 
     def client(self, who: str = "anna", role: Any = "wizard", *, resync: bool = False) -> SocketClient:
         return SocketClient(self.path, who, role, resync=resync)
@@ -60,9 +58,9 @@ async def served(
     folder = create_session(
         root / "sessions", loaded.scenario, loaded.files, seed=1, speed=speed, faults=(), versions={"rise-tui": "test"}
     )
-    claim = registry.acquire_lock(registry.session_name(scenario))
-    assert claim is not None
-    with claim:
+    lock = registry.acquire_lock(registry.session_name(scenario))
+    assert lock is not None
+    with lock:
         loop = asyncio.get_running_loop()
         clock = RealClock(loop, speed)
         robot = make_robot(loaded.scenario.robot, loaded.scenario.mode, clock, 1, ())
@@ -74,11 +72,11 @@ async def served(
         journal = None if disk is None else Journal(folder / JOURNAL, changed=changed, disk=disk, retry=0.01)
         engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
         hub = SessionHub(engine, str(folder))
-        server = SessionServer(hub, claim.socket)
+        server = SessionServer(hub, lock.socket)
         await server.start()
         engine.start()
         try:
-            yield Served(engine, hub, server, claim, folder)
+            yield Served(engine, hub, server, lock, folder)
         finally:
             engine.end("the test is over")
             engine.end_now("the test is over")
@@ -172,14 +170,14 @@ class Follower:
         await self.over()
 
 
-class Raw:
+class RawConnection:
     """A connection that sends and reads lines as they are."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.reader, self.writer = reader, writer
 
     @classmethod
-    async def open(cls, path: Path) -> Raw:
+    async def open(cls, path: Path) -> RawConnection:
         return cls(*await asyncio.open_unix_connection(path, limit=2**24))
 
     def send(self, **message: Any) -> None:

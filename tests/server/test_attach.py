@@ -24,7 +24,7 @@ from rise_engine.protocol.messages import (
 from rise_engine.server import attachment
 from rise_engine.server import server as serving
 
-from .serving import FAST, GREETING, Follower, Raw, Served, served
+from .serving import FAST, GREETING, Follower, RawConnection, Served, served
 
 
 def act(name: str, calling_type: str = "") -> Submit:
@@ -45,8 +45,8 @@ def test_the_state_on_the_wire_has_every_field_of_a_view() -> None:
     assert set(ViewWithoutTasks.__struct_fields__) == set(SessionView.__struct_fields__) - {"tasks"}
 
 
-async def test_early_and_late_clients_have_the_same_view(place: Path) -> None:
-    async with served(place, GREETING) as session:
+async def test_early_and_late_clients_have_the_same_view(scratch: Path) -> None:
+    async with served(scratch, GREETING) as session:
         client: Client = session.client()
         early = await Follower(client).attach()
         hello = early.hello
@@ -78,8 +78,8 @@ async def test_early_and_late_clients_have_the_same_view(place: Path) -> None:
         assert 0 < client.now() - session.engine.clock.now() + 0.5 * FAST < FAST
 
 
-async def test_many_tasks_come_in_pieces(place: Path) -> None:
-    async with served(place) as session:
+async def test_many_tasks_come_in_pieces(scratch: Path) -> None:
+    async with served(scratch) as session:
         early = await Follower(session.client("program", "node")).attach()
         for number in range(5 * serving.TASKS_AT_ONCE + 3):
             await early.client.send(Submit(function="raiseEventTopic", behavior=f"/e{number}"))
@@ -100,8 +100,8 @@ def test_what_no_file_can_hold_crosses_the_socket() -> None:
     assert with_tasks(msgspec.json.decode(encoded, type=ViewWithoutTasks), []) == view
 
 
-async def test_how_recording_stands_comes_among_the_records(place: Path) -> None:
-    async with served(place) as session:
+async def test_how_recording_stands_comes_among_the_records(scratch: Path) -> None:
+    async with served(scratch) as session:
         follower = await Follower(session.client()).attach()
         trouble = JournalStatus(7, 2.0, "the disk is full")
         assert session.engine.on_journal_status is not None
@@ -110,8 +110,8 @@ async def test_how_recording_stands_comes_among_the_records(place: Path) -> None
         assert follower.journaling == [trouble]
 
 
-async def test_the_end_of_the_session_ends_the_stream_and_nothing_else_does(place: Path) -> None:
-    async with served(place) as session:
+async def test_the_end_of_the_session_ends_the_stream_and_nothing_else_does(scratch: Path) -> None:
+    async with served(scratch) as session:
         anna, bob = Follower(session.client()), Follower(session.client("bob"))
         await anna.attach()
         await bob.attach()
@@ -136,8 +136,8 @@ async def _ended(session: Served) -> None:
     await done.wait()
 
 
-async def test_a_failed_engine_is_no_ordinary_end(place: Path) -> None:
-    async with served(place) as session:
+async def test_a_failed_engine_is_no_ordinary_end(scratch: Path) -> None:
+    async with served(scratch) as session:
         follower = await Follower(session.client()).attach()
         session.engine.failure = AssertionError("a mistake in the kernel")
         await session.server.close()
@@ -147,32 +147,32 @@ async def test_a_failed_engine_is_no_ordinary_end(place: Path) -> None:
         session.engine.failure = None
 
 
-async def test_a_cut_connection_is_told_from_an_engine_that_has_gone(place: Path) -> None:
-    async with served(place) as session:
+async def test_a_cut_connection_and_an_engine_that_has_gone_are_different_errors(scratch: Path) -> None:
+    async with served(scratch) as session:
         first, second = await Follower(session.client()).attach(), await Follower(session.client("bob")).attach()
         waiting = asyncio.create_task(first.client.send(Note(text="x")))
         await waiting
-        for peer in tuple(session.server.connections):
-            peer.abort()
+        for connection in tuple(session.server.connections):
+            connection.abort()
         assert isinstance(await first.over(), LinkLost)
         with pytest.raises(LinkLost):
             await first.client.send(Note(text="y"))
         await first.attach()
         await sees(first, "back again", session)
-        session.claim.close()  # as the death of the process does
-        for peer in tuple(session.server.connections):
-            peer.abort()
+        session.lock.close()  # as the death of the process does
+        for connection in tuple(session.server.connections):
+            connection.abort()
         session.server._server.close()  # type: ignore[union-attr]
         error = await first.over()
         assert isinstance(error, EngineGone) and not isinstance(error, LinkLost) and "is not there" in str(error)
         await second.over()
 
 
-async def test_one_that_does_not_read_is_dropped_and_can_come_back(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+async def test_a_client_that_does_not_read_is_dropped_and_can_attach_again(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with served(place) as session:
-        lazy = await Raw.open(session.path)
+    async with served(scratch) as session:
+        lazy = await RawConnection.open(session.path)
         lazy.attach("lazy", "wizard")
         busy = await Follower(session.client("busy", "observer")).attach()
         await lazy.until("ready")
@@ -191,26 +191,26 @@ async def test_one_that_does_not_read_is_dropped_and_can_come_back(
         lazy.writer.transport.abort()
 
 
-async def test_the_state_is_not_waited_for_without_end(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_state_is_not_waited_for_without_end(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attachment, "STATE_SECONDS", 0.1)
-    async with served(place) as session:
+    async with served(scratch) as session:
         program = session.client("program", "node")
         await program.attach()
         for _ in range(20):
             await program.send(Submit(function="raiseEventTopic", behavior="/" + "e" * 60_000))
-        slow = await Raw.open(session.path)
+        slow = await RawConnection.open(session.path)
         slow.writer.transport.pause_reading()  # type: ignore[attr-defined]
         gone = asyncio.Event()
         leave = session.hub.detach
-        monkeypatch.setattr(session.hub, "detach", lambda member: (leave(member), gone.set()))
+        monkeypatch.setattr(session.hub, "detach", lambda client: (leave(client), gone.set()))
         slow.attach("slow")
         await asyncio.wait_for(gone.wait(), 10)
         assert list(session.hub.clients) == ["node:program"]
         slow.writer.transport.abort()
 
 
-async def test_the_name_of_the_session_is_enough(place: Path) -> None:
-    async with served(place) as session:
+async def test_the_name_of_the_session_is_enough(scratch: Path) -> None:
+    async with served(scratch) as session:
         from rise_engine.client.socket import SocketClient
 
         for name in (session.name, "lablinking"):
@@ -219,16 +219,16 @@ async def test_the_name_of_the_session_is_enough(place: Path) -> None:
             await client.close()
 
 
-async def test_the_engine_tells_what_it_runs_whatever_became_of_the_copy(place: Path) -> None:
-    async with served(place) as session:
+async def test_the_engine_sends_its_scenario_whatever_became_of_the_copy(scratch: Path) -> None:
+    async with served(scratch) as session:
         (session.folder / "scenario" / "memory.json").write_text('{"WorkingMemory": []}')
         follower = await Follower(session.client()).attach()
         assert follower.hello.scenario == session.engine.scenario
 
 
-async def test_who_knows_what_runs_is_not_told_again(place: Path) -> None:
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+async def test_a_client_that_has_the_scenario_is_not_sent_it_again(scratch: Path) -> None:
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         raw.attach()
         types = [(await raw.read())["type"]]
         while types[-1] != "ready":
@@ -238,11 +238,11 @@ async def test_who_knows_what_runs_is_not_told_again(place: Path) -> None:
 
 
 async def test_a_copy_of_the_scenario_that_was_changed_is_not_believed(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Read by clients that the engine cannot tell what it runs."""
     monkeypatch.setattr(serving, "encode_scenario", _cannot)
-    async with served(place) as session:
+    async with served(scratch) as session:
         follower = await Follower(session.client()).attach()
         assert follower.hello.scenario.acts == session.engine.scenario.acts
         memory = session.folder / "scenario" / "memory.json"
@@ -256,24 +256,24 @@ def _cannot(scenario: object) -> bytes:
 
 
 async def test_an_engine_of_another_release_may_describe_what_it_runs_otherwise(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(serving, "encode_scenario", lambda scenario: b'{"title":"Greeting","stages":[]}')
-    async with served(place) as session:
+    async with served(scratch) as session:
         follower = await Follower(session.client()).attach()
         assert follower.hello.scenario.rules == session.engine.scenario.rules
 
 
 @pytest.mark.parametrize("seed", range(3))
-async def test_who_comes_in_the_middle_of_everything_sees_the_same(
-    place: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+async def test_a_client_that_attaches_while_much_happens_sees_the_same(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
     """Acts that begin, wait and are stopped, an act that is cancelled, tasks that the view forgets, portions of two."""
     monkeypatch.setattr("rise_engine.kernel.view.MAX_ENDED_TASKS", 40)
     monkeypatch.setattr("rise_engine.kernel.view.FORGET_AT_ONCE", 7)
     monkeypatch.setattr(serving, "TASKS_AT_ONCE", 2)
     chance = Random(seed)
-    async with served(place, GREETING) as session:
+    async with served(scratch, GREETING) as session:
         early = await Follower(session.client("early", "node")).attach()
         send = early.client.send
         acts = sorted(session.engine.scenario.acts)

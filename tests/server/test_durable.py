@@ -12,10 +12,10 @@ from rise_engine.server.server import MAX_UNANSWERED
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL
 
-from .serving import Follower, Raw, served
+from .serving import Follower, RawConnection, served
 
 
-class Slow(Disk):
+class SlowDisk(Disk):
     """Synchronises when it is let, and fails when it is told to."""
 
     def __init__(self) -> None:
@@ -30,8 +30,8 @@ class Slow(Disk):
         super().sync(descriptor)
 
 
-async def test_what_was_accepted_is_on_the_disk(place: Path) -> None:
-    async with served(place, disk=Disk()) as session:
+async def test_what_was_accepted_is_on_the_disk(scratch: Path) -> None:
+    async with served(scratch, disk=Disk()) as session:
         follower = await Follower(session.client()).attach()
         await follower.until(lambda view: view.control == "wizard:anna")
         for number in range(50):
@@ -39,12 +39,12 @@ async def test_what_was_accepted_is_on_the_disk(place: Path) -> None:
             assert f"note {number}".encode() in (session.folder / JOURNAL).read_bytes()
 
 
-async def test_nobody_is_told_what_could_still_be_lost(place: Path) -> None:
-    disk = Slow()
-    async with served(place, disk=disk) as session:
+async def test_nobody_is_told_what_could_still_be_lost(scratch: Path) -> None:
+    disk = SlowDisk()
+    async with served(scratch, disk=disk) as session:
         watching = await Follower(session.client("watch", "observer")).attach()
         await watching.until(lambda view: view.session)
-        wizard = await Raw.open(session.path)
+        wizard = await RawConnection.open(session.path)
         wizard.attach("anna", "wizard")
         await wizard.until("ready")
         await watching.until(lambda view: view.control)
@@ -65,14 +65,14 @@ async def test_nobody_is_told_what_could_still_be_lost(place: Path) -> None:
         await wizard.close()
 
 
-async def test_whoever_goes_before_the_answer_hurts_nobody(place: Path) -> None:
-    disk = Slow()
-    async with served(place, disk=disk) as session:
+async def test_a_client_that_leaves_before_its_answer_hurts_nobody(scratch: Path) -> None:
+    disk = SlowDisk()
+    async with served(scratch, disk=disk) as session:
         watching = await Follower(session.client("watch", "observer")).attach()
         await watching.until(lambda view: view.session)
         for _ in range(20):
             seq = watching.view.seq
-            asker = await Raw.open(session.path)
+            asker = await RawConnection.open(session.path)
             asker.attach("asker")
             await asker.until("ready")
             disk.let.clear()
@@ -84,9 +84,9 @@ async def test_whoever_goes_before_the_answer_hurts_nobody(place: Path) -> None:
         await watching.close()
 
 
-async def test_many_who_ask_at_once_get_every_record_once(place: Path) -> None:
+async def test_many_that_send_at_once_get_every_record_once(scratch: Path) -> None:
     """`Follower` finds gaps and repetitions."""
-    async with served(place, disk=Disk()) as session:
+    async with served(scratch, disk=Disk()) as session:
         followers = [await Follower(session.client(f"n{number}", "node")).attach() for number in range(5)]
 
         async def ask(follower: Follower) -> None:
@@ -102,9 +102,9 @@ async def test_many_who_ask_at_once_get_every_record_once(place: Path) -> None:
             await follower.close()
 
 
-async def test_a_disk_that_fails_is_told_to_everybody(place: Path) -> None:
-    disk = Slow()
-    async with served(place, disk=disk) as session:
+async def test_a_disk_that_fails_is_told_to_everybody(scratch: Path) -> None:
+    disk = SlowDisk()
+    async with served(scratch, disk=disk) as session:
         follower = await Follower(session.client()).attach()
         await follower.until(lambda view: view.control)
         disk.full = True

@@ -18,8 +18,8 @@ from rise_engine.server.hub import AttachedClient, NotAdmitted, SessionHub
 from tests.engine.samples import GREETING, profile, scenario
 
 
-class Played:
-    """A room with an engine in virtual time, and what came of it."""
+class HubSession:
+    """A hub with an engine in virtual time, and what came of it."""
 
     def __init__(self, *, start: bool = True, **more: Any) -> None:
         clock = VirtualClock()
@@ -27,7 +27,7 @@ class Played:
         self.hub = SessionHub(self.engine, **more)
         self.records: list[AnyRecord] = []
         self.hub.subscribe(self.records.append)  # type: ignore[arg-type]
-        self.members: dict[str, AttachedClient] = {}
+        self.clients: dict[str, AttachedClient] = {}
         if start:
             self.engine.start()
 
@@ -37,30 +37,30 @@ class Played:
         role: Any = {"w": "wizard", "o": "observer", "n": "node"}[who[0]]
         answers: list[Reply] = []
         if verb == "attaches":
-            self.members[who] = self.hub.attach(who[1:], role)
+            self.clients[who] = self.hub.attach(who[1:], role)
             return ""
-        member = self.members[who]
+        client = self.clients[who]
         match verb:
             case "leaves":
-                self.hub.detach(member)
+                self.hub.detach(client)
                 return ""
             case "takes" | "asks" | "gives" | "releases":
-                self.hub.change_control(member, verb.removesuffix("s"), answers.append)  # type: ignore[arg-type]
+                self.hub.change_control(client, verb.removesuffix("s"), answers.append)  # type: ignore[arg-type]
             case "acts":
                 task = Submit(function="startCommunicationRobotAct", behavior="Greet", source="wizard:eve")
-                self.hub.submit(member, task, answers.append)
+                self.hub.submit(client, task, answers.append)
             case "stops":
-                self.hub.submit(member, Submit(function="stopAll"), answers.append)
+                self.hub.submit(client, Submit(function="stopAll"), answers.append)
             case "frees":
-                self.hub.submit(member, Submit(function="releaseStop"), answers.append)
+                self.hub.submit(client, Submit(function="releaseStop"), answers.append)
             case "marks":
-                self.hub.submit(member, Submit(function="markMistake", behavior="1 late"), answers.append)
+                self.hub.submit(client, Submit(function="markMistake", behavior="1 late"), answers.append)
             case "cues":
-                self.hub.submit(member, Submit(function="markCue"), answers.append)
+                self.hub.submit(client, Submit(function="markCue"), answers.append)
             case "notes":
-                self.hub.submit(member, Note(text="x", source="wizard:eve"), answers.append)
+                self.hub.submit(client, Note(text="x", source="wizard:eve"), answers.append)
             case "ends":
-                self.hub.end_session(member, "", answers.append)
+                self.hub.end_session(client, "", answers.append)
         (reply,) = answers
         assert reply.accepted or reply.reason, "a rejection says why"
         return "" if reply.accepted else reply.reason
@@ -131,7 +131,7 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
 
 @pytest.mark.parametrize(("deeds", "reason", "control"), [row[1:] for row in RULES], ids=[row[0] for row in RULES])
 def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
-    played = Played(end=lambda reason: None)
+    played = HubSession(end=lambda reason: None)
     *before, last = deeds.split(", ")
     for deed in before:
         assert played.does(deed) == "", deed
@@ -145,7 +145,7 @@ def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
 
 
 def test_the_record_names_the_person_and_control_the_console() -> None:
-    played = Played()
+    played = HubSession()
     first, second = played.hub.attach("anna", "wizard"), played.hub.attach("anna", "wizard")
     assert (first.name, second.name) == ("wizard:anna", "wizard:anna#2")
     answers: list[Reply] = []
@@ -161,7 +161,7 @@ def test_the_record_names_the_person_and_control_the_console() -> None:
 
 
 def test_the_name_of_the_wizard_lasts_when_their_console_has_gone() -> None:
-    it = Played()
+    it = HubSession()
     assert it.hub.summary().wizard == ""
     for deed in ("wanna attaches", "oben attaches", "wanna leaves"):
         it.does(deed)
@@ -187,14 +187,14 @@ def test_the_name_of_the_wizard_lasts_when_their_console_has_gone() -> None:
 )
 def test_nobody_comes_under_a_name_that_looks_like_another_one(there: str, comes: str, why: str) -> None:
     for role in ("wizard", "observer"):
-        it = Played()
+        it = HubSession()
         it.hub.attach(there, "wizard")
         with pytest.raises(NotAdmitted, match=why):
             it.hub.attach(comes, role)  # type: ignore[arg-type]
 
 
 def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -> None:
-    it = Played()
+    it = HubSession()
     it.hub.detach(it.hub.attach("cope", "wizard"))
     with pytest.raises(NotAdmitted, match="who is in this session's record"):
         it.hub.attach("\u0441\u043e\u0440\u0435", "wizard")
@@ -218,14 +218,14 @@ def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -
     ],
 )
 def test_names_of_all_scripts_are_names(name: str) -> None:
-    it = Played()
+    it = HubSession()
     assert it.hub.attach(name, "wizard").source == f"wizard:{normalize('NFC', name)}"
     it.hub.attach(normalize("NFD", name), "wizard")  # written on another system: the same person
 
 
 def test_nothing_comes_before_the_session() -> None:
     """Consoles may attach while the engine is still to start; the session's first record is its own."""
-    played = Played(start=False)
+    played = HubSession(start=False)
     played.does("wa attaches")
     played.does("wb attaches")
     assert "not begun" in played.does("wa acts") and "not begun" in played.does("wb takes")
@@ -238,7 +238,7 @@ def test_nothing_comes_before_the_session() -> None:
 
 def test_who_held_control_when_the_engine_died_does_not_hold_it_for_ever() -> None:
     for comes, control in ((False, [("released", "wizard:z", None)]), (True, [TAKEN])):
-        played = Played(start=False, view=SessionView(control="wizard:z"))
+        played = HubSession(start=False, view=SessionView(control="wizard:z"))
         if comes:
             played.does("wa attaches")
         played.engine.start()
@@ -248,7 +248,7 @@ def test_who_held_control_when_the_engine_died_does_not_hold_it_for_ever() -> No
 def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_later(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    played = Played()
+    played = HubSession()
     for deed in ("wa attaches", "wb attaches"):
         played.does(deed)
     with monkeypatch.context() as patch:
@@ -264,7 +264,7 @@ def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_la
 
 
 def test_after_the_end_nobody_attaches() -> None:
-    played = Played()
+    played = HubSession()
     played.engine.end("done")
     with pytest.raises(NotAdmitted, match="has ended"):
         played.does("wa attaches")
@@ -272,7 +272,7 @@ def test_after_the_end_nobody_attaches() -> None:
 
 
 def test_a_listener_that_fails_hurts_nobody(caplog: pytest.LogCaptureFixture) -> None:
-    played = Played()
+    played = HubSession()
 
     def fails(update: object) -> None:
         raise ValueError("a mistake")

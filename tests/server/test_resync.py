@@ -13,7 +13,7 @@ from rise_engine.protocol.client import LinkLost, Resync
 from rise_engine.server import attachment
 from rise_engine.server import server as serving
 
-from .serving import GREETING, Follower, Raw, Served, served
+from .serving import GREETING, Follower, RawConnection, Served, served
 
 
 def events(session: Served, count: int) -> None:
@@ -39,8 +39,8 @@ async def flooded(session: Served, console: Follower) -> None:
 
 
 @pytest.mark.slow
-async def test_it_gets_the_state_anew_and_goes_on(place: Path) -> None:
-    async with served(place, GREETING) as session:
+async def test_a_client_that_lay_behind_gets_the_state_anew_and_goes_on(scratch: Path) -> None:
+    async with served(scratch, GREETING) as session:
         console = await Follower(session.client(resync=True)).attach()
         for _ in range(3):
             await flooded(session, console)
@@ -51,8 +51,8 @@ async def test_it_gets_the_state_anew_and_goes_on(place: Path) -> None:
         await console.close()
 
 
-async def test_the_stop_works_all_the_while(place: Path) -> None:
-    async with served(place, GREETING) as session:
+async def test_the_stop_works_all_the_while(scratch: Path) -> None:
+    async with served(scratch, GREETING) as session:
         console = await Follower(session.client(resync=True)).attach()
         going = True
 
@@ -71,9 +71,9 @@ async def test_the_stop_works_all_the_while(place: Path) -> None:
         await console.close()
 
 
-async def test_marks_of_tasks_that_were_over_are_not_lost(place: Path) -> None:
+async def test_marks_of_tasks_that_were_over_are_not_lost(scratch: Path) -> None:
     """A task that ended long ago changes while nothing is kept for the console."""
-    async with served(place, GREETING) as session:
+    async with served(scratch, GREETING) as session:
         console = await Follower(session.client(resync=True)).attach()
         act = sorted(session.engine.scenario.acts)[0]
         task = (await console.client.send(Submit(function="startCommunicationRobotAct", behavior=act))).task
@@ -92,10 +92,10 @@ async def test_marks_of_tasks_that_were_over_are_not_lost(place: Path) -> None:
         await console.close()
 
 
-async def test_who_wants_every_record_is_cut_off_instead(place: Path) -> None:
+async def test_a_client_that_wants_every_record_is_cut_off_instead(scratch: Path) -> None:
     """A program is never left without a record that it does not know of."""
-    async with served(place, GREETING) as session:
-        program = await Raw.open(session.path)
+    async with served(scratch, GREETING) as session:
+        program = await RawConnection.open(session.path)
         program.attach()
         await program.until("ready")
         program.writer.transport.pause_reading()  # type: ignore[attr-defined]
@@ -106,12 +106,12 @@ async def test_who_wants_every_record_is_cut_off_instead(place: Path) -> None:
         await program.close()
 
 
-async def test_one_that_takes_nothing_at_all_is_dropped_in_the_end(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+async def test_a_client_that_takes_nothing_at_all_is_dropped_in_the_end(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(attachment, "BEHIND_SECONDS", 0.2)
-    async with served(place, GREETING) as session:
-        raw = await Raw.open(session.path)
+    async with served(scratch, GREETING) as session:
+        raw = await RawConnection.open(session.path)
         raw.send(type="attach", version=1, name="ben", role="observer", resync=True)
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]
@@ -122,8 +122,8 @@ async def test_one_that_takes_nothing_at_all_is_dropped_in_the_end(
         await raw.close()
 
 
-async def test_what_is_not_taken_is_not_read_without_end(place: Path) -> None:
-    async with served(place, GREETING) as session:
+async def test_what_is_not_taken_is_not_read_without_end(scratch: Path) -> None:
+    async with served(scratch, GREETING) as session:
         client = session.client(resync=True)
         hello = await client.attach()
         for _ in range(40):

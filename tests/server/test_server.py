@@ -18,7 +18,7 @@ from rise_engine.protocol.messages import MAX_LINE_BYTES, MAX_MESSAGE_BYTES, Ref
 from rise_engine.server import server as serving
 from rise_engine.server.hub import SessionHub
 
-from .serving import GREETING, Follower, Raw, served
+from .serving import GREETING, Follower, RawConnection, served
 
 BAD = {
     "no JSON": b"hello there\n",
@@ -41,10 +41,10 @@ BAD = {
 
 @pytest.mark.parametrize("attached", [False, True], ids=["at first", "later"])
 @pytest.mark.parametrize("what", BAD)
-async def test_a_bad_line_ends_that_connection_with_a_sentence(place: Path, what: str, attached: bool) -> None:
-    async with served(place) as session:
+async def test_a_bad_line_ends_that_connection_with_a_sentence(scratch: Path, what: str, attached: bool) -> None:
+    async with served(scratch) as session:
         other = await Follower(session.client()).attach()
-        bad = await Raw.open(session.path)
+        bad = await RawConnection.open(session.path)
         if attached:
             bad.attach()
             await bad.until("ready")
@@ -54,9 +54,9 @@ async def test_a_bad_line_ends_that_connection_with_a_sentence(place: Path, what
 
 
 @pytest.mark.parametrize("ended", [False, True], ids=["without its end", "with its end"])
-async def test_a_line_without_bounds_ends_that_connection(place: Path, ended: bool) -> None:
-    async with served(place) as session:
-        bad = await Raw.open(session.path)
+async def test_a_line_without_bounds_ends_that_connection(scratch: Path, ended: bool) -> None:
+    async with served(scratch) as session:
+        bad = await RawConnection.open(session.path)
         bad.attach()
         await bad.until("ready")
         bad.writer.write(b" " * (MAX_LINE_BYTES + 1) + (b"\n" if ended else b""))
@@ -64,9 +64,9 @@ async def test_a_line_without_bounds_ends_that_connection(place: Path, ended: bo
         assert not session.server.connections
 
 
-async def test_a_line_may_come_in_bits_and_many_at_once(place: Path) -> None:
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+async def test_a_line_may_come_in_bits_and_many_at_once(scratch: Path) -> None:
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         for byte in b'{"type":"attach","version":1,"name":"slow","role":"node"}\n':
             raw.writer.write(bytes([byte]))
             await raw.writer.drain()
@@ -80,10 +80,10 @@ async def test_a_line_may_come_in_bits_and_many_at_once(place: Path) -> None:
         await raw.close()
 
 
-async def test_half_a_line_and_a_farewell(place: Path) -> None:
-    async with served(place) as session:
+async def test_half_a_line_and_the_end_of_the_connection(scratch: Path) -> None:
+    async with served(scratch) as session:
         follower = await Follower(session.client("watch", "observer")).attach()
-        raw = await Raw.open(session.path)
+        raw = await RawConnection.open(session.path)
         raw.attach("half", "wizard")
         await raw.until("ready")
         await follower.until(lambda view: view.control == "wizard:half")
@@ -94,69 +94,71 @@ async def test_half_a_line_and_a_farewell(place: Path) -> None:
         assert [task.behavior for task in follower.view.tasks.values()] == ["/last"], "what was whole was taken"
 
 
-async def test_another_version_is_refused_in_words(place: Path) -> None:
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+async def test_another_version_is_refused_in_words(scratch: Path) -> None:
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         raw.send(type="attach", version=2, name="anna", role="wizard", theme="a field of the future")
         sentence = await raw.refused()
         assert "version 1" in sentence and "version 2" in sentence
 
 
-async def test_one_attaches_first_and_once(place: Path) -> None:
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+async def test_a_client_attaches_first_and_once(scratch: Path) -> None:
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         raw.send(type="send", id=1, message={"input": "note", "text": "x"})
         assert await raw.refused() == "attach first"
-        raw = await Raw.open(session.path)
+        raw = await RawConnection.open(session.path)
         raw.attach()
         raw.attach()
         assert await raw.refused() == "you are attached already"
 
 
 @pytest.mark.parametrize("name", ["", " ", " anna", "anna#2", "a\nb", "x" * 65])
-async def test_a_name_can_be_shown(place: Path, name: str) -> None:
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+async def test_a_name_can_be_shown(scratch: Path, name: str) -> None:
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         raw.attach(name)
         assert "name" in await raw.refused()
 
 
-async def test_who_does_not_say_who_it_is_is_closed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_connection_that_does_not_attach_is_closed(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "ATTACH_SECONDS", 0.05)
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         assert "not attached within 0.05 seconds" in await raw.refused()
-        attached = await Raw.open(session.path)
+        attached = await RawConnection.open(session.path)
         attached.attach()
         await attached.until("ready")
-        second = await Raw.open(session.path)
+        second = await RawConnection.open(session.path)
         await second.refused()
         attached.send(type="send", id=1, message={"input": "note", "text": "x"})
         await attached.until("reply")
         await attached.close()
 
 
-async def test_there_is_room_for_so_many(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_number_of_clients_is_limited(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "MAX_CLIENTS", 3)
-    async with served(place) as session:
-        raws = [await Raw.open(session.path) for _ in range(3)]
+    async with served(scratch) as session:
+        raws = [await RawConnection.open(session.path) for _ in range(3)]
         for raw in raws:
             raw.attach()
             await raw.until("ready")
-        assert "3 clients are connected" in await (await Raw.open(session.path)).refused()
+        assert "3 clients are connected" in await (await RawConnection.open(session.path)).refused()
         raws[0].send(type="send", id=1, message={"input": "note", "text": "x"})
         await raws[0].until("reply")
         for raw in raws:
             await raw.close()
 
 
-async def test_who_does_not_say_who_it_is_makes_room_for_others(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_connection_that_does_not_attach_makes_room_for_others(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(serving, "MAX_CLIENTS", 3)
-    async with served(place) as session:
-        silent = [await Raw.open(session.path) for _ in range(3)]
+    async with served(scratch) as session:
+        silent = [await RawConnection.open(session.path) for _ in range(3)]
         raws = []
         for _ in range(3):
-            raws.append(await Raw.open(session.path))
+            raws.append(await RawConnection.open(session.path))
             raws[-1].attach()
             await raws[-1].until("ready")
         for raw in silent:
@@ -165,9 +167,9 @@ async def test_who_does_not_say_who_it_is_makes_room_for_others(place: Path, mon
             await raw.close()
 
 
-async def test_a_long_message_is_rejected_and_the_next_one_is_not(place: Path) -> None:
-    async with served(place) as session:
-        raw = await Raw.open(session.path)
+async def test_a_long_message_is_rejected_and_the_next_one_is_not(scratch: Path) -> None:
+    async with served(scratch) as session:
+        raw = await RawConnection.open(session.path)
         raw.attach()
         raw.send(type="send", id=1, message={"input": "note", "text": "x" * MAX_MESSAGE_BYTES})
         raw.send(type="send", id=2, message={"input": "note", "text": "x"})
@@ -178,15 +180,15 @@ async def test_a_long_message_is_rejected_and_the_next_one_is_not(place: Path) -
 
 
 async def test_unanswered_messages_are_bounded_but_stop_all_is_not(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with served(place) as session:
+    async with served(scratch) as session:
         held: list[object] = []
 
-        def holds(self: SessionHub, member: object, message: object, answer: object) -> None:
+        def holds(self: SessionHub, client: object, message: object, answer: object) -> None:
             held.append(answer)
 
-        raw = await Raw.open(session.path)
+        raw = await RawConnection.open(session.path)
         raw.attach()
         await raw.until("ready")
         with monkeypatch.context() as patch:
@@ -203,10 +205,10 @@ async def test_unanswered_messages_are_bounded_but_stop_all_is_not(
         await raw.close()
 
 
-async def test_what_session_is_this(place: Path) -> None:
+async def test_a_summary_without_attaching(scratch: Path) -> None:
     from rise_engine.protocol import registry
 
-    async with served(place) as session:
+    async with served(scratch) as session:
         follower = await Follower(session.client()).attach()
         await follower.until(lambda view: view.control)
         about = (await asyncio.to_thread(registry.ask_all_summaries))[session.name]
@@ -219,28 +221,28 @@ async def test_what_session_is_this(place: Path) -> None:
         await follower.close()
 
 
-async def test_signs_of_life_come_by_themselves(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_signs_of_life_come_by_themselves(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "HEARTBEAT_SECONDS", 0.02)
-    async with served(place, speed=1.0) as session:
+    async with served(scratch, speed=1.0) as session:
         follower = await Follower(session.client()).attach()
         await follower.until(lambda view: len(follower.pulses) > 2)
         seen = [pulse.robot_seen for pulse in follower.pulses]
         assert None not in seen and seen == sorted(seen), "the simulated robot is there all the time"
         assert all(pulse.lag >= 0 for pulse in follower.pulses)
-        monkeypatch.setattr(session.engine, "_robot", object())  # a driver that does not know the question
+        monkeypatch.setattr(session.engine._commands, "_robot", object())  # a driver that does not know the question
         before = len(follower.pulses)
         await follower.until(lambda view: len(follower.pulses) > before + 1)
         assert follower.pulses[-1].robot_seen is None
         await follower.close()
 
 
-async def test_nobody_else_may_connect(place: Path) -> None:
-    async with served(place) as session:
+async def test_nobody_else_may_connect(scratch: Path) -> None:
+    async with served(scratch) as session:
         folder = session.path.parent
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700 and stat.S_IMODE(session.path.stat().st_mode) == 0o600
         if os.getuid() != 0:
             return
-        os.chmod(place, 0o755)  # noqa: PTH101
+        os.chmod(scratch, 0o755)  # noqa: PTH101
         assert await _as_nobody(session.path) == "PermissionError"
         os.chmod(folder, 0o755)  # noqa: PTH101
         assert await _as_nobody(session.path) == "PermissionError"
@@ -267,8 +269,8 @@ else:
     return done.stdout.strip()
 
 
-async def test_a_socket_that_lies_there_already_is_an_error(place: Path) -> None:
-    async with served(place) as session:
+async def test_a_socket_that_lies_there_already_is_an_error(scratch: Path) -> None:
+    async with served(scratch) as session:
         with pytest.raises(OSError):
             await serving.SessionServer(session.hub, session.path).start()
         with socket.socket(socket.AF_UNIX) as connection:
@@ -276,13 +278,13 @@ async def test_a_socket_that_lies_there_already_is_an_error(place: Path) -> None
 
 
 async def test_a_connection_that_ends_while_it_is_written_to_ends_once(
-    place: Path, monkeypatch: pytest.MonkeyPatch
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is closed when a slow client has taken the rest; asyncio tells of that in the middle of its own write."""
     failed: list[dict[str, Any]] = []
     asyncio.get_running_loop().set_exception_handler(lambda loop, context: failed.append(context))
-    async with served(place, GREETING) as session:
-        raw = await Raw.open(session.path)
+    async with served(scratch, GREETING) as session:
+        raw = await RawConnection.open(session.path)
         raw.attach()
         await raw.until("ready")
         raw.writer.transport.pause_reading()  # type: ignore[attr-defined]

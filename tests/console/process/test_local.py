@@ -12,10 +12,10 @@ from rise_tui.config.launch import Launcher, ScenarioProblems, load_scenario
 from rise_tui.console.app import ConsoleApp
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
-from tests.server.conftest import place
+from tests.server.conftest import scratch
 from tests.server.serving import OwnSession
 
-__all__ = ["place"]
+__all__ = ["scratch"]
 
 
 def started(settings: SessionOptions, root: Path) -> ConsoleApp:
@@ -25,8 +25,8 @@ def started(settings: SessionOptions, root: Path) -> ConsoleApp:
     return ConsoleApp(scenario, settings, wizard="anna", launcher=fast)
 
 
-async def test_a_session_from_the_first_key_to_the_last(place: Path) -> None:
-    app = started(SessionOptions(DEMO, seed=1), place)
+async def test_a_session_from_the_first_key_to_the_last(scratch: Path) -> None:
+    app = started(SessionOptions(DEMO, seed=1), scratch)
     async with app.run_test(size=(200, 50)) as pilot:
         it = Console(pilot, FakeClient(demo()), FakeLauncher())
         await it.until(lambda: app.console_screen is not None and "Greet" in it.text("acts"))

@@ -1,0 +1,118 @@
+"""Carrying out what the kernel asks for: timers on the session's clock, actions on the robot.
+
+An adapter's exception ends here. It becomes a report like any other, so that the record says what went wrong.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import partial
+
+from rise_engine.engine.clock import SessionClock
+from rise_engine.kernel.commands import CancelAction, CancelTimer, Command, SetTimer, StartAction, StopRobot
+from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
+from rise_engine.ports.robot import Robot, Timer
+
+_LOG = logging.getLogger(__name__)
+
+
+class CommandRunner:
+    """One session's timers and robot."""
+
+    def __init__(self, robot: Robot, robot_name: str, clock: SessionClock, post: Callable[[AnyInput], None]) -> None:
+        """
+        :param robot: not connected yet.
+        :param robot_name: as the record calls it.
+        :param clock: the session's.
+        :param post: takes what the robot reports, and every timer that has elapsed.
+        """
+        self._robot = robot
+        self._robot_name = robot_name
+        self._clock = clock
+        self._post = post
+        self._timers: dict[int, Timer] = {}
+
+    @property
+    def has_timers(self) -> bool:
+        """Whether any timer is set."""
+        return bool(self._timers)
+
+    @property
+    def robot_seen(self) -> float | None:
+        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        try:
+            return self._robot.seen()
+        except Exception:  # an adapter of others, perhaps older than this question
+            return None
+
+    def connect(self) -> None:
+        """Begin to reach the robot."""
+        try:
+            self._robot.connect(self._post)
+        except Exception as error:
+            _LOG.exception("the robot adapter failed to connect")
+            self._post(RobotChanged(status="lost", detail=_adapter_failure(error)))
+
+    def set_timer(self, timer: int, at: float) -> None:
+        """Post a `TimerElapsed` for this timer at the session time `at`."""
+        self._timers[timer] = self._clock.call_at(at, partial(self._on_timer_elapsed, timer))
+
+    def _on_timer_elapsed(self, timer: int) -> None:
+        self._timers.pop(timer, None)
+        self._post(TimerElapsed(timer=timer))
+
+    def run(self, command: Command) -> None:
+        """Carry out one command. Never raises."""
+        match command:
+            case SetTimer(timer=timer, at=at):
+                self.set_timer(timer, at)
+            case CancelTimer(timer=timer):
+                handle = self._timers.pop(timer, None)
+                if handle is not None:
+                    handle.cancel()
+            case StartAction():
+                try:
+                    self._robot.start(command)
+                except Exception as error:
+                    _LOG.exception("the robot adapter failed to start %s", command.action)
+                    self._post(ActionReport(action=command.action, status="failed", reason=_adapter_failure(error)))
+            case CancelAction(action=action):
+                try:
+                    self._robot.cancel(action)
+                except Exception as error:  # it goes on running until it ends or its time is over
+                    _LOG.exception("the robot adapter failed to cancel %s", action)
+                    self._post(Note(text=f"{action} could not be cancelled: {_adapter_failure(error)}"))
+            case StopRobot():
+                failure = self.stop_robot()
+                if failure:
+                    self._post(StopReport(unconfirmed=(self._robot_name,)))
+                    self._post(Note(text=f"the robot could not be asked to stop: {failure}"))
+
+    def stop_robot(self) -> str:
+        """Ask the robot to stop; gives a sentence when its adapter fails, otherwise an empty text."""
+        try:
+            self._robot.stop_all()
+        except Exception as error:
+            _LOG.exception("the robot adapter failed to stop the robot")
+            return _adapter_failure(error)
+        return ""
+
+    def release(self) -> None:
+        """Cancel all timers and let go of the robot."""
+        for timer in self._timers.values():
+            timer.cancel()
+        self._timers.clear()
+        try:
+            self._robot.close()
+        except Exception:
+            _LOG.exception("the robot adapter failed to close")
+
+
+def error_text(error: Exception) -> str:
+    """An exception for the record: its kind, and what it says if it says anything."""
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
+def _adapter_failure(error: Exception) -> str:
+    return f"the robot adapter failed ({error_text(error)})"

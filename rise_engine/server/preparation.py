@@ -1,0 +1,252 @@
+"""Everything about a session that can be refused before it runs: its name, scenario, robot and journal.
+
+`SessionPreparation` locks the session's name, chooses between a new session and one that did not end, loads or recovers
+it, and opens its journal. What is in the way is a `ServeRefused`, with the exit status and sentences for a person.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from random import SystemRandom
+from typing import TypeAlias
+
+from rise_engine import exit_status
+from rise_engine.engine.clock import RealClock
+from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot, open_bridge
+from rise_engine.engine.engine import versions
+from rise_engine.errors import RiseError
+from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
+from rise_engine.ports.robot import Robot
+from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
+from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario import load
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.study import condition_problem
+from rise_engine.server.hub import SessionHub
+from rise_engine.server.spawn import StartupProgress, StartupReport
+from rise_engine.session.folder import (
+    JOURNAL,
+    SessionError,
+    belongs_to,
+    create_session,
+    describe_session,
+    find_session,
+    find_unfinished,
+    mark_abandoned,
+    participant_text,
+    read_info,
+    running_sessions,
+    sessions_folder,
+)
+from rise_engine.session.journal import Journal
+from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_time, running_message
+from rise_engine.session.recovery import RecoveredSession, recover
+
+ReportStartup: TypeAlias = Callable[[StartupReport | StartupProgress], None]
+"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
+
+
+class ServeRefused(RiseError):
+    """Nothing is served."""
+
+    def __init__(
+        self,
+        code: int,
+        *lines: str,
+        unfinished: Sequence[Path] = (),
+        others: Sequence[Path] = (),
+        socket: str = "",
+    ) -> None:
+        super().__init__("\n".join(lines))
+        self.report = StartupReport(
+            code, lines=list(lines), unfinished=_descriptions(unfinished), others=_descriptions(others), socket=socket
+        )
+
+
+def _descriptions(folders: Sequence[Path]) -> list[tuple[str, str]]:
+    return [(str(folder), describe_session(folder)) for folder in folders]
+
+
+class SessionPreparation:
+    """One session, from its options to its open journal. Whoever makes it closes it."""
+
+    def __init__(self, options: SessionOptions, report: ReportStartup) -> None:
+        """Choose the session and load what it runs, or recover it, which can take long.
+
+        :param options: what was asked for.
+        :param report: gets sentences about how far a recovery is.
+        :raises ServeRefused: nothing was started; what was locked is released.
+        """
+        self.options = options
+        self._report = report
+        self.recovered: RecoveredSession | None = None
+        self.lock: JournalLock | None = None
+        """Of the journal of a session that goes on, until that is open."""
+        self.name = options.socket_name or session_name(Path(options.folder))
+        self.name_lock = self._acquire_name()
+        try:
+            unfinished = self._choose_unfinished()
+            if unfinished is not None:
+                self._recover(unfinished)
+            else:
+                self._load_scenario()
+        except BaseException:
+            self.close()
+            raise
+
+    def _acquire_name(self) -> SessionLock:
+        try:
+            lock = acquire_lock(self.name)
+        except RegistryError as error:
+            raise ServeRefused(exit_status.FAILED, str(error)) from None
+        if lock is None:
+            raise ServeRefused(
+                exit_status.ALREADY_RUNNING, f"a session of this scenario is running already: {self.name}"
+            )
+        return lock
+
+    def close(self) -> None:
+        """Release the locks that are still held."""
+        if self.lock is not None:
+            self.lock.release()
+        self.name_lock.close()
+
+    def _choose_unfinished(self) -> Path | None:
+        """The folder of the session that is to go on; None for a new session."""
+        options = self.options
+        self._refuse_if_running()
+        if options.unfinished not in ("ask", "new", "recover"):
+            try:
+                folder = find_session(options.unfinished)
+                self._check_participant(folder)
+            except SessionError as error:
+                raise ServeRefused(exit_status.USAGE, str(error)) from None
+            return folder
+        unfinished = find_unfinished(str(Path(options.folder).absolute()))
+        theirs = [each for each in unfinished if belongs_to(read_info(each), options.participant, options.condition)]
+        others = [each for each in unfinished if each not in theirs]
+        if options.unfinished == "ask" and unfinished:
+            raise ServeRefused(
+                exit_status.UNFINISHED,
+                "an earlier session of this scenario did not end: recover it, or begin a new one",
+                unfinished=theirs,
+                others=others,
+            )
+        if options.unfinished == "new":
+            for folder in theirs:  # those of others stay to be recovered
+                mark_abandoned(folder)
+            return None
+        if others and not theirs:
+            raise ServeRefused(
+                exit_status.UNFINISHED,
+                f"no session of {participant_text(options.participant, options.condition)} waits to be recovered",
+                others=others,
+            )
+        return theirs[0] if theirs else None
+
+    def _refuse_if_running(self) -> None:
+        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
+        if self.options.socket_name is not None:
+            return
+        for folder, holder in running_sessions(str(Path(self.options.folder).absolute())).items():
+            socket = holder.socket if holder is not None and holder.is_this_computer else ""
+            raise ServeRefused(exit_status.ALREADY_RUNNING, running_message(folder, holder), socket=socket)
+
+    def _check_participant(self, folder: Path) -> None:
+        """Nobody's session goes on as somebody else's. Raises SessionError."""
+        options, info = self.options, read_info(folder)
+        if not belongs_to(info, options.participant, options.condition):
+            owner = participant_text(info.participant, info.condition)
+            named = participant_text(options.participant, options.condition)
+            raise SessionError(f"{folder.name} is the session of {owner}, not of {named}: nothing was started")
+
+    def _load_scenario(self) -> None:
+        options = self.options
+        loaded = load(options.folder, robot=options.robot, mode=options.mode, paths=options.paths)
+        if loaded.scenario is None:
+            raise ServeRefused(exit_status.REFUSED, *map(str, loaded.diagnostics))
+        self.scenario: Scenario = loaded.scenario
+        if problem := condition_problem(self.scenario, options.condition):
+            raise ServeRefused(exit_status.USAGE, f"error: {problem}")
+        self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
+        self.speed, self.faults, self.wire = options.speed, options.faults, options.ros
+        self._files = loaded.files
+
+    def open_journal(self, open: Callable[[Path, int, JournalLock | None], Journal]) -> Journal:
+        """The journal of the session that goes on, or of a new one, whose folder is made for it.
+
+        :param open: opens a journal: its path, how many bytes of it count, and its lock, which is the journal's then.
+        :raises ServeRefused: it cannot be written, or another session of the scenario has begun meanwhile.
+        """
+        try:
+            if self.recovered is not None:
+                journal = open(self.folder / JOURNAL, self.recovered.size, self.lock)
+                self.lock = None  # it is the journal's now
+                return journal
+            root = sessions_folder()
+            with suppress(OSError):
+                root.mkdir(0o700, parents=True, exist_ok=True)
+            with one_at_a_time(root):
+                self._refuse_if_running()
+                self._make_folder()
+                return open(self.folder / JOURNAL, 0, None)
+        except OSError as error:
+            raise ServeRefused(exit_status.NOT_WRITTEN, f"the journal cannot be opened: {error}") from None
+        except SessionError as error:
+            raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
+
+    def _make_folder(self) -> None:
+        try:
+            self.folder = create_session(
+                sessions_folder(),
+                self.scenario,
+                self._files,
+                seed=self.seed,
+                speed=self.speed,
+                faults=self.faults,
+                wire=self.wire,
+                versions=versions(),
+                participant=self.options.participant,
+                condition=self.options.condition,
+                wizard=self.options.wizard,
+            )
+        except SessionError as error:
+            raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
+
+    def _recover(self, folder: Path) -> None:
+        try:
+            with one_at_a_time(folder.parent):
+                self._refuse_if_running()
+                self.lock = JournalLock(folder / JOURNAL, here=self.options.from_other_computer)
+            self.recovered = recover(folder, lock=self.lock, on_progress=self._report_recovery)
+        except JournalLockedError as error:
+            holder = error.holder
+            socket = holder.socket if holder and holder.is_this_computer else ""
+            raise ServeRefused(exit_status.ALREADY_RUNNING, str(error), socket=socket) from None
+        except SessionError as error:
+            raise ServeRefused(exit_status.UNRECOVERABLE, f"{folder.name} cannot be recovered: {error}") from None
+        info = self.recovered.info
+        self.scenario, self.folder = self.recovered.scenario, folder
+        self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
+        self.wire = RosConnection(info.ros, info.ros_args)
+
+    def _report_recovery(self, sentence: str) -> None:
+        self._report(StartupProgress(f"recovering: {sentence}"))
+
+    async def connect(self) -> Bridge[SessionHub] | None:
+        """The connection to ROS, where the session has one. Raises ServeRefused."""
+        try:
+            return await open_bridge(self.wire, self.scenario.robot, self.scenario.mode)
+        except BridgeError as error:
+            raise ServeRefused(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
+
+    def make_robot(self, clock: RealClock, bridge: Bridge[SessionHub] | None) -> Robot:
+        """The session's robot, over the bridge if that is its driver. Raises ServeRefused."""
+        try:
+            return make_robot(self.scenario.robot, self.scenario.mode, clock, self.seed, self.faults, bridge)
+        except DriverError as error:
+            raise ServeRefused(exit_status.REFUSED, f"error: {error}") from None
+        except RobotOptionsError as error:
+            raise ServeRefused(exit_status.USAGE, f"error: {error}") from None
