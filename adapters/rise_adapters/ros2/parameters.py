@@ -1,9 +1,9 @@
 """A program's own settings as ROS parameters, the same on both transports.
 
 What `--ros-args -p name:=value` and `--params-file FILE` give becomes options of the program's command line, before
-that is read (`parameters_as_options`): so there is one place where an option is declared, checked and explained. What is
-unknown is refused with the nearest name, as an unknown option is. What ROS knows and RISE does not do, simulated time
-and overrides of the quality of service, is refused with a sentence and never ignored.
+that is read (`parameters_as_options`): so there is one place where an option is declared, checked and explained. What
+is unknown is refused with the nearest name, as an unknown option is. What ROS knows and RISE does not do, simulated
+time and overrides of the quality of service, is refused with a sentence and never ignored.
 """
 
 from __future__ import annotations
