@@ -11,9 +11,9 @@ that, and not on the way, go its acceptance, two feedbacks, and what the session
 states. The robot's answers to the plain trips reach the session's process, too, because the clients of a service share
 its topic of replies: that is in the floor, as it is in every system with a session in it.
 
-The same eight messages between three processes, without a session, is one goal through a relay (a plain action server
-that is a plain client of the robot): a figure to compare with, not the limit. Its processor time is not the floor's:
-where there are two processors, two processes run side by side and three do not.
+The same eight messages between three processes, without a session, is one goal through a relay: a plain action server
+that is a plain client of the robot. It takes less than the floor, since two of the messages are not on the way. So the
+floor is no unfair one, and the difference is what the session itself takes.
 
 And the wizard: how long a key takes until it is acknowledged, while 1,000 feedback messages or 1,000 tasks a second
 come in, and while nothing does. The journal of that session is in memory where the machine has such a place:
