@@ -221,7 +221,7 @@ class ActionServer:
         return True
 
     def end(self, goal: ServerGoal, status: int, result: Message | None) -> bool:
-        """End `goal` with `status` (SUCCEEDED, ABORTED or CANCELED) and the fields of its result; True when it counted."""
+        """End it with `status` (SUCCEEDED, ABORTED or CANCELED) and the fields of its result; True when it counted."""
         if goal.status >= SUCCEEDED or (goal.status == UNKNOWN and not self.accept(goal)):
             return False
         del self._goals[goal.id]
