@@ -1,6 +1,9 @@
-"""The other processes of the benchmark `ros`: python ros_peers.py robot | flood RATE | plain, with --ros TRANSPORT.
+"""The other processes of the benchmark `ros`: ros_peers.py robot | relay | flood RATE | plain, with --ros TRANSPORT.
 
-robot: a robot whose actions end at once (`bench/act`), and one that sends feedback 1,000 times a second (`bench/talk`).
+robot: a robot whose actions end at once (`bench/act`, `bench/behind_relay`), and one that sends feedback
+1,000 times a second (`bench/talk`).
+relay: passes each goal of `bench/relay` on to the robot and its result back: a session that does nothing. It has an
+action of the robot to itself, because the clients of a service hear each other's replies.
 flood: DomainTask goals at a steady rate until its input is closed. plain: rclpy's own action server (`bench/plain`).
 """
 
@@ -52,12 +55,36 @@ async def robot(choice: str) -> None:
     clock = RealClock(loop, 1.0, 0.0)
     servers = [
         ActionServer(transport, "bench/act", SPEECH, act, clock=clock, result_timeout=RESULT_TIMEOUT),
+        ActionServer(transport, "bench/behind_relay", SPEECH, act, clock=clock, result_timeout=RESULT_TIMEOUT),
         ActionServer(transport, "bench/talk", SPEECH, talk, stop, clock=clock, result_timeout=RESULT_TIMEOUT),
     ]
     print("ready", flush=True)
     await _input_closed()
     for server in servers:
         server.close()
+    transport.close()
+
+
+async def relay(choice: str) -> None:
+    loop = asyncio.get_running_loop()
+    transport = await open_transport(choice, node="bench_relay")
+    client = ActionClient(transport, "bench/behind_relay", SPEECH)
+
+    def pass_on(goal: ServerGoal) -> None:
+        def answered(accepted: bool) -> None:
+            assert accepted
+            client.get_result(goal.id, lambda status, result: goal.succeed(result))
+
+        goal.accept()
+        client.send(goal.id, goal.message, answered)
+
+    clock = RealClock(loop, 1.0, 0.0)
+    server = ActionServer(transport, "bench/relay", SPEECH, pass_on, clock=clock, result_timeout=RESULT_TIMEOUT)
+    while not client.count_servers():  # noqa: ASYNC110  # discovery says nothing
+        await asyncio.sleep(0.01)
+    print("ready", flush=True)
+    await _input_closed()
+    server.close()
     transport.close()
 
 
@@ -109,7 +136,7 @@ async def _input_closed() -> None:
 
 if __name__ == "__main__":
     parser = ArgumentParser()
-    parser.add_argument("what", choices=("robot", "flood", "plain"))
+    parser.add_argument("what", choices=("robot", "relay", "flood", "plain"))
     parser.add_argument("rate", nargs="?", type=float, default=1000)
     parser.add_argument("--ros", default="dds")
     options = parser.parse_args()
@@ -117,5 +144,7 @@ if __name__ == "__main__":
         plain()
     elif options.what == "robot":
         asyncio.run(robot(options.ros))
+    elif options.what == "relay":
+        asyncio.run(relay(options.ros))
     else:
         asyncio.run(flood(options.ros, options.rate))

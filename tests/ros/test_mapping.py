@@ -494,11 +494,11 @@ options.wrapper = "lab/bob"
 [actions.LookAt]
 carrier = { action = "look", type = "rise_interfaces/action/LookAt" }
 """
-    carriers = read_mappings(profile(tmp_path, text), fields)
-    assert {name: each.name for name, each in carriers.items()} == {"Speech": "lab/bob/speech", "LookAt": "look"}
-    said = carriers["Speech"].make_message({"message": "Hi", "volume": 0}, node="/n", goal="1/1", frame="f")
+    mappings = read_mappings(profile(tmp_path, text), fields)
+    assert {name: each.name for name, each in mappings.items()} == {"Speech": "lab/bob/speech", "LookAt": "look"}
+    said = mappings["Speech"].make_message({"message": "Hi", "volume": 0}, node="/n", goal="1/1", frame="f")
     assert said == {"message": "Hi", "rate": 1.0, "volume": 0.001}
-    assert carriers["Speech"].failure({"reason": "no voice"}) == "no voice"
+    assert mappings["Speech"].failure({"reason": "no voice"}) == "no voice"
     missing = mapping_problems(profile(tmp_path, text + ACTION), fields)
     assert len(missing) == 1 and "`actions.Do` has no `carrier`" in missing[0]
 

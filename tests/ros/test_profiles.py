@@ -40,12 +40,12 @@ def profile(name: str) -> RobotProfile:
 PROFILES = {name: profile(name) for name in NAMES}
 
 
-def carriers(name: str) -> dict[str, ActionMapping]:
+def mappings(name: str) -> dict[str, ActionMapping]:
     return read_mappings(PROFILES[name], TYPES.fields)
 
 
 def message(name: str, action: str, parameters: dict[str, Any]) -> Any:
-    return carriers(name)[action].make_message(parameters, node="/rise/engine", goal="4/1", frame="base_link")
+    return mappings(name)[action].make_message(parameters, node="/rise/engine", goal="4/1", frame="base_link")
 
 
 def sent_type(carrier: ActionMapping) -> str:
@@ -69,13 +69,13 @@ def test_types_are_as_they_were_when_the_profiles_were_written(name: str) -> Non
 @pytest.mark.parametrize("name", ON_ROS)
 def test_every_action_of_the_robot_has_its_carrier(name: str) -> None:
     able = [each for each in PROFILES[name].actions.values() if each.supported and not each.engine]
-    assert set(carriers(name)) == {each.name for each in able if each.substitute is None}
+    assert set(mappings(name)) == {each.name for each in able if each.substitute is None}
 
 
 @pytest.mark.parametrize("name", ["floka", "nao", "pepper"])
 def test_a_robot_with_a_wrapper_differs_from_rise_only_by_name(name: str) -> None:
-    standard = carriers("rise")
-    for action, carrier in carriers(name).items():
+    standard = mappings("rise")
+    for action, carrier in mappings(name).items():
         if action in standard:
             assert (carrier.name, carrier.type) == (
                 standard[action].name.replace("rise/robot", name),
@@ -124,7 +124,7 @@ ACTIONS = [(robot, action) for robot in ON_ROS for action in read_mappings(PROFI
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "action"), ACTIONS)
 def test_whatever_an_author_gives_becomes_a_message_of_the_type(robot: str, action: str) -> None:
-    carrier = carriers(robot)[action]
+    carrier = mappings(robot)[action]
     type = sent_type(carrier)
     codec = TYPES.codec(type)
 
@@ -202,7 +202,7 @@ def test_ros4hri(action: str, parameters: dict[str, Any], goal: dict[str, Any]) 
 
 
 def test_ros4hri_ends_an_expression_with_a_neutral_face_and_believes_the_result() -> None:
-    read = carriers("ros4hri")
+    read = mappings("ros4hri")
     for action in ("Emotion", "SocialExpression"):
         assert read[action].make_reset(node="/rise/engine") == message("ros4hri", "Emotion", {"value": "neutral"})
     result = {"result": {"error_code": 134, "error_msg": ""}}
@@ -220,7 +220,7 @@ def test_ros4hri_says_what_does_not_reach_the_robot() -> None:
     }
     left_out = {
         action: set(carrier.unused_parameters)
-        for action, carrier in carriers("ros4hri").items()
+        for action, carrier in mappings("ros4hri").items()
         if carrier.unused_parameters
     }
     assert told == left_out

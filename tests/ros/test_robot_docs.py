@@ -62,7 +62,7 @@ def robot_of(loaded: LoadResult) -> RobotProfile:
 def goals(loaded: LoadResult, act: str, types: InterfaceCatalog) -> dict[str, Any]:
     """The messages that an act makes, by the name that they are sent to."""
     robot = robot_of(loaded)
-    carriers = read_mappings(robot, types.fields)
+    mappings = read_mappings(robot, types.fields)
     assert loaded.scenario is not None
     made = {}
     for action in loaded.scenario.acts[act].actions:
@@ -72,7 +72,7 @@ def goals(loaded: LoadResult, act: str, types: InterfaceCatalog) -> dict[str, An
         if spec.substitute is not None:
             spec = robot.actions[spec.substitute]
             parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
-        carrier = carriers[spec.name]
+        carrier = mappings[spec.name]
         frame = read_options(robot).frame
         made[carrier.name] = carrier.make_message(parameters, node="/rise", goal="4/1", frame=frame)
         type = f"{carrier.type}_Goal" if carrier.kind == "action" else carrier.type
@@ -242,18 +242,18 @@ def read(
 
 
 def test_the_example_of_the_reference(tmp_path: Path) -> None:
-    robot, carriers = read(tmp_path, WAVE, WAVE_TYPES)
+    robot, mappings = read(tmp_path, WAVE, WAVE_TYPES)
     (act,) = re.findall(r"^`(<Wave>.*</Wave>)` is sent", ROBOTS, re.M)
     folder(tmp_path, {"acts/a.xml": f'<Dialog name="A">{act}</Dialog>'})
     loaded = load(tmp_path)
     assert loaded.scenario is not None
     call = loaded.scenario.acts["A"].actions[0].calls[0]
-    goal = carriers["Wave"].make_message(
+    goal = mappings["Wave"].make_message(
         fill_parameters(call, robot.actions["Wave"], {}), node="/rise", goal="4/1", frame="base_link"
     )
     (shown,) = [json.loads(block["content"]) for block in BLOCKS.finditer(ROBOTS) if block["language"] == "json"]
     assert goal == shown
-    assert carriers["Wave"].deadlines.acceptance == 1
+    assert mappings["Wave"].deadlines.acceptance == 1
 
 
 def rule_lines() -> list[str]:
@@ -276,11 +276,11 @@ def test_what_fills_a_field(tmp_path: Path, written: str, type: str, given: str,
     goal = f"goal = {{ field = {written} }}"
     carrier = f'carrier = {{ action = "bob/wave", type = "bob_interfaces/action/Wave", {goal} }}'
     layouts = {**WAVE_TYPES, "bob_interfaces/action/Wave_Goal": {"field": type}}
-    robot, carriers = read(tmp_path, f"{DECLARED}\n{carrier}", layouts)
+    robot, mappings = read(tmp_path, f"{DECLARED}\n{carrier}", layouts)
     parameters = {}
     for name, value in re.findall(r"`(\w+)` = `(.*?)`", given):
         parameters[name] = convert_parameter(robot.actions["Wave"].parameters[name], value)
-    message = carriers["Wave"].make_message(parameters, node="/rise", goal="4/1", frame="base_link")
+    message = mappings["Wave"].make_message(parameters, node="/rise", goal="4/1", frame="base_link")
     if gets == "left at zero":
         assert message == {}
     else:
@@ -290,11 +290,11 @@ def test_what_fills_a_field(tmp_path: Path, written: str, type: str, given: str,
 
 
 def test_what_a_result_says(tmp_path: Path) -> None:
-    _, carriers = read(tmp_path, WAVE, WAVE_TYPES)
+    _, mappings = read(tmp_path, WAVE, WAVE_TYPES)
     rows = re.findall(r"^\| `(\{\"result\".*\})` \| (.*) \|$", ROBOTS, re.M)
     assert len(rows) == 3
     for result, outcome in rows:
-        failure = carriers["Wave"].failure(json.loads(result))
+        failure = mappings["Wave"].failure(json.loads(result))
         assert outcome == (f"failed: {failure}" if failure else "succeeded")
 
 

@@ -53,13 +53,13 @@ class Rig:
         )
         self.said.clear()
         self.transport = MemoryTransport(self.wire, loop, "/engine")
-        self.carriers = read_mappings(self.profile, self.transport.fields)
+        self.mappings = read_mappings(self.profile, self.transport.fields)
         self.clients: dict[str, ActionClient] = {}
         self.feedback: list[Message] = []
 
     def client(self, action: str) -> ActionClient:
         if action not in self.clients:
-            carrier = self.carriers[action]
+            carrier = self.mappings[action]
             made = self.clients[action] = ActionClient(self.transport, carrier.name, carrier.type)
             made.on_feedback = lambda id, message: self.feedback.append(message)
         return self.clients[action]
@@ -67,7 +67,7 @@ class Rig:
     def send(self, action: str, **parameters: Any) -> Sent:
         client = self.client(action)
         goal = Sent()
-        message = self.carriers[action].make_message(parameters, node="/engine", goal="1/1", frame="base_link")
+        message = self.mappings[action].make_message(parameters, node="/engine", goal="1/1", frame="base_link")
 
         def answered(accepted: bool) -> None:
             goal.accepted = accepted
@@ -102,10 +102,10 @@ class Sent:
 def test_a_goal_is_read_back_as_it_was_meant(robot: str) -> None:
     profile = with_all_carriers(find_robot(robot, None))
     transport = MemoryTransport(MemoryWire(), ClockLoop(VirtualClock()), "/engine")
-    carriers = read_mappings(profile, transport.fields)
-    assert len(carriers) > 4
-    for name, carrier in carriers.items():
-        shared = [profile.actions[other] for other, its in carriers.items() if its.name == carrier.name]
+    mappings = read_mappings(profile, transport.fields)
+    assert len(mappings) > 4
+    for name, carrier in mappings.items():
+        shared = [profile.actions[other] for other, its in mappings.items() if its.name == carrier.name]
         spec = profile.actions[name]
         for call in CALLS.get(name, []):
             meant = {each: convert_parameter(spec.parameters[each], value) for each, value in call.items()}
@@ -134,7 +134,7 @@ def test_what_the_robot_says_in_the_terminal() -> None:
 
 def test_a_topic_is_shown_too() -> None:
     rig = Rig("ros4hri")
-    carrier = rig.carriers["Emotion"]
+    carrier = rig.mappings["Emotion"]
     message = carrier.make_message({"value": "fear"}, node="/engine", goal="1/1", frame="base_link")
     rig.transport.publisher(carrier.name, carrier.type).publish(message)
     rig.run(1)
@@ -216,11 +216,11 @@ def test_an_error_code_where_the_result_has_one() -> None:
     rig.run(3)
     assert failed.status == ABORTED
     assert (
-        rig.carriers["Speech"].failure(failed.result) == "it went wrong on the robot (simulated fault) (error code 255)"
+        rig.mappings["Speech"].failure(failed.result) == "it went wrong on the robot (simulated fault) (error code 255)"
     )
     fine = rig.send("Speech", message="Hello")
     rig.run(3)
-    assert (fine.status, rig.carriers["Speech"].failure(fine.result)) == (SUCCEEDED, "")
+    assert (fine.status, rig.mappings["Speech"].failure(fine.result)) == (SUCCEEDED, "")
 
 
 @pytest.mark.slow

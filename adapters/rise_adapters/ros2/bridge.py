@@ -73,11 +73,13 @@ class Ros2Bridge:
         self._watching = asyncio.get_running_loop().create_task(self._watch_connection())
 
     def robot(self, clock: Clock) -> Robot:
+        """The robot of the profile that the bridge was opened with, by the session's `clock`."""
         assert self._profile is not None, "the bridge was opened without a robot"
         self._robot = Ros2Robot(self._profile, clock, self._transport, self._mappings)
         return self._robot
 
     def join(self, hub: SessionHub) -> None:
+        """Show the session of `hub` to other nodes, and take their tasks. Raises PortError."""
         self._hub = hub
         self._open_interface(self._neighbours)
 
@@ -93,6 +95,7 @@ class Ros2Bridge:
         self._note(describe_other_session(other))
 
     async def close(self) -> None:
+        """End the goals of other nodes, publish what is still to be said, and leave ROS."""
         self._watching.cancel()
         self._neighbours.close()
         if self._interface is not None:

@@ -97,7 +97,9 @@ class ActionServer:
         clock: Clock,
         result_timeout: float = RESULT_TIMEOUT,
     ) -> None:
-        """`take_goal` gets each new goal, `take_cancel` each that is to be cancelled (a goal not twice at a time).
+        """Offer the action `name` of `type`; a result is kept `result_timeout` seconds after the end.
+
+        `take_goal` gets each new goal, `take_cancel` each that is to be cancelled (a goal not twice at a time).
 
         Neither is called inside a method of a goal. `clock` measures the timeout: `RealClock(loop)` outside of tests.
         Raises PortError when the transport does not know the type.
@@ -176,6 +178,7 @@ class ActionServer:
     # --- the life of a goal (`GoalServer`) ----------------------------------------------------------------------
 
     def accept(self, goal: ServerGoal) -> bool:
+        """As `ServerGoal.accept`."""
         reply, goal.reply = goal.reply, None
         if reply is None:
             return False
@@ -187,6 +190,7 @@ class ActionServer:
         return True
 
     def reject(self, goal: ServerGoal) -> bool:
+        """As `ServerGoal.reject`."""
         reply, goal.reply = goal.reply, None
         if reply is None:
             return False
@@ -200,6 +204,7 @@ class ActionServer:
         return True
 
     def execute(self, goal: ServerGoal) -> bool:
+        """As `ServerGoal.execute`."""
         if goal.status == UNKNOWN and not self.accept(goal):
             return False
         if goal.status != ACCEPTED:
@@ -209,12 +214,14 @@ class ActionServer:
         return True
 
     def publish_feedback(self, goal: ServerGoal, message: Message) -> bool:
+        """As `ServerGoal.publish_feedback`."""
         if goal.status not in (ACCEPTED, EXECUTING, CANCELING):
             return False
         self._feedback.publish({"goal_id": goal.info["goal_id"], "feedback": message})
         return True
 
     def end(self, goal: ServerGoal, status: int, result: Message | None) -> bool:
+        """End it with `status` (SUCCEEDED, ABORTED or CANCELED) and the fields of its result; True when it counted."""
         if goal.status >= SUCCEEDED or (goal.status == UNKNOWN and not self.accept(goal)):
             return False
         del self._goals[goal.id]

@@ -81,9 +81,11 @@ class ServerGoal:
     # --- what the caller does; each gives whether it counted ----------------------------------------------------
 
     def accept(self) -> bool:
+        """Say to the client that it will be done."""
         return self._server.accept(self)
 
     def reject(self) -> bool:
+        """Say to the client that it will not be done; that ends it."""
         return self._server.reject(self)
 
     def execute(self) -> bool:
@@ -95,12 +97,14 @@ class ServerGoal:
         return self._server.publish_feedback(self, message)
 
     def succeed(self, result: Message | None = None) -> bool:
-        """End it; it is accepted by that too, if that was still open."""
+        """End it with `result`, the fields of the action's result; those left out are zero. It is accepted by that too,
+        if that was still open."""
         return self._server.end(self, SUCCEEDED, result)
 
     def abort(self, result: Message | None = None) -> bool:
+        """As `succeed`, for one that has failed."""
         return self._server.end(self, ABORTED, result)
 
     def cancel(self, result: Message | None = None) -> bool:
-        """End it as cancelled, whoever asked for that."""
+        """As `succeed`, for one that was cancelled, whoever asked for that."""
         return self._server.end(self, CANCELED, result)

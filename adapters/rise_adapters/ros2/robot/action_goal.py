@@ -278,7 +278,6 @@ class ActionGoal:
         except PortError as error:
             self.may_be_running = number > 1
             self._end("failed", f"not-sent: {error}")
-        self._host.goal_changed(self)
 
     def _take_answer(self, accepted: bool, number: int) -> None:
         """The server has said whether it takes the goal that was sent as the `number`-th."""
@@ -319,7 +318,6 @@ class ActionGoal:
         if self._cancellation.wanted:
             self._ask_cancel()
         self._host.report_accepted(self.action)
-        self._host.goal_changed(self)
 
     def _accept_late(self) -> None:
         self._accepted = True

@@ -73,128 +73,227 @@ class PortError(RiseError):
 
 
 class Closable(Protocol):
-    def close(self) -> None: ...
+    """Something that is in use until it is closed."""
+
+    def close(self) -> None:
+        """Let go of it; no callback of it comes any more. Closing it twice does nothing."""
+        ...
 
 
-class Publisher(Protocol):
+class Publisher(Closable, Protocol):
+    """Sends messages of one type on one topic."""
+
     def publish(self, message: Message) -> None:
-        """Send. Raises PortError when the message does not fit its type."""
+        """Send one message to all who subscribe now (latched: and later).
+
+        :param message: the fields by name; those that are left out are zero.
+        :raises PortError: it does not fit the type, and the sentence names the field; or the middleware refuses.
+        """
         ...
 
     def count_subscribers(self) -> int:
-        """How many there are that take it."""
-        ...
+        """Count the subscriptions that it reaches now: of its type, and asking for no more than it promises.
 
-    def close(self) -> None: ...
+        :returns: how many.
+        """
+        ...
 
 
 class Subscription(Closable, Protocol):
+    """Hears the messages of one type on one topic."""
+
     def publishers(self) -> int:
-        """How many there are that it takes from: of its type, and promising what it asks for."""
+        """Count the publishers that it hears now: of its type, and promising what it asks for.
+
+        :returns: how many.
+        """
         ...
 
 
-class ServiceClient(Protocol):
+class ServiceClient(Closable, Protocol):
     """Calls one service."""
 
     def count_servers(self) -> int:
-        """How many offer it and could answer now; 0: a request would vanish."""
+        """Count the servers that would get a request now, and whose answer would arrive.
+
+        :returns: how many; 0: a request would vanish.
+        """
         ...
 
     def call(self, request: Message, answer: Callable[[Message], None]) -> None:
-        """Send a request; `answer` gets what comes back, if anything ever does. Raises PortError as `publish` does."""
-        ...
+        """Send a request.
 
-    def close(self) -> None:
-        """No answers come any more."""
+        :param request: its fields by name, as of `Publisher.publish`.
+        :param answer: gets the response, if ever one comes; there is no deadline here.
+        :raises PortError: as `Publisher.publish`.
+        """
         ...
 
 
 class Transport(Protocol):
-    """One node on the wire."""
+    """One node on the wire: what it sends, hears, offers and calls, and what it sees of other nodes.
+
+    What it gives out (publishers, subscriptions, services, clients) is closed with it, if not before.
+    """
 
     @property
-    def kind(self) -> Literal["rclpy", "dds", "memory"]: ...
+    def kind(self) -> Literal["rclpy", "dds", "memory"]:
+        """Which transport it is; `memory` is the one of the tests."""
+        ...
 
     about: str
     """For a person: `rclpy, rmw_cyclonedds_cpp, domain 0`."""
     node: str
     """The node's full name, `/rise/engine`."""
     vendor: str
-    """Whose software carries its messages, as in `End`; empty when that says nothing about who can talk to whom."""
+    """Whose software carries its messages, as in `RemoteEndpoint`; empty when that says nothing about who can talk to
+    whom."""
+
+    # --- what this node has -------------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
-        """The full name that `name` (of a topic, service or action) has after namespace and remappings. Raises
-        PortError for one that cannot be."""
+        """Apply the node's namespace and remappings to a name.
+
+        :param name: of a topic, a service or an action, as ROS takes it: absolute, relative, or private (`~/x`).
+        :returns: the full name, which begins with `/`.
+        :raises PortError: it can be no name of ROS.
+        """
         ...
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher:
-        """Publish messages of `type` on `topic`, until it is closed. Raises PortError: the name or the type cannot be,
-        the middleware refuses, or the transport is closed. The same holds for the next three."""
+        """Publish on a topic, until what is returned is closed.
+
+        :param topic: its name, which is resolved.
+        :param type: of the messages, `PKG/msg/NAME`.
+        :param qos: what the publisher promises.
+        :raises PortError: there is no such name or type, the middleware refuses, or the transport is closed.
+        """
         ...
 
     def subscribe(self, topic: str, type: str, taken: Callable[[Message], None], qos: QoS = RELIABLE) -> Subscription:
-        """Have `taken` called with each message of `type` that comes on `topic`, until what is returned is closed. One
-        that cannot be read is reported (to the loop's exception handler) and left out."""
+        """Hear a topic, until what is returned is closed.
+
+        :param topic: its name, which is resolved.
+        :param type: of the messages, `PKG/msg/NAME`.
+        :param taken: called with each message. One that cannot be read is reported to the loop's exception handler and
+            left out.
+        :param qos: what the subscription asks for; publishers that promise less are not heard.
+        :raises PortError: as `publisher`.
+        """
         ...
 
     def serve(self, name: str, type: str, asked: Callable[[Message, SendReply], None]) -> Closable:
-        """Offer the service `name` of `type`, `PKG/srv/NAME`, until what is returned is closed: `asked` gets each
-        request, and with what to answer it, at once or later."""
+        """Offer a service, until what is returned is closed.
+
+        :param name: of the service, which is resolved.
+        :param type: of the service, `PKG/srv/NAME`.
+        :param asked: called with each request and with what sends the answer to it, at once or later.
+        :raises PortError: as `publisher`.
+        """
         ...
 
     def client(self, name: str, type: str) -> ServiceClient:
-        """Use the service `name` of `type`."""
+        """Use a service, until what is returned is closed. It need not be there.
+
+        :param name: of the service, which is resolved.
+        :param type: of the service, `PKG/srv/NAME`.
+        :raises PortError: as `publisher`.
+        """
         ...
 
+    # --- types --------------------------------------------------------------------------------------------------
+
     def fields(self, type: str) -> Mapping[str, str]:
-        """A message type's fields and their types as ROS writes them (`string`, `float64[3]`,
-        `geometry_msgs/msg/Point`, `string[]`). For an action, ask for `PKG/action/NAME_Goal`, `_Result` or `_Feedback`;
-        for a service, `PKG/srv/NAME_Request` or `_Response`. Raises PortError, naming what is missing and from where it
-        could come."""
+        """List the fields of a message type.
+
+        :param type: `PKG/msg/NAME`; of an action `PKG/action/NAME_Goal`, `_Result` or `_Feedback`; of a service
+            `PKG/srv/NAME_Request` or `_Response`.
+        :returns: by name, in the order of the definition, the type as ROS writes it: `string`, `float64[3]`,
+            `geometry_msgs/msg/Point`, `string[]`.
+        :raises PortError: the type is not there; the sentence names what is missing and from where it could come.
+        """
         ...
 
     def type_hash(self, type: str) -> str:
-        """The type's `RIHS01_...` (REP-2016), for an action and a service that of the whole; empty when not known."""
+        """Give the hash of a type as ROS announces it.
+
+        :param type: as for `fields`; for an action and a service also that of the whole.
+        :returns: `RIHS01_...` (REP-2016); empty when it is not known.
+        """
+        ...
+
+    # --- what others have ---------------------------------------------------------------------------------------
+
+    def graph_version(self) -> int | None:
+        """Tell whether what the following calls answer may have changed.
+
+        :returns: a number that grows with every change of what is seen; None: this transport cannot tell, look again.
+        """
         ...
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        """What other nodes have that publishes on a topic."""
+        """List what other nodes have that publishes on a topic.
+
+        :param topic: its name, which is resolved.
+        :raises PortError: it can be no name of ROS.
+        """
         ...
 
     def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        """What other nodes have that listens to a topic."""
+        """List what other nodes have that subscribes to a topic.
+
+        :param topic: its name, which is resolved.
+        :raises PortError: it can be no name of ROS.
+        """
         ...
 
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
-        """What other nodes have that takes the requests of a service, and what they have that answers: two for each
-        server. (Where the middleware does not list these, one, without more than its type.)"""
+        """List what other nodes have that takes the requests of a service, and what they have that answers.
+
+        :param service: its name, which is resolved.
+        :returns: two for each server. Where the middleware does not list these, one, without more than its type.
+        :raises PortError: it can be no name of ROS.
+        """
         ...
 
     def topics(self) -> list[str]:
-        """The full names of the topics that other nodes publish on or listen to."""
+        """List the topics that other nodes publish on or subscribe to, by full name."""
         ...
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
-        """Programs that other software than this one's carries: the node's full name (or whatever is known of it), and
-        the vendor, as in `End`."""
+        """List the programs that other software than this one's carries.
+
+        :returns: of each the full name of its node (or whatever is known of it), and the vendor, as in
+            `RemoteEndpoint`.
+        """
         ...
 
     def nodes(self) -> list[str]:
-        """Full names of all nodes that are seen, also this one."""
+        """List all nodes that are seen, also this one, by full name; a name that is there twice comes twice."""
         ...
 
     def client_nodes(self, service: str) -> list[str]:
-        """Full names of the other nodes that are seen to call a service; each may do so at any moment. (Whose request
-        one is, ROS does not tell a server.)"""
+        """List the other nodes that are seen to use a service; each may call it at any moment. (Whose request one is,
+        ROS does not tell a server.)
+
+        :param service: its name, which is resolved.
+        :returns: full names, each once.
+        :raises PortError: it can be no name of ROS.
+        """
         ...
 
+    # --- its life -----------------------------------------------------------------------------------------------
+
     def failure(self) -> str:
-        """Why the transport works no more (the middleware was shut down); empty while it does."""
+        """Say why the transport works no more (the middleware was shut down, or it was closed).
+
+        :returns: a sentence for a person; empty while it works.
+        """
         ...
 
     def close(self) -> None:
-        """Let go of everything, and wait (shortly) for threads of its own. No callbacks after this."""
+        """Close everything that it gave out, and wait (shortly) for threads of its own. No callback comes after this.
+        Closing it twice does nothing."""
         ...
 
 
@@ -206,12 +305,20 @@ STATUS_TYPE = "action_msgs/msg/GoalStatusArray"
 
 
 def action_topic(action: str, part: str) -> str:
-    """The hidden topic or service of an action. `action` must be resolved already."""
+    """The full name of a hidden topic or service of an action.
+
+    :param action: the action's full name, resolved already.
+    :param part: `SEND_GOAL`, `CANCEL_GOAL`, `GET_RESULT`, `FEEDBACK` or `STATUS_TOPIC`.
+    """
     return f"{action}/_action/{part}"
 
 
 def action_types(type: str) -> dict[str, str]:
-    """By part, the types that an action type `PKG/action/NAME` implies."""
+    """The types that an action type implies.
+
+    :param type: of the action, `PKG/action/NAME`.
+    :returns: by part (`SEND_GOAL`, ..., `STATUS_TOPIC`), the type of that service or topic.
+    """
     return {
         SEND_GOAL: f"{type}_SendGoal",
         GET_RESULT: f"{type}_GetResult",

@@ -125,6 +125,8 @@ class DdsGraph:
 
     def __init__(self, own: bytes) -> None:
         """`own`: the id of this participant."""
+        self.version = 0
+        """Grows with whatever is seen of anybody."""
         self._own = own[:12]
         self._participants: set[bytes] = {own}
         self._readers = _EndpointIndex()
@@ -135,6 +137,7 @@ class DdsGraph:
         """By participant, the node that each of its endpoints belongs to."""
 
     def update_participant(self, seen: SeenParticipant | VanishedEntity) -> None:
+        self.version += 1
         if isinstance(seen, SeenParticipant):
             self._participants.add(seen.key)
         else:
@@ -143,13 +146,16 @@ class DdsGraph:
             self._owners.pop(seen.key[:12], None)
 
     def update_reader(self, seen: DdsEndpoint | VanishedEntity) -> None:
+        self.version += 1
         self._readers.update(seen)
 
     def update_writer(self, seen: DdsEndpoint | VanishedEntity) -> None:
+        self.version += 1
         self._writers.update(seen)
 
     def set_nodes(self, participant: bytes, nodes: Iterable[tuple[str, Iterable[bytes]]]) -> None:
         """A participant says which nodes it has, and the ids of what each of them has."""
+        self.version += 1
         counts: dict[str, int] = {}
         owners: dict[bytes, str] = {}
         for node, keys in nodes:

@@ -10,7 +10,7 @@ Why not the codec of the library `rosbags`, from which the standard definitions 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 
@@ -70,7 +70,7 @@ class MessageCodec:
         self.type = type
         self._whole = _CodecBuilder(message).codec(type)
 
-    def pack(self, message: Mapping[str, Any], head: bytes = b"") -> bytes:
+    def pack(self, message: Message, head: bytes = b"") -> bytes:
         """The bytes of a message; `head` comes before it, after the CDR header (its length a multiple of 8). Filled up
         to a multiple of 4. Raises PortError naming the field that does not fit."""
         out = bytearray(head)
@@ -117,7 +117,7 @@ def _message_codec(type: str, fields: dict[str, _FieldCodec]) -> _FieldCodec:
     known = fields.keys()
 
     def write(out: bytearray, message: Any) -> None:
-        if not isinstance(message, Mapping):
+        if not isinstance(message, dict):
             raise _misfit(f"the fields of a {type}, not {message!r:.80}")
         if not message.keys() <= known:
             wrong = next(name for name in message if name not in known)
