@@ -49,9 +49,13 @@ def test_the_index_has_every_page() -> None:
 
 def test_the_index_of_decisions_has_every_decision_in_order() -> None:
     folder = DOCS / "decisions"
-    linked = LINK.findall((folder / "README.md").read_text(encoding="utf-8"))
-    pages = sorted(page.name for page in folder.glob("0*.md"))
-    assert [target for target in linked if target[0].isdigit()] == pages
+    titles = re.findall(
+        r"^- (\d+): \[(.+)\]\((.+)\)$", (folder / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    heads = [(page, page.read_text(encoding="utf-8").partition("\n")[0]) for page in sorted(folder.glob("0*.md"))]
+    assert [(f"# {number}. {title}", name) for number, title, name in titles] == [
+        (head, page.name) for page, head in heads
+    ]
 
 
 def test_every_field_of_every_record_is_documented() -> None:
