@@ -26,6 +26,7 @@ PLACE = re.compile(
     r"(?P<path>(?:rise_engine|rise_tui|adapters|tests|benchmarks|docs)/[\w./-]*)(?:: (?P<names>[\w.]+(?:, [\w.]+)*))?"
 )
 """A file or a folder of this tree, and perhaps names in that file: `tests/sources.py: parsed, Reference`."""
+IMPORTED = re.compile(r"^from (rise_[\w.]+) import ([\w, ]+)$", re.MULTILINE)
 MODULE = re.compile(r"(?<![\w/.])rise_(?:engine|tui|adapters)(?:\.[A-Za-z_]\w*)+")
 TREE_LINE = re.compile(r"^(?P<indent> *)(?P<names>[\w./]+(?:, [\w./]+)*)(?:  |$)")
 
@@ -129,6 +130,8 @@ def dead_modules(text: str) -> Iterator[str]:
         known = name.rpartition(".")[0] if name.rpartition(".")[2].isupper() and not resolves(name) else name
         if not resolves(known):
             yield name
+    for module, names in IMPORTED.findall(text):
+        yield from (f"{module}.{name}" for name in names.split(", ") if not resolves(f"{module}.{name}"))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -140,11 +143,12 @@ def test_every_file_and_name_of_the_code_is_there(page: Path) -> None:
 def test_what_is_not_there_would_be_found() -> None:
     text = (
         "`tests/nowhere.py`, `tests/test_docs.py: nothing, has`, `rise_engine/kernel/kernel.py: Kernel.handle`, "
-        "`rise_engine/kernel/kernel.py: Kernel.nothing` and\n```python\nfrom rise_engine.nowhere import Thing\n```\n"
+        "`rise_engine/kernel/kernel.py: Kernel.nothing` and\n```python\nfrom rise_engine.nowhere import Thing\n"
+        "from rise_engine.client import connect, disconnect\n```\n"
     )
     assert [*dead_places(text), *dead_modules(text)] == [
         *("tests/nowhere.py", "tests/test_docs.py: nothing", "rise_engine/kernel/kernel.py: Kernel.nothing"),
-        "rise_engine.nowhere",
+        *("rise_engine.nowhere", "rise_engine.nowhere.Thing", "rise_engine.client.disconnect"),
     ]
 
 
