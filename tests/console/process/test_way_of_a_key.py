@@ -21,11 +21,8 @@ from rise_tui.config.launch import Launcher, load_scenario
 from rise_tui.console.app import ConsoleApp
 from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
-from tests.server.conftest import place
 from tests.server.serving import OwnSession
 from tests.sources import ROOT, parsed
-
-__all__ = ["place"]
 
 NOT_HERE = re.compile(
     r"adapters/rise_adapters/ros2/|rise_engine/ports/|rise_engine/server/process\.py|"
@@ -77,12 +74,12 @@ def calls() -> Iterator[set[tuple[str, str]]]:
 
 
 @pytest.mark.slow
-async def test_a_key_comes_by_everything_that_the_map_names(place: Path) -> None:
+async def test_a_key_comes_by_everything_that_the_map_names(tmp_path: Path) -> None:
     settings = SessionOptions(DEMO, seed=1)
     scenario = load_scenario(settings)
     assert isinstance(scenario, Scenario)
     launcher = Launcher(
-        start=lambda scenario, settings: OwnSession(place, Path(settings.folder), speed=20, disk=Disk())
+        start=lambda scenario, settings: OwnSession(tmp_path, Path(settings.folder), speed=20, disk=Disk())
     )
     app = ConsoleApp(scenario, settings, wizard="anna", launcher=launcher)
     with calls() as called:
