@@ -118,7 +118,7 @@ def dead_places(text: str) -> Iterator[str]:
         if (place := PLACE.fullmatch(quoted)) is None:
             continue
         path = ROOT / place["path"]
-        if not path.exists():
+        if not (path.exists() or path.with_name(f"{path.name}.py").exists()):  # a benchmark is given by its name
             yield quoted
         elif place["names"]:
             yield from (f"{place['path']}: {name}" for name in place["names"].split(", ") if not has(path, name))
