@@ -191,14 +191,14 @@ def _leads_somewhere(dotted: str) -> bool:
     ):
         return True
     if first in PACKAGES:
-        return _resolves(dotted)
+        return resolves(dotted)
     if first == "rise":  # a group of entry points
         return f'entry-points."{dotted}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     owners = [name for name in (first, *rest[:-1]) if NAME.fullmatch(name) or name.lstrip("_")[:1].isupper()]
     return _identifiers().issuperset((*owners, rest[-1]))  # also of an object by its usual name: `view.control`
 
 
-def _resolves(dotted: str) -> bool:
+def resolves(dotted: str) -> bool:
     """A module of ours, or a name in one, or a member of a class in one."""
     if dotted in modules():
         return True

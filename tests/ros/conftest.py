@@ -11,7 +11,7 @@ import pytest
 from tests.ros.model_server import ModelServer
 from tests.virtual_time import VirtualLoop
 
-REAL_TIME = {"test_face"}
+REAL_TIME = {"test_session_node"}
 """Whose tests wait for the thread of a disk."""
 
 

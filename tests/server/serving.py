@@ -88,9 +88,11 @@ async def served(
 class OwnSession(SocketClient):
     """A client whose session is served in the loop of the test, from its first `attach` until it ends the session."""
 
-    def __init__(self, root: Path, scenario: Path, who: str = "anna", *, speed: float = FAST) -> None:
+    def __init__(
+        self, root: Path, scenario: Path, who: str = "anna", *, speed: float = FAST, disk: Disk | None = None
+    ) -> None:
         super().__init__(root, who)
-        self._serving = served(root, scenario, speed=speed)
+        self._serving = served(root, scenario, speed=speed, disk=disk)
         self._running: Served | None = None
 
     async def attach(self) -> AttachReply:
