@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 import rise_engine.errors
+from tests.sources import parsed
 
 ROOT = Path(__file__).parents[1]
 ERRORS = ROOT / "rise_engine" / "errors.py"
@@ -24,7 +25,7 @@ def classes() -> dict[str, ast.ClassDef]:
     found: dict[str, ast.ClassDef] = {}
     for package in PACKAGES:
         for file in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            for node in ast.walk(parsed(file)):
                 if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                     found.setdefault(node.name, node)
     return found
@@ -56,7 +57,7 @@ def test_the_engine_raises_nothing_outside_of_the_tree() -> None:
     """Its own exceptions, that is; a base called so is an exception of Python's."""
     outside: list[str] = []
     for file in (ROOT / "rise_engine").rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+        for node in ast.walk(parsed(file)):
             bases = [ast.unparse(base) for base in node.bases] if isinstance(node, ast.ClassDef) else []
             if bases and all(hasattr(builtins, base) and base.endswith(("Error", "Exception")) for base in bases):
                 outside.append(f"{file.relative_to(ROOT)}: {bases}")

@@ -419,6 +419,7 @@ def test_lookup(key: str, expected: tuple[bool, Any]) -> None:
     assert lookup(MEMORY, key) == expected
 
 
+@pytest.mark.slow
 def test_long_chains_are_shallow() -> None:
     assert Expression.parse(" or ".join(["f"] * 10_000 + ["t"])).as_condition(MEMORY) is True
     assert Expression.parse(" xor ".join(["t"] * 9_999)).as_condition(MEMORY) is True

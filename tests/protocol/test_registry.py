@@ -152,6 +152,7 @@ def test_a_name_without_its_digits(scratch: Path) -> None:
             registry.find_running("study")
 
 
+@pytest.mark.slow
 def test_a_killed_engine_leaves_no_lock_and_its_socket_is_replaced(scratch: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", HOLDER, "killed-123456"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -24,6 +24,7 @@ from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.model_server import ModelServer
 from tests.ros.session_node_bench import Faced, faced, until
 
+pytestmark = pytest.mark.slow  # its sessions run twenty times as fast as life, and no faster
 LAB = Path(__file__).parents[2] / "scenarios" / "lab_opening"
 SPEED = 20.0
 """Of the session; nodes live in real time."""

@@ -157,6 +157,7 @@ async def test_a_node_that_the_scenario_names_releases_a_stop_and_the_record_say
         (("/node",), "node", "a stop is released by who holds control, or by /node, and not by node"),
     ],
 )
+@pytest.mark.slow
 async def test_any_other_node_does_not(tmp_path: Path, named: tuple[str, ...], says: str, why: str) -> None:
     async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, *named)) as (session, node, _):
         notes: list[str] = []
@@ -184,6 +185,7 @@ async def test_a_node_whose_name_is_not_known_yet_is_waited_for(tmp_path: Path) 
         assert (await asked.ended())[0] == "SUCCEEDED"
 
 
+@pytest.mark.slow
 async def test_many_that_say_they_are_a_node_that_is_not_there_wait_not_long(tmp_path: Path) -> None:
     async with session_and_node(tmp_path, scenario=who_may_release(tmp_path, "/late")) as (session, node, _):
         await stopped(session, node)
@@ -372,6 +374,7 @@ async def test_a_goal_is_accepted_when_it_is_on_the_disk(tmp_path: Path) -> None
         await until(lambda: asked.canceled)
 
 
+@pytest.mark.slow
 async def test_while_nothing_can_be_recorded_goals_are_rejected_and_what_runs_goes_on(tmp_path: Path) -> None:
     disk = Failing()
     async with session_and_node(tmp_path, disk=disk) as (session, node, _):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from time import monotonic
 
+import pytest
+
 from rise_engine.protocol.client import Client, EngineGone
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
@@ -14,6 +16,8 @@ from tests.console.conftest import Console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.server.conftest import scratch
 from tests.server.serving import OwnSession
+
+pytestmark = pytest.mark.slow
 
 __all__ = ["scratch"]
 

@@ -22,6 +22,8 @@ from rise_tui.widgets.memory_editor import TextField
 from tests.console.conftest import Console, console
 from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
 
+pytestmark = pytest.mark.slow  # many keys each
+
 
 async def asking_to_release(it: Console) -> Dialog:
     it.client.stop("latched", ("pepper/speech",))

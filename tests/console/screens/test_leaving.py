@@ -20,6 +20,8 @@ from rise_tui.screens.end_session import EndSessionDialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, FakeLauncher, demo
 
+pytestmark = pytest.mark.slow  # many keys each
+
 
 async def leaving(it: Console) -> list[str]:
     """What the question offers."""

@@ -11,6 +11,8 @@ from rise_tui.model.log_rows import row_of
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
+pytestmark = pytest.mark.slow  # many keys each
+
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:

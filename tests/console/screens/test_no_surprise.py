@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from msgspec.structs import replace
 from textual.widgets import Input
 
@@ -15,6 +16,8 @@ from rise_tui.rendering.text import fit_end, format_value, heading_line, plain_t
 from rise_tui.widgets.row_list import RowList
 from tests.console.conftest import console
 from tests.console.fake import FakeClient, demo
+
+pytestmark = pytest.mark.slow  # many keys each
 
 
 def with_driver(driver: str) -> Scenario:

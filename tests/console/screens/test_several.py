@@ -15,6 +15,8 @@ from rise_tui.screens.dialog import Dialog
 from tests.console.conftest import Console, console
 from tests.console.fake import FakeClient, demo
 
+pytestmark = pytest.mark.slow  # many keys each
+
 ANNA, BEN = "wizard:anna", "wizard:ben"
 
 
