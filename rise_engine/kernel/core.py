@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
+from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
 from rise_engine.scenario.model import Scenario
@@ -130,8 +131,9 @@ class Core:
         """
         self.records.append(kind(next(self.numbers), self.t, "", *fields, **named))
 
-    def new_task(self, function: str, behavior: str, calling_type: str, source: str, ref: str | None) -> Task:
-        task = Task(self.next_task, function, behavior, calling_type, source, ref)
+    def new_task(self, submit: Submit, calling_type: str) -> Task:
+        """Number what was asked for; `calling_type` is the one that counts."""
+        task = Task(self.next_task, submit.function, submit.behavior, calling_type, submit.source, submit.ref)
         self.next_task += 1
         return task
 

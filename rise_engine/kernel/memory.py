@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
@@ -33,19 +34,15 @@ class WorkingMemory:
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
         """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""
         core = self._core
-        env = core.env
-        if len(assignments) == 1:
-            written = [assigned_entry(core.memory, assignments[0].key, assignments[0].evaluate(env, self._known_keys))]
-        else:
-            written = []
-            so_far = dict(core.memory)
-            for assignment in assignments:
-                key, value = assigned_entry(so_far, assignment.key, assignment.evaluate(env, self._known_keys))
-                so_far[key] = value
-                written.append((key, value))
-        if core.env.missing:
-            for key in core.newly_missing():
-                core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
+        so_far = ChainMap[str, Any]({}, core.memory)
+        """The memory with what the assignments before would write."""
+        written = []
+        for assignment in assignments:
+            key, value = assigned_entry(so_far, assignment.key, assignment.evaluate(core.env, self._known_keys))
+            so_far[key] = value
+            written.append((key, value))
+        for key in core.newly_missing():
+            core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
         return written
 
     def assign(self, written: list[tuple[str, Any]], source: str) -> None:

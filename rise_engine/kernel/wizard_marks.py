@@ -12,7 +12,7 @@ from msgspec import Struct, field
 from rise_engine.kernel.core import Core, Task, TimerTarget
 from rise_engine.kernel.records import CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.kernel.speech import act_name
-from rise_engine.scenario.fillers import filler_acts, next_filler
+from rise_engine.scenario.fillers import next_filler
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
@@ -101,7 +101,7 @@ class WizardMarks:
         core.emit(CueRecord, "marked", source, text)
         self.cancel_filler()
         seconds = core.scenario.fillers.auto_after
-        if seconds is not None and filler_acts(core.scenario):
+        if seconds is not None and self.next_filler() is not None:
             self.state.filler_timer = core.set_timer(seconds, TimerTarget("filler"))
 
     # --- fillers ---
