@@ -370,7 +370,6 @@ class Engine:
                     step.on_reply(step.reply)
             finally:
                 self._stepping = False
-            journal.restart_lag()
         self._update_journal_status()
         if self._last_record_made:
             if not outgoing and not self.ended:

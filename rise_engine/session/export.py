@@ -18,7 +18,7 @@ from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import JournalContents, read_journal
 
-Format: TypeAlias = Literal["jsonl", "csv"]
+ExportFormat: TypeAlias = Literal["jsonl", "csv"]
 
 COLUMNS = (
     *("session", "mode", "seq", "t", "wall", "kind"),
@@ -45,38 +45,30 @@ _BUFFER = 1_000_000
 """Characters that are gathered before they are written."""
 
 
-def export(folder: Path, format: Format, out: BinaryIO) -> list[str]:
-    """Write the records of the session in `folder` to `out`; what could not be read, in sentences.
+class SessionExport:
+    """The records of a session, whatever of them can be read, to be written to a file.
 
-    `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with COLUMNS
-    (RFC 4180, UTF-8; times in seconds). `out`: any binary file that is open for writing; it is flushed and not closed.
-    Raises SessionError, before anything is written, when nothing can be read; OSError when `out` does not take it.
-
-        >>> from tempfile import TemporaryDirectory
-        >>> from rise_engine.kernel.records import NoteRecord
-        >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
-        >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
-        >>> out = io.BytesIO()
-        >>> with TemporaryDirectory() as folder:
-        ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
-        ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
-        ...     problems = export(Path(folder), "jsonl", out)
-        >>> out.getvalue()
-        b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine"}\\n'
-        >>> len(problems)  # there is no session.toml
-        1
+    >>> from tempfile import TemporaryDirectory
+    >>> from rise_engine.kernel.records import NoteRecord
+    >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
+    >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+    >>> out = io.BytesIO()
+    >>> with TemporaryDirectory() as folder:
+    ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
+    ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
+    ...     export = SessionExport(Path(folder))
+    ...     export.write("jsonl", out)
+    >>> out.getvalue()
+    b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine"}\\n'
+    >>> len(export.problems)  # there is no session.toml
+    1
     """
-    return Export(folder).write(format, out)
-
-
-class Export:
-    """A session that has been read and can be exported."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises SessionError."""
+        """Read the session in `folder`. Raises SessionError when nothing can be read."""
         self.name = folder.resolve().name
         contents = self._contents = read_journal(folder / JOURNAL)
-        self.problems = _unreadable(contents)
+        self.problems = _describe_unreadable(contents)
         """What could not be read, in sentences."""
         self.mode = ""
         if (folder / INFO).exists():
@@ -89,17 +81,18 @@ class Export:
         if not self.mode:
             self.mode = next((r.mode for r in contents.read_records() if isinstance(r, SessionRecord) and r.mode), "")
 
-    def write(self, format: Format, out: BinaryIO) -> list[str]:
-        if format == "jsonl":
-            self._write_lines(out)
-        else:
-            self._write_table(out)
-        out.flush()
-        return self.problems
+    def write(self, format: ExportFormat, out: BinaryIO) -> None:
+        """Write the records to `out`, any binary file that is open for writing; it is flushed and not closed.
 
-    def _write_lines(self, out: BinaryIO) -> None:
-        for record in self._contents.read_records():
-            out.write(encode_record(record) + b"\n")
+        `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with
+        COLUMNS (RFC 4180, UTF-8; times in seconds). Raises OSError when `out` does not take it.
+        """
+        if format == "csv":
+            self._write_table(out)
+        else:
+            for record in self._contents.read_records():
+                out.write(encode_record(record) + b"\n")
+        out.flush()
 
     def _write_table(self, out: BinaryIO) -> None:
         text = io.StringIO(newline="")
@@ -126,7 +119,7 @@ def table_cell(value: Any) -> str:
     return value if isinstance(value, str) else msgspec.json.encode(value).decode()
 
 
-def _unreadable(contents: JournalContents) -> list[str]:
+def _describe_unreadable(contents: JournalContents) -> list[str]:
     found = [f"{JOURNAL}: line {line} cannot be read: {why}" for line, why in contents.damaged.items()]
     found += [f"{JOURNAL}: {gap}" for gap in contents.gaps]
     if contents.torn:

@@ -49,12 +49,8 @@ class ReplayDifference(Struct, frozen=True):
     """As JSON has it."""
     replayed: Any
 
-    @property
-    def location(self) -> str:
-        return f"{self.file}:{self.line}"
-
     def __str__(self) -> str:
-        where = f"{self.location}: record {self.seq} (of input {self.input}, kind {self.kind})"
+        where = f"{self.file}:{self.line}: record {self.seq} (of input {self.input}, kind {self.kind})"
         if self.field == NO_RECORD:
             return f"{where} is in the journal, but the replay does not give it"
         recorded, replayed = _short_json(self.recorded), _short_json(self.replayed)
@@ -108,7 +104,9 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = Replay(Kernel(model, info.seed), contents).run()
+    done = Replay(Kernel(model, info.seed), contents)
+    for _ in done.steps():
+        pass
     if done.unwritten and done.difference is None:
         first, last = done.unwritten[0].seq, done.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
@@ -195,12 +193,6 @@ class Replay:
         """Records of the last input that were never written, or torn off."""
         self.timers: dict[int, float] = {}
         """Timers that are set, and when they are due (session time)."""
-
-    def run(self) -> Replay:
-        """To the end."""
-        for _ in self.steps():
-            pass
-        return self
 
     def steps(self) -> Iterator[ReplayedStep]:
         """Each step, compared by the numbers of its records. Raises SessionError."""
