@@ -464,10 +464,8 @@ def _ignore_reply(reply: Reply) -> None:
 def _reply_for(fact: AnyInput, records: list[AnyRecord]) -> Reply:
     if not isinstance(fact, Submit):
         return Reply(True)
-    first = records[0] if records else None
-    if not isinstance(first, TaskRecord):
-        return Reply(True)
-    return Reply(first.status != "REJECTED", first.reason, first.id)
+    task = next(record for record in records if isinstance(record, TaskRecord))
+    return Reply(task.status != "REJECTED", task.reason, task.id)
 
 
 def _stop_sentence(report: StopReport) -> str:

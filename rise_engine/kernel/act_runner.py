@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from rise_engine.kernel.commands import CancelAction, StartAction
-from rise_engine.kernel.core import Core, Task, TimerTarget
+from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
 from rise_engine.kernel.records import ActionRecord, ActionStatus, TaskStatus
 from rise_engine.kernel.speech import act_name, act_of
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
@@ -25,8 +25,6 @@ class ActionRun(Struct):
 
     index: int
     """In the act's file order."""
-    open_predecessors: int
-    """Predecessors that have not ended."""
     state: str = "waiting"
     """waiting, running, canceling or ended."""
     type: str = ""
@@ -45,8 +43,6 @@ class ActRun(Struct):
     """Why it is being stopped, when it is."""
     failure: str | None = None
     """Why it failed, when it did; what still runs is being cancelled."""
-    unfinished: int = 0
-    """Actions that have not ended."""
     starting: bool = False
     ready: list[str] = field(default_factory=list)
     """Actions that can start now."""
@@ -73,8 +69,7 @@ class ActRunner:
         act = act_of(self._core.scenario, task)
         run = ActRun(
             task,
-            {action.id: ActionRun(index, len(action.wait_for)) for index, action in enumerate(act.actions)},
-            unfinished=len(act.actions),
+            {action.id: ActionRun(index) for index, action in enumerate(act.actions)},
             ready=[action.id for action in act.actions if not action.wait_for],
         )
         self.runs[task.id] = run
@@ -88,7 +83,7 @@ class ActRunner:
         while run.ready and run.cancel_reason is None and run.failure is None:
             self._start_action(run, run.ready.pop(0))
         run.starting = False
-        if run.unfinished == 0:
+        if all(action.state == "ended" for action in run.actions.values()):
             self._finish(run)
 
     def _start_action(self, run: ActRun, id: str) -> None:
@@ -152,7 +147,7 @@ class ActRunner:
     def report(self, goal: str, status: ActionStatus, reason: str) -> None:
         """The robot's word about a goal; late and unknown ones change nothing."""
         task, _, id = goal.partition("/")
-        run = self.runs.get(int(task)) if task.isascii() and task.isdigit() and len(task) < 19 else None
+        run = self.runs.get(parse_task_id(task))
         state = run.actions.get(id) if run is not None else None
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
@@ -223,18 +218,14 @@ class ActRunner:
         state = run.actions[id]
         self._cancel_timer(state)
         state.state = "ended"
-        run.unfinished -= 1
         self._record(run, id, status, reason)
         if run.cancel_reason is not None or run.failure is not None:
             return
         actions = self._act_of(run).actions
         if status == "succeeded" or actions[state.index].continue_on_failure:
             for successor in actions:
-                if id in successor.wait_for:
-                    waiting = run.actions[successor.id]
-                    waiting.open_predecessors -= 1
-                    if waiting.open_predecessors == 0:
-                        run.ready.append(successor.id)
+                if id in successor.wait_for and all(run.actions[each].state == "ended" for each in successor.wait_for):
+                    run.ready.append(successor.id)
         else:
             run.failure = f"action {id} ({state.type}) {status}" + (f": {reason}" if reason else "")
             self._wind_down(run, f"action {id} {status}")

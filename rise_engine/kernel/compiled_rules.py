@@ -9,6 +9,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import accumulate
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
@@ -133,9 +134,9 @@ class CompiledState:
         self.delayed = tuple(t for t in transitions if t.after is not None)
         self.eventless = tuple(t for t in transitions if t.topic is None and t.after is None)
         keys = {key for t in self.eventless if t.condition for key in t.condition.watched_keys}
-        self.watch_lists = tuple(
-            watchers.setdefault(name, {}) for name in sorted({name for key in keys for name in _prefixes(key)})
-        )
+        # `a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects.
+        written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
+        self.watch_lists = tuple(watchers.setdefault(name, {}) for name in sorted(written))
         """Where it stands for the keys that it watches."""
         self.final = not transitions
         self.trivial = not (self.delayed or self.final or self.eventless)
@@ -221,9 +222,3 @@ class BlockCompiler:
             op.function = function.name
         op.argument = function.argument
         return op
-
-
-def _prefixes(key: str) -> list[str]:
-    """`a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects."""
-    parts = key.split(".")
-    return [".".join(parts[: n + 1]) for n in range(len(parts))]

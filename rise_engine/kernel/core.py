@@ -72,6 +72,11 @@ class Task(Struct):
     robot_at: float | None = None
 
 
+def parse_task_id(number: str) -> int:
+    """A task's id as it is written; 0, which no task has, when it is none."""
+    return int(number) if number.isascii() and number.isdigit() and len(number) < 19 else 0
+
+
 class TimerTarget(Struct, frozen=True):
     """What a timer is for. `purpose`: after, wait, limit, cancel, stop or filler."""
 

@@ -3,7 +3,7 @@
     records, commands = kernel.handle(input)
 
 Everything that a session is changes here and nowhere else. Same scenario, same seed, same inputs: the same outputs,
-byte for byte. The first record that a `Submit` causes is the record of its own task.
+byte for byte. The first task record that a `Submit` causes is that of its own task.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rise_engine.kernel.inputs import (
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord
+from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord, TaskRecord
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
@@ -88,9 +88,9 @@ class Kernel:
 
         Returns the records, numbered without gaps in the order in which things happened (`wall` is empty: the kernel
         knows no clock), and the commands (`rise_engine.kernel.commands`), to be carried out in their order, after the
-        records. The first record of a `Submit` is that of its own task; a task that cannot be done is REJECTED there,
-        with the reason, so nothing is raised for what people ask. An exception is a mistake in this program, and the
-        kernel is of no use after it.
+        records. The first `TaskRecord` of a `Submit` is that of its own task; a task that cannot be done is REJECTED
+        there, with the reason, so nothing is raised for what people ask. An exception is a mistake in this program, and
+        the kernel is of no use after it.
 
             >>> from rise_engine.kernel import Kernel
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit
@@ -119,7 +119,7 @@ class Kernel:
             handlers = self._handlers
             (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)
             if input.source.startswith("wizard:"):
-                self.wizard_marks.note_task(records[0])  # type: ignore[arg-type]
+                self.wizard_marks.note_task(next(record for record in records if isinstance(record, TaskRecord)))
         else:
             core.key_at = None
             self._handle_other_input(input)

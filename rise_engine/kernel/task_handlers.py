@@ -1,6 +1,7 @@
 """What each function of a DomainTask does (semantics.md 1.1): the six of RISE and the console's own.
 
-Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
+Every task leaves at least one record; the first task record that a `Submit` causes is that of its own task. A note may
+stand before it: that the memory has no value for a key which an assignment reads.
 """
 
 from __future__ import annotations

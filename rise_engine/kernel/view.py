@@ -251,8 +251,6 @@ class SessionView(Struct):
                     self.ended, self.end_reason = True, record.reason
                 else:
                     self.session = record
-            case _:
-                pass
 
     def merge_resync(self, state: SessionView, count: int) -> None:
         """Become `state`, which has left out tasks that ended before and have not changed since: those stay.
