@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from rise_engine.kernel.commands import CancelAction, StartAction
 from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
 from rise_engine.kernel.records import ActionRecord, ActionStatus, TaskStatus
-from rise_engine.kernel.speech import act_name, act_of
+from rise_engine.kernel.speech import act_name, find_act
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.parameters import fill_parameters
@@ -51,9 +51,9 @@ class ActRun(Struct):
 class ActRunner:
     """All running acts."""
 
-    def __init__(self, core: Core, ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
+    def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
         self._core = core
-        self._on_ended = ended
+        self._on_ended = on_ended
         """Called with the act, its task's final status and the reason, once, when its last action has ended."""
         self.last_pick: dict[str, int] = {}
         """The variant taken last, by `<act>/<actionID>`."""
@@ -66,7 +66,7 @@ class ActRunner:
 
     def start(self, task: Task) -> None:
         """Run an act for its task, which has just become ACTIVE."""
-        act = act_of(self._core.scenario, task)
+        act = find_act(self._core.scenario, task)
         run = ActRun(
             task,
             {action.id: ActionRun(index) for index, action in enumerate(act.actions)},
@@ -243,7 +243,7 @@ class ActRunner:
     # --- small things ---
 
     def _act_of(self, run: ActRun) -> Act:
-        return act_of(self._core.scenario, run.task)
+        return find_act(self._core.scenario, run.task)
 
     def _cancel_timer(self, state: ActionRun) -> None:
         if state.timer is not None:

@@ -197,7 +197,7 @@ class Core:
 
     # --- memory, read ---
 
-    def values_of(self, keys: tuple[str, ...]) -> dict[str, Any]:
+    def read_values(self, keys: tuple[str, ...]) -> dict[str, Any]:
         memory = self.memory
         return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
 

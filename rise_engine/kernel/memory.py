@@ -14,9 +14,9 @@ from rise_engine.kernel.records import MemoryRecord
 class WorkingMemory:
     """Writes to the memory. Reading is `core.env`, which conditions are evaluated against."""
 
-    def __init__(self, core: Core, changed: Callable[[str], None]) -> None:
+    def __init__(self, core: Core, on_change: Callable[[str], None]) -> None:
         self._core = core
-        self._on_change = changed
+        self._on_change = on_change
         """Called with each key that was written: rules may be watching it."""
         self._known_keys = core.scenario.known_keys
 

@@ -44,7 +44,7 @@ class RuleMachine:
         self._core = core
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
-        self.memory = WorkingMemory(core, self._key_changed)
+        self.memory = WorkingMemory(core, self._reevaluate_watchers)
         self._watchers: dict[str, RuleList] = {}
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
@@ -209,7 +209,7 @@ class RuleMachine:
         if transition.condition is None or self._evaluate(run, transition.condition):
             self._take_transition(run, transition)
 
-    def _key_changed(self, key: str) -> None:
+    def _reevaluate_watchers(self, key: str) -> None:
         """Let the rules that watch a key look at their eventless transitions."""
         if runs := self._watchers.get(key):
             self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
@@ -397,7 +397,7 @@ class RuleMachine:
             result, error = False, str(problem)
         memory = core.memory
         key = condition.only_key
-        values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
+        values = {key: memory[key]} if key in memory else core.read_values(condition.keys)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
             ConditionRecord(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from rise_engine.kernel.act_runner import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task
 from rise_engine.kernel.records import TaskStatus, TimingRecord
-from rise_engine.kernel.speech import SAY, act_name, act_of
+from rise_engine.kernel.speech import SAY, act_name, find_act
 from rise_engine.kernel.wizard_marks import WizardMarks
 
 
@@ -18,7 +18,7 @@ class Scheduler:
     def __init__(self, core: Core, wizard: WizardMarks) -> None:
         self._core = core
         self._wizard = wizard
-        self.runner = ActRunner(core, self._act_ended)
+        self.runner = ActRunner(core, self._finish_act)
         self._advancing = False
         self._advance_again = False
         self.waiting: list[Task] = []
@@ -30,7 +30,7 @@ class Scheduler:
         return any(_starts_act(task, act) for task in tasks)
 
     def add(self, task: Task) -> None:
-        self._wizard.act_accepted(task)
+        self._wizard.note_accepted(task)
         position = len(self.waiting)
         if task.calling_type == "Interrupt":
             position = next(
@@ -105,11 +105,11 @@ class Scheduler:
         self.waiting.remove(task)
         task.status = "ACTIVE"
         self._core.record_task(task)
-        self._wizard.act_started(task)
+        self._wizard.note_started(task)
         self._advance_again = True
         self.runner.start(task)
 
-    def _act_ended(self, run: ActRun, status: TaskStatus, reason: str) -> None:
+    def _finish_act(self, run: ActRun, status: TaskStatus, reason: str) -> None:
         self._record_end(run.task, status, reason)
         self.advance()
 
@@ -117,7 +117,7 @@ class Scheduler:
         core = self._core
         task.status = status
         core.record_task(task, reason)
-        self._wizard.act_ended(task)
+        self._wizard.note_ended(task)
         name = act_name(task)
         core.emit(
             TimingRecord,
@@ -135,7 +135,7 @@ class Scheduler:
         core.raise_event_if_named(name + "_end")
 
     def _channels(self, task: Task) -> frozenset[str]:
-        return act_of(self._core.scenario, task).channels
+        return find_act(self._core.scenario, task).channels
 
 
 def _is_exclusive(task: Task) -> bool:

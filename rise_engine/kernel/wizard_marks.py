@@ -46,7 +46,7 @@ class WizardMarks:
 
     # --- acts come and go ---
 
-    def act_accepted(self, task: Task) -> None:
+    def note_accepted(self, task: Task) -> None:
         """An act or free speech was taken on: note what it answers, and when it was asked for."""
         core, acts = self._core, self.state.act_tasks
         task.cue_at, task.key_at, task.accepted_at = core.open_cue_at, core.key_at, core.t
@@ -56,7 +56,7 @@ class WizardMarks:
         if self._is_filler(task):
             self.state.last_filler = task.behavior
 
-    def act_started(self, task: Task) -> None:
+    def note_started(self, task: Task) -> None:
         """A filler bridges the time until the answer; anything else is the answer to the cue."""
         core = self._core
         task.started_at = core.t
@@ -69,7 +69,7 @@ class WizardMarks:
         if not filler:
             core.open_cue_at = None
 
-    def act_ended(self, task: Task) -> None:
+    def note_ended(self, task: Task) -> None:
         """A failure stays until somebody goes on without the act, or it succeeds after all."""
         failed, what = self.state.failed_acts, f"{task.function} {task.behavior}"
         if task.status in ("ABORTED", "SUCCEEDED"):

@@ -259,7 +259,7 @@ def belongs_to(info: SessionInfo, participant: str, condition: str) -> bool:
 
 def participant_text(participant: str, condition: str) -> str:
     """A participant and a condition in words, as far as they are named: `P07, condition calm`."""
-    return ", ".join([participant] * bool(participant) + [f"condition {condition}"] * bool(condition)) or "nobody named"
+    return ", ".join(filter(None, (participant, condition and f"condition {condition}"))) or "nobody named"
 
 
 def _duration_text(seconds: float) -> str:

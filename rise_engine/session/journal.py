@@ -148,29 +148,24 @@ class Journal:
 
         Looked at once a second and not at each commit: what was written meanwhile is still in the removed file.
         """
-        mine = os.fstat(self._descriptor)
-        try:
-            there = self.path.stat(follow_symlinks=False)
-        except FileNotFoundError:
-            pass
-        else:
-            if (there.st_dev, there.st_ino) == (mine.st_dev, mine.st_ino):
+        with suppress(FileNotFoundError):
+            if os.path.samestat(self.path.stat(follow_symlinks=False), os.fstat(self._descriptor)):
                 self._last_seen_in_place = time.monotonic()
                 return
             raise FileExistsError(errno.EEXIST, f"another file has been put in the place of {self.path.name}")
-        beside = self.path.with_name(self.path.name + ".new")
-        beside.unlink(missing_ok=True)
-        fresh = self._disk.open(beside, create=True)
+        copy = self.path.with_name(self.path.name + ".new")
+        copy.unlink(missing_ok=True)
+        fresh = self._disk.open(copy, create=True)
         try:
-            with self.lock.move_to(beside):
+            with self.lock.move_to(copy):
                 for at in range(0, self._size, BATCH):
                     self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
                 self._disk.sync(fresh)
-                os.link(beside, self.path)  # unlike a renaming, this never puts itself in the place of another file
+                os.link(copy, self.path)  # unlike a renaming, this never puts itself in the place of another file
         except OSError:
             self._disk.close(fresh)
             raise
-        beside.unlink(missing_ok=True)
+        copy.unlink(missing_ok=True)
         self._disk.close(self._descriptor)
         self._descriptor = fresh
         self._disk.sync_folder(self.path.parent)

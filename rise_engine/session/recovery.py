@@ -93,24 +93,24 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
     report: list[str] = []
     scenario = load_session_scenario(folder, info, report)
     kernel = Kernel(scenario, info.seed)
-    done = Replay(kernel, contents, on_progress)
+    replay = Replay(kernel, contents, on_progress)
     view = SessionView()
-    for made in done.steps():
-        for record in made.records:
+    for step in replay.steps():
+        for record in step.records:
             view.apply(record)
-    if done.difference is not None:
+    if replay.difference is not None:
         raise SessionError(
-            f"the session {folder.name} does not repeat: {done.difference}. Either the journal or session.toml was "
+            f"the session {folder.name} does not repeat: {replay.difference}. Either the journal or session.toml was "
             f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that "
             "version. It can be exported with this one (rise-engine export)"
         )
-    again = Replay(Kernel(scenario, info.seed), contents, on_progress)
+    fresh_replay = Replay(Kernel(scenario, info.seed), contents, on_progress)
     try:
-        size = _repair_journal(contents, done, again, info, disk, lock, report)
+        size = _repair_journal(contents, replay, fresh_replay, info, disk, lock, report)
     except OSError as error:
         raise SessionError(f"{path} cannot be repaired: {error_message(error)}") from None
-    if done.unwritten:
-        count = len(done.unwritten)
+    if replay.unwritten:
+        count = len(replay.unwritten)
         what = "record of the last input was" if count == 1 else "records of the last input were"
         report.append(f"{count} {what} not in the journal and {'is' if count == 1 else 'are'} added to it now.")
     return RecoveredSession(
@@ -119,18 +119,18 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         kernel=kernel,
         view=view,
         t=max(contents.input_t, _read_clock(folder)),
-        timers=done.timers,
+        timers=replay.timers,
         inputs=contents.inputs,
         size=size,
-        unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in done.unwritten),
+        unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in replay.unwritten),
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 
 
 def _repair_journal(
     contents: JournalContents,
-    done: Replay,
-    again: Replay,
+    replay: Replay,
+    fresh_replay: Replay,
     info: SessionInfo,
     disk: Disk,
     lock: JournalLock,
@@ -138,7 +138,7 @@ def _repair_journal(
 ) -> int:
     """Make a journal whole that is torn or damaged; its size then. Raises OSError.
 
-    `done`: the replay that has shown what is missing; `again`: one that has not begun, to make that.
+    `replay`: the replay that has shown what is missing; `fresh_replay`: one that has not begun, to make that.
     """
     path = contents.path
     if contents.torn:
@@ -147,16 +147,16 @@ def _repair_journal(
             f"The end of {path.name} was torn: its last {len(contents.torn)} bytes cannot be read, because "
             f"the engine or the computer went away while they were written. They are kept in {kept}."
         )
-    if contents.damaged or done.missing:
+    if contents.damaged or replay.missing:
         with path.open("rb") as before:
             kept = _save_aside(path, "damaged-{}.jsonl", iter(lambda: before.read(BLOCK), b""), disk)
-        size = _replace_journal(path, _intact_lines(contents, done, again, info), disk, lock)
+        size = _replace_journal(path, _intact_lines(contents, replay, fresh_replay, info), disk, lock)
         if contents.damaged:
             places = ", ".join(map(str, contents.damaged))
             lines = f"line {places} was" if len(contents.damaged) == 1 else f"lines {places} were"
             found = f"{lines} damaged"
         else:
-            found = f"{done.missing} of its records were missing"
+            found = f"{replay.missing} of its records were missing"
         report.append(
             f"In {path.name}, {found}. What is recorded there follows from the inputs, which are whole: it was made "
             f"again. The journal as it was is kept in {kept}."
@@ -172,7 +172,9 @@ def _repair_journal(
     return contents.size
 
 
-def _intact_lines(contents: JournalContents, done: Replay, again: Replay, info: SessionInfo) -> Iterator[bytes]:
+def _intact_lines(
+    contents: JournalContents, replay: Replay, fresh_replay: Replay, info: SessionInfo
+) -> Iterator[bytes]:
     """The journal without damage: valid lines as they are, the others made again."""
     if contents.header is None:
         program = " ".join(("rise-tui", info.versions.get("rise-tui", ""))).strip()
@@ -180,10 +182,10 @@ def _intact_lines(contents: JournalContents, done: Replay, again: Replay, info: 
     else:
         with contents.path.open("rb") as file:
             yield file.readline()
-    unwritten = {record.seq for record in done.unwritten}
-    for made in again.steps():
-        yield made.text + b"\n"
-        for record, written in zip(made.records, made.written, strict=True):
+    unwritten = {record.seq for record in replay.unwritten}
+    for step in fresh_replay.steps():
+        yield step.text + b"\n"
+        for record, written in zip(step.records, step.written, strict=True):
             if written is not None:
                 yield written.text + b"\n"
             elif record.seq not in unwritten:

@@ -104,20 +104,20 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = Replay(Kernel(model, info.seed), contents)
-    for _ in done.steps():
+    replay = Replay(Kernel(model, info.seed), contents)
+    for _ in replay.steps():
         pass
-    if done.unwritten and done.difference is None:
-        first, last = done.unwritten[0].seq, done.unwritten[-1].seq
+    if replay.unwritten and replay.difference is None:
+        first, last = replay.unwritten[0].seq, replay.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
         notes.append(f"the journal ends before {which}, which the last input caused")
     return ReplayComparison(
-        inputs=done.inputs,
-        records=done.compared,
+        inputs=replay.inputs,
+        records=replay.compared,
         seconds=contents.seconds,
-        difference=done.difference,
+        difference=replay.difference,
         damaged=contents.damaged,
-        missing=done.missing,
+        missing=replay.missing,
         notes=notes,
     )
 
@@ -205,11 +205,11 @@ class Replay:
             self.inputs += 1
             written = [tape.record(record.seq) for record in records]
             # What has to be made again is of the same moment as its siblings, or else of the moment before.
-            wall = next((there.record.wall for there in written if there is not None), wall)
-            for record, there in zip(records, written, strict=True):
-                record.wall = wall if there is None else there.record.wall
-                if there is not None:
-                    self.difference = _first_difference(contents.path, input.n, there, record)
+            wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
+            for record, recorded in zip(records, written, strict=True):
+                record.wall = wall if recorded is None else recorded.record.wall
+                if recorded is not None:
+                    self.difference = _first_difference(contents.path, input.n, recorded, record)
                     if self.difference is not None:
                         return
                     self.compared += 1
