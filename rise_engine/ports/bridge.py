@@ -8,7 +8,7 @@ entry-point group `rise.bridges` and never imported by name (architecture, "Impo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeAlias, TypeVar
+from typing import Any, Literal, Protocol, TypeAlias, TypeVar, get_args
 
 from msgspec import Struct
 
@@ -20,7 +20,7 @@ RosTransport: TypeAlias = Literal["auto", "rclpy", "dds", "off"]
 """By what ROS 2 is spoken. auto: by rclpy where it is installed, else by the DDS wheel, and only when the robot needs
 it. off: not at all. The other two: by that, and also in a session whose robot is simulated."""
 
-ROS_TRANSPORTS: tuple[RosTransport, ...] = ("auto", "rclpy", "dds", "off")
+ROS_TRANSPORTS: tuple[RosTransport, ...] = get_args(RosTransport)
 
 
 class RosConnection(Struct, frozen=True):

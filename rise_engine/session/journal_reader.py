@@ -112,10 +112,6 @@ class JournalContents(Struct):
         """Session time of the last thing that is known."""
         return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)
 
-    @property
-    def lost_inputs(self) -> list[NumberGap]:
-        return [gap for gap in self.gaps if gap.what == "input"]
-
     def read_records(self) -> Iterator[AnyRecord]:
         """Every record that can be read, in the order of the file. Raises SessionError when it cannot be read now."""
         return (found for _, _, found in self.lines() if not isinstance(found, JournalHeader | InputLine))

@@ -127,8 +127,9 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
 
 def require_inputs(path: Path, contents: JournalContents) -> None:
     """Raises SessionError when an input in the middle is not there."""
-    if contents.lost_inputs:
-        raise SessionError(f"{path}: {contents.lost_inputs[0]}. {CANNOT_REPLAY}")
+    lost = next((gap for gap in contents.gaps if gap.what == "input"), None)
+    if lost is not None:
+        raise SessionError(f"{path}: {lost}. {CANNOT_REPLAY}")
 
 
 def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
@@ -230,7 +231,7 @@ class Replay:
             timers.pop(input.input.timer, None)
         try:
             records, commands = self._kernel.handle(input.input)
-        except Exception as error:
+        except Exception as error:  # whatever it is: whoever has this journal needs to know what to do with it
             raise SessionError(
                 f"{self._contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
                 f"program ({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
@@ -263,20 +264,16 @@ class _JournalTape:
         return self._inputs.popleft()
 
     def record(self, seq: int) -> RecordedLine | None:
-        """Ask for them in ascending order."""
-        found = self.first_from(seq)
+        """Ask for all of them in ascending order."""
+        found = self.peek_record()
         return self._records.popleft() if found is not None and found.record.seq == seq else None
 
-    def first_from(self, seq: int) -> RecordedLine | None:
-        """The first record with this number or a higher one; it stays."""
-        records = self._records
-        while True:
-            while records and records[0].record.seq < seq:
-                records.popleft()
-            if records:
-                return records[0]
+    def peek_record(self) -> RecordedLine | None:
+        """The next record; it stays."""
+        while not self._records:
             if not self._read():
                 return None
+        return self._records[0]
 
     def _read(self) -> bool:
         for number, text, found in self._lines:
@@ -308,7 +305,7 @@ def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> 
 
     Raises SessionError when a damaged line may be the input that caused it: no number after it tells.
     """
-    written = tape.first_from(1)
+    written = tape.peek_record()
     assert written is not None
     suspects = [number for number in contents.damaged if since < number < written.line]
     if suspects:
