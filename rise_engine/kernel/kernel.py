@@ -156,7 +156,7 @@ class Kernel:
             next_task=core.next_task,
             next_timer=core.next_timer,
             timers=core.timers,
-            noticed=sorted(core.reported_missing),
+            reported_missing=sorted(core.reported_missing),
             memory=core.memory,
             rules=self.rules.snapshot(),
             waiting=self.scheduler.waiting,
@@ -165,8 +165,8 @@ class Kernel:
             robot_lost=runner.robot_lost,
             stop=self.stop.status,
             stop_timer=self.stop.timer,
-            wizard=self.wizard_marks.state,
-            cue=core.open_cue_at,
+            wizard_marks=self.wizard_marks.state,
+            open_cue_at=core.open_cue_at,
             participant=self.participant,
             condition=self.condition,
         ).copy()
@@ -198,7 +198,7 @@ class Kernel:
         core.rng.state = snapshot.rng
         core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
         core.timers = snapshot.timers
-        core.reported_missing = set(snapshot.noticed)
+        core.reported_missing = set(snapshot.reported_missing)
         core.memory.update(snapshot.memory)
         self.rules.restore(snapshot.rules)
         self.scheduler.waiting = snapshot.waiting
@@ -206,7 +206,7 @@ class Kernel:
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
-        self.wizard_marks.state, core.open_cue_at = snapshot.wizard, snapshot.cue
+        self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.participant, self.condition = snapshot.participant, snapshot.condition
 
     # --- inputs other than tasks ---

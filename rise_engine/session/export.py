@@ -7,7 +7,7 @@ said, and never made up.
 from __future__ import annotations
 
 import csv
-import io
+from codecs import getwriter
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeAlias
 
@@ -41,18 +41,16 @@ COLUMNS = (
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 
-_BUFFER = 1_000_000
-"""Characters that are gathered before they are written."""
-
 
 class SessionExport:
     """The records of a session, whatever of them can be read, to be written to a file.
 
+    >>> from io import BytesIO
     >>> from tempfile import TemporaryDirectory
     >>> from rise_engine.kernel.records import NoteRecord
     >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
     >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
-    >>> out = io.BytesIO()
+    >>> out = BytesIO()
     >>> with TemporaryDirectory() as folder:
     ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
     ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
@@ -95,16 +93,10 @@ class SessionExport:
         out.flush()
 
     def _write_table(self, out: BinaryIO) -> None:
-        text = io.StringIO(newline="")
-        rows = csv.writer(text)  # as RFC 4180 has it: commas, CR LF, quotes doubled
+        rows = csv.writer(getwriter("utf-8")(out))  # as RFC 4180 has it: commas, CR LF, quotes doubled
         rows.writerow(COLUMNS)
         for record in self._contents.read_records():
             rows.writerow(self._row(record))
-            if text.tell() > _BUFFER:
-                out.write(text.getvalue().encode())
-                text.seek(0)
-                text.truncate()
-        out.write(text.getvalue().encode())
 
     def _row(self, record: AnyRecord) -> list[str]:
         values: dict[str, Any] = msgspec.json.decode(encode_record(record))
