@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from math import isfinite
 
 from rise_engine.expression.environment import Environment, Json, list_index, lookup
@@ -13,7 +13,6 @@ from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
 from rise_engine.expression.values import described, nesting_levels
 from rise_engine.json_codec import MAX_LEVELS, JsonError, decode
 
-_BLANKS = re.compile(r"\s*")
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
 
 
@@ -113,9 +112,6 @@ class Assignment:
     def __repr__(self) -> str:
         return f"Assignment.parse({self.text!r})"
 
-    def __reduce__(self) -> tuple[Callable[[str, str], Assignment], tuple[str, str]]:
-        return _restore, (self.text, self.key)
-
 
 def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
     """Which top-level key gets which new value when `key` is set. The memory itself is not changed.
@@ -133,34 +129,31 @@ def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[s
             f"`{head}` would be nested too deeply: more than {MAX_LEVELS} lists and objects within each other",
             shortened(key),
         )
-    top = here = memory[head].copy()
-    way = head
+    top = container = memory[head].copy()
+    path = head
     for part in rest[:-1]:
-        if isinstance(here, dict) and part not in here:
+        index = _index_or_name(container, part, path, key)
+        if isinstance(container, dict) and part not in container:
             inner: Json = {}
         else:
-            inner = here[_index_or_name(here, part, way, key)]
+            inner = container[index]
             if not isinstance(inner, (dict, list)):
-                raise EvaluationError(f"`{way}.{part}` is {described(inner)}; nothing can be set inside it", key)
+                raise EvaluationError(f"`{path}.{part}` is {described(inner)}; nothing can be set inside it", key)
             inner = inner.copy()
-        here[_index_or_name(here, part, way, key)] = inner
-        here = inner
-        way += f".{part}"
-    here[_index_or_name(here, rest[-1], way, key)] = value
+        container[index] = inner
+        container = inner
+        path += f".{part}"
+    container[_index_or_name(container, rest[-1], path, key)] = value
     return head, top
 
 
-def _index_or_name(container: Json, part: str, way: str, key: str) -> str | int:
+def _index_or_name(container: Json, part: str, path: str, key: str) -> str | int:
     if isinstance(container, dict):
         return part
     index = list_index(container, part)
     if index is None:
-        raise EvaluationError(f"`{way}` is a list of {len(container)} and has no entry `{part}`", key)
+        raise EvaluationError(f"`{path}` is a list of {len(container)} and has no entry `{part}`", key)
     return index
-
-
-def _restore(text: str, key: str) -> Assignment:
-    return next(assignment for assignment in Assignment.parse_all(text) if assignment.key == key)
 
 
 def _read_key(text: str, start: int) -> tuple[str, int]:
@@ -223,5 +216,4 @@ def _read_json(text: str, start: int) -> Json:
 
 
 def _blanks_end(text: str, start: int) -> int:
-    match = _BLANKS.match(text, start)
-    return match.end() if match else start
+    return len(text) - len(text[start:].lstrip())

@@ -38,8 +38,8 @@ def power(a: float, b: float) -> float:
         return copysign(inf, a) if math.fmod(b, 2) in (1.0, -1.0) else inf
 
 
-def _total(function: Callable[[float], float]) -> Callable[[float], float]:
-    def total(x: float) -> float:
+def _without_errors(function: Callable[[float], float]) -> Callable[[float], float]:
+    def guarded(x: float) -> float:
         try:
             return function(x)
         except ValueError:
@@ -47,7 +47,7 @@ def _total(function: Callable[[float], float]) -> Callable[[float], float]:
         except OverflowError:
             return inf
 
-    return total
+    return guarded
 
 
 def _logarithm(function: Callable[[float], float]) -> Callable[[float], float]:
@@ -57,11 +57,11 @@ def _logarithm(function: Callable[[float], float]) -> Callable[[float], float]:
     return logarithm
 
 
-def _whole(function: Callable[[float], float]) -> Callable[[float], float]:
-    def whole(x: float) -> float:
+def _rounding(function: Callable[[float], float]) -> Callable[[float], float]:
+    def rounded(x: float) -> float:
         return float(function(x)) if math.isfinite(x) else x
 
-    return whole
+    return rounded
 
 
 def _minimum(*numbers: float) -> float:
@@ -85,23 +85,23 @@ def _clamp01(x: float) -> float:
 
 
 NUMERIC: dict[str, Callable[..., float]] = {
-    "sin": _total(math.sin),
-    "cos": _total(math.cos),
-    "tan": _total(math.tan),
-    "asin": _total(math.asin),
-    "acos": _total(math.acos),
+    "sin": _without_errors(math.sin),
+    "cos": _without_errors(math.cos),
+    "tan": _without_errors(math.tan),
+    "asin": _without_errors(math.asin),
+    "acos": _without_errors(math.acos),
     "atan": math.atan,
     "atan2": math.atan2,
     "abs": abs,
-    "floor": _whole(math.floor),
-    "ceil": _whole(math.ceil),
-    "round": _whole(round),
+    "floor": _rounding(math.floor),
+    "ceil": _rounding(math.ceil),
+    "round": _rounding(round),
     "min": _minimum,
     "max": _maximum,
-    "exp": _total(math.exp),
+    "exp": _without_errors(math.exp),
     "ln": _logarithm(math.log),
     "log10": _logarithm(math.log10),
-    "sqrt": _total(math.sqrt),
+    "sqrt": _without_errors(math.sqrt),
     "pow": power,
     "lerp": _lerp,
     "clamp": _clamp,

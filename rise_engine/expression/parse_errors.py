@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rise_engine.expression.errors import ExpressionError, shortened
 from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
 from rise_engine.expression.nodes import Compare, with_all_brackets
-from rise_engine.expression.signatures import signature
+from rise_engine.expression.signatures import find_signature
 from rise_engine.expression.tokens import RESERVED, Token
 from rise_engine.nearest_name import nearest_name
 
@@ -156,6 +156,6 @@ def argument_count_error(text: str, token: Token, given: int, arguments: Sequenc
         if given > most and adjacent and (left.kind, comma.kind, right.kind) == ("number", ",", "number"):
             number = f"{text[left.start : left.end]}.{text[right.start : right.end]}"
             hint = f"numbers have a point, not a comma: write `{number}`"
-    if not hint and (known := signature(token.value)) is not None:
+    if not hint and (known := find_signature(token.value)) is not None:
         hint = f"write {known.call}: {known.meaning.partition(';')[0].partition('. ')[0]}"
     return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)
