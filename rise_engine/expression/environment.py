@@ -65,15 +65,21 @@ def lookup(memory: Mapping[str, Json], key: str) -> tuple[bool, Json]:
     head, *rest = key.split(".")
     if not rest or head not in memory:
         return False, None
-    value = memory[head]
+    found, value = True, memory[head]
     for part in rest:
-        if isinstance(value, dict) and part in value:
-            value = value[part]
-        elif isinstance(value, list) and (index := list_index(value, part)) is not None:
-            value = value[index]
-        else:
-            return False, None
-    return True, value
+        found, value = reach_into(value, part)
+        if not found:
+            break
+    return found, value
+
+
+def reach_into(value: Json, part: str) -> tuple[bool, Json]:
+    """Whether a part of a key is there in an object or a list, and its value (else null)."""
+    if isinstance(value, dict) and part in value:
+        return True, value[part]
+    if isinstance(value, list) and (index := list_index(value, part)) is not None:
+        return True, value[index]
+    return False, None
 
 
 def list_index(items: list[Json], part: str) -> int | None:

@@ -32,6 +32,7 @@ from rise_engine.scenario.suppressions import (
     read_suppressions,
 )
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.xml import XmlFile, read_xml
 
 
@@ -166,7 +167,8 @@ class _Loader:
         location = self.caller if asked else file.value_location("robot")
         profile = read_robot(name or DEFAULT_ROBOT, self.files, location, asked=asked)
         if "actions" in file.values:
-            profile = replace(profile, actions=apply_declarations(file, profile.actions, "scenario", self.diagnostics))
+            table = TomlTable(file, (), file.values, self.diagnostics)
+            profile = replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
         return profile
 
     def read_memory(self, relative_path: str) -> None:

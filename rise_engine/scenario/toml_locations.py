@@ -8,8 +8,6 @@ from datetime import date, time
 from math import isfinite
 from typing import Any
 
-from msgspec import Struct
-
 from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
@@ -58,20 +56,6 @@ class TomlFile:
                 return self._places[path]
             path = path[:-1]
         return 0, 0
-
-
-class TomlTable(Struct, frozen=True):
-    """A table of a TOML file with its path, for code that checks it key by key."""
-
-    file: TomlFile
-    path: KeyPath
-    values: dict[str, Any]
-
-    def key_location(self, *keys: str) -> SourceLocation:
-        return self.file.key_location(*self.path, *keys)
-
-    def value_location(self, *keys: str) -> SourceLocation:
-        return self.file.value_location(*self.path, *keys)
 
 
 def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:

@@ -16,7 +16,6 @@ from bisect import bisect_right
 from xml.parsers import expat
 
 from lxml import etree
-from msgspec import Struct
 
 from rise_engine.errors import RiseError
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -180,24 +179,6 @@ def _text_offset_map(text: str, at: int) -> _OffsetMap:
         if inner.group().startswith("<![CDATA["):
             stretches.add(text, inner.start() + 9, inner.end() - 3, _LINE_END)
         at = inner.end()
-
-
-class LazyLocation(Struct, frozen=True):
-    """A location that is worked out only when a finding needs it."""
-
-    file: XmlFile
-    element: Element
-    attribute: str | None = None
-    """None: the element's text, or the element itself when `at` is None too."""
-    index: int | None = None
-
-    @property
-    def location(self) -> SourceLocation:
-        if self.attribute is not None:
-            return self.file.value_location(self.element, self.attribute, self.index or 0)
-        if self.index is not None:
-            return self.file.text_location(self.element, self.index)
-        return self.file.element_location(self.element)
 
 
 def is_element_name(name: str) -> bool:
