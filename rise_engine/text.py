@@ -76,6 +76,12 @@ def find_unseen(text: str, start: int = 0, end: int | None = None) -> int:
     return -1
 
 
+def match_end(pattern: re.Pattern[str], text: str, start: int) -> int:
+    """Where what a pattern matches from `start` on ends; `start` itself when it does not match there."""
+    found = pattern.match(text, start)
+    return found.end() if found is not None else start
+
+
 def character_name(character: str) -> str:
     """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
     known = name(character, _NAMES.get(character, ""))

@@ -33,7 +33,8 @@ class SourceFile:
 
     @cached_property
     def _line_starts(self) -> list[int]:
-        return line_starts(self.text)
+        """Offsets at which lines begin. Lines end with LF or CRLF."""
+        return [0, *accumulate(len(line) + 1 for line in self.text.split("\n")[:-1])]
 
     def location(self, offset: int) -> SourceLocation:
         """Line and column of an offset in `text`."""
@@ -52,11 +53,6 @@ class SourceFile:
         start = self.offset(number, 1)
         end = self.text.find("\n", start)
         return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
-
-
-def line_starts(text: str) -> list[int]:
-    """Offsets at which lines begin. Lines end with LF or CRLF."""
-    return [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
 
 
 class FileReader:
