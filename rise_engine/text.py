@@ -51,7 +51,7 @@ def clean(text: str, *, keep: str = "") -> str:
     return UNSEEN.sub(mark, text)
 
 
-def counted(number: int, noun: str) -> str:
+def pluralize(number: int, noun: str) -> str:
     """A number of things in words: `1 record`, `2 records`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 

@@ -7,12 +7,14 @@ from collections.abc import Collection, Mapping
 from math import isfinite
 
 from rise_engine.expression.environment import Environment, Json, list_index, lookup
-from rise_engine.expression.errors import EvaluationError, ExpressionError, shortened
+from rise_engine.expression.errors import EvaluationError, ExpressionError, shorten
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
-from rise_engine.expression.values import described, nesting_levels
+from rise_engine.expression.values import describe, nesting_levels
 from rise_engine.json_codec import MAX_LEVELS, JsonError, decode
+from rise_engine.text import match_end
 
+_BLANKS = re.compile(r"\s*")
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
 
 
@@ -57,7 +59,7 @@ class Assignment:
         """As `parse`, but a JSON object may hold several keys (at least one), assigned in its order."""
         if len(text) > MAX_LENGTH:
             raise ExpressionError(f"the assignment is longer than {MAX_LENGTH:,} characters", text[:200], 1)
-        start = _blanks_end(text, 0)
+        start = match_end(_BLANKS, text, 0)
         if text.startswith("{", start):
             pairs = _read_json(text, start)
             if not pairs:
@@ -127,7 +129,7 @@ def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[s
     if len(rest) + nesting_levels(value) > MAX_LEVELS:
         raise EvaluationError(
             f"`{head}` would be nested too deeply: more than {MAX_LEVELS} lists and objects within each other",
-            shortened(key),
+            shorten(key),
         )
     top = container = memory[head].copy()
     path = head
@@ -138,7 +140,7 @@ def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[s
         else:
             inner = container[index]
             if not isinstance(inner, (dict, list)):
-                raise EvaluationError(f"`{path}.{part}` is {described(inner)}; nothing can be set inside it", key)
+                raise EvaluationError(f"`{path}.{part}` is {describe(inner)}; nothing can be set inside it", key)
             inner = inner.copy()
         container[index] = inner
         container = inner
@@ -175,7 +177,7 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
     if compound:
         hint = f"write `{key} = {key} {compound[1]} ...`"
         raise ExpressionError(f"`{compound[1]}=` is no operator", text, compound.start(1) + 1, hint)
-    at = _blanks_end(text, end)
+    at = match_end(_BLANKS, text, end)
     if at == len(text):
         raise ExpressionError("the `=` is missing", text, at + 1, f"write `{key} = value`")
     if text.startswith("==", at):
@@ -192,7 +194,7 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
 
 
 def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
-    at = _blanks_end(text, start)
+    at = match_end(_BLANKS, text, start)
     if at == len(text):
         raise ExpressionError("there is no value after the `=`", text, at + 1, 'write `""` for an empty text')
     if text[at] in "[{":
@@ -213,7 +215,3 @@ def _read_json(text: str, start: int) -> Json:
     except JsonError as error:
         message, _, hint = str(error).partition("; ")
         raise ExpressionError(f"this is no valid JSON: {message}", text, start + error.offset + 1, hint) from None
-
-
-def _blanks_end(text: str, start: int) -> int:
-    return len(text) - len(text[start:].lstrip())

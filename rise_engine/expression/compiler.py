@@ -36,7 +36,7 @@ from rise_engine.expression.operators import (
     compile_comparison,
     compile_logic,
 )
-from rise_engine.expression.values import described, is_true, native_number, to_double
+from rise_engine.expression.values import describe, is_true, native_number, to_double
 
 
 class ExpressionCompiler:
@@ -167,8 +167,7 @@ class ExpressionCompiler:
                 return to_double(value)
             if value is MISSING:
                 return 0.0
-            text = with_all_brackets(node)
-            raise EvaluationError(f"`{text}` is {described(value)}, which is not a number", self.text)
+            raise self.type_error(node, value, "is not a number")
 
         return run
 
@@ -193,7 +192,7 @@ class ExpressionCompiler:
                 return 0.0
             if isinstance(value, (str, list, dict)):
                 return float(len(value))
-            raise EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which has no length", self.text)
+            raise self.type_error(node, value, "has no length")
 
         return run
 
@@ -206,7 +205,7 @@ class ExpressionCompiler:
                 return ""
             if isinstance(value, str):
                 return value.lower()
-            raise EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which is not a text", self.text)
+            raise self.type_error(node, value, "is not a text")
 
         return run
 
@@ -216,7 +215,11 @@ class ExpressionCompiler:
         def error(left: Json, right: Json) -> EvaluationError:
             action = "order" if node.operator in ("<", "<=", ">", ">=") else f"use `{node.operator}` on"
             return EvaluationError(
-                f"cannot {action} {described(left)} and {described(right)} in `{with_all_brackets(node)}`", self.text
+                f"cannot {action} {describe(left)} and {describe(right)} in `{with_all_brackets(node)}`",
+                self.text,
             )
 
         return error
+
+    def type_error(self, node: Node, value: Json, problem: str) -> EvaluationError:
+        return EvaluationError(f"`{with_all_brackets(node)}` is {describe(value)}, which {problem}", self.text)

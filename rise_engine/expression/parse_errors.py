@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from rise_engine.expression.errors import ExpressionError, shortened
+from rise_engine.expression.errors import ExpressionError, shorten
 from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
 from rise_engine.expression.nodes import Compare, with_all_brackets
 from rise_engine.expression.signatures import find_signature
@@ -97,7 +97,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
     token = tokens[at]
     column = token.start + 1
     before = tokens[at - 1]
-    shown = shortened(text[token.start : token.end], 40)
+    shown = shorten(text[token.start : token.end], 40)
     if token.kind == ")":
         return ExpressionError("this bracket was never opened", text, column, "remove it, or add `(`")
     if token.kind == "," and before.kind == "number" and tokens[at + 1].kind == "number":
@@ -139,7 +139,7 @@ def unknown_function_error(text: str, token: Token) -> ExpressionError:
     else:
         near = nearest_name(name, ARITY)
         hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(ARITY))
-    return ExpressionError(f"there is no function `{shortened(name, 40)}`", text, token.start + 1, hint)
+    return ExpressionError(f"there is no function `{shorten(name, 40)}`", text, token.start + 1, hint)
 
 
 def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
@@ -157,5 +157,5 @@ def argument_count_error(text: str, token: Token, given: int, arguments: Sequenc
             number = f"{text[left.start : left.end]}.{text[right.start : right.end]}"
             hint = f"numbers have a point, not a comma: write `{number}`"
     if not hint and (known := find_signature(token.value)) is not None:
-        hint = f"write {known.call}: {known.meaning.partition(';')[0].partition('. ')[0]}"
+        hint = f"write {known.usage}: {known.meaning.partition(';')[0].partition('. ')[0]}"
     return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)

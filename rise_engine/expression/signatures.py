@@ -21,7 +21,7 @@ class Signature(NamedTuple):
     """What the example gives, as `rise-engine eval` shows it; of chance, a range."""
 
     @property
-    def call(self) -> str:
+    def usage(self) -> str:
         """All ways to call it, in backquotes."""
         return " or ".join(f"`{each}`" for each in self.written)
 

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 from rise_engine.expression import lookup
 from rise_engine.expression.environment import reach_into
-from rise_engine.expression.values import described
+from rise_engine.expression.values import describe
 from rise_engine.nearest_name import in_backquotes, nearest_name
 from rise_engine.scenario.model import Json
 
@@ -100,7 +100,7 @@ def _why_it_ends(value: Json, path: str, part: str = "") -> str:
     elif isinstance(value, dict):
         end = f"in the start values `{path}` has no `{part}`"
     else:
-        end = f"in the start values `{path}` is {described(value)}, which has nothing inside"
+        end = f"in the start values `{path}` is {describe(value)}, which has nothing inside"
     return f"{end}, and nothing in this scenario sets it"
 
 

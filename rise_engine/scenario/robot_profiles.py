@@ -92,11 +92,8 @@ def profile_folders(folder: Path) -> Iterator[Path]:
 
 def package_folders() -> Iterator[Path]:
     """The folders of the packages that installed distributions name in the entry-point group."""
-    seen: set[str] = set()
-    for entry in entry_points(group=ENTRY_POINT_GROUP):
-        if entry.module not in seen:
-            seen.add(entry.module)
-            yield from _package_folder(entry.module)
+    for package in dict.fromkeys(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP)):
+        yield from _package_folder(package)
 
 
 def _package_folder(package: str) -> Iterator[Path]:

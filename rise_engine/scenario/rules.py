@@ -125,7 +125,7 @@ class _RuleReader(BlockReader):
             return
         ways: dict[str, list[str]] = {}
         for name, state in states.items():
-            own = set(_raised(state.on_entry))
+            own = set(_raised_topics(state.on_entry))
             ways[name] = [
                 way.target
                 for way in state.transitions
@@ -240,7 +240,7 @@ class _RuleReader(BlockReader):
             always[trigger] = transition
 
 
-def _raised(block: Block) -> Iterator[str]:
+def _raised_topics(block: Block) -> Iterator[str]:
     """The topics that a block may raise."""
     pending = [*block]
     while pending:

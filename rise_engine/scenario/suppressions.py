@@ -99,9 +99,9 @@ def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -
         if _MARK not in source.text:
             continue
         if source.name.lower().endswith(".toml"):
-            found += _in_toml_comments(source, diagnostics)
+            found += _read_toml_comments(source, diagnostics)
         elif source.text.lstrip().startswith("<"):
-            found += _in_xml_comments(source, diagnostics)
+            found += _read_xml_comments(source, diagnostics)
     return found
 
 
@@ -135,7 +135,7 @@ def _parse_comment(comment: str, location: SourceLocation, diagnostics: Diagnost
     return code, " ".join(reason.split())
 
 
-def _in_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
+def _read_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
     text = source.text
     pending: list[tuple[SourceLocation, str, str]] = []
     """Read, and their element is still to come: other comments may stand between."""
@@ -184,7 +184,7 @@ def _element_at(text: str, start: int) -> tuple[int, int] | None:
     return start, end if end >= 0 else len(text)
 
 
-def _in_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
+def _read_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
     pending: list[tuple[SourceLocation, str, str]] = []
     for number, line in enumerate(source.text.split("\n"), 1):
         comment = _TOML_LINE.match(line)

@@ -74,7 +74,7 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
             return None
         except ValueError as error:
             line = _report_syntax_error(str(error), source, text, diagnostics, first=attempt == 0)
-            repaired = _blanked_out(text, line)
+            repaired = _blank_out(text, line)
             if repaired == text:
                 return None
             text = repaired
@@ -117,7 +117,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
     sentence = _AT.sub("", message).strip().rstrip(".")
     if _TWICE.search(sentence) is not None:
         line = source.location(offset).line
-        at_line = source.line(line)
+        at_line = source.line_text(line)
         name, before = _duplicate_key(source, line)
         location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
         known = f"; it stands in line {before} already" if before else f" ({sentence})"
@@ -158,7 +158,7 @@ def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
     return name, 0
 
 
-def _blanked_out(text: str, line: int) -> str:
+def _blank_out(text: str, line: int) -> str:
     """The text with a line blanked out; with a table's header, all that belongs to the table."""
     lines = text.split("\n")
     last = line

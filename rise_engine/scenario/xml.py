@@ -269,18 +269,18 @@ def _element_tree(text: str, has_text: bool) -> Element:
                 inside.text = "".join(pieces)
             pieces.clear()
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
+    def on_start(tag: str, attributes: dict[str, str]) -> None:
         flush_text()
         element = Element(tag, attributes, current_offset())
         open_elements[-1].append(element)
         open_elements.append(element)
 
-    def end(tag: str) -> None:
+    def on_end(tag: str) -> None:
         flush_text()
         open_elements.pop().end_offset = current_offset()
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
+    parser.StartElementHandler = on_start
+    parser.EndElementHandler = on_end
     if has_text:
         parser.buffer_text = True
         parser.CharacterDataHandler = pieces.append

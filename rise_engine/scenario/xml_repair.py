@@ -12,7 +12,7 @@ from bisect import bisect_right
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.text import GAP, character_name, find_unseen
+from rise_engine.text import GAP, character_name, find_unseen, match_end
 from rise_engine.typography import DOUBLE, SINGLE, straight_quote, typography_problem
 
 _MARK = re.compile(r"[<&]")
@@ -117,15 +117,13 @@ def repair(source: SourceFile, diagnostics: Diagnostics) -> RepairedText:
 
 def _first_of_name(text: str, opening: int) -> int:
     """Where the name of a tag should begin: directly behind its `<`, or behind a character that nobody sees there."""
-    gap = _GAP.match(text, opening + 1)
-    end = gap.end() if gap else opening + 1
+    end = match_end(_GAP, text, opening + 1)
     return end if find_unseen(text, opening + 1, opening + 2) > 0 else opening + 1
 
 
 def _skip_blanks(repaired: RepairedText, diagnostics: Diagnostics, start: int, instead: str) -> int:
     """Step over blanks, those that XML does not know too; they are reported and replaced."""
-    gap = _GAP.match(repaired.source.text, start)
-    end = gap.end() if gap else start
+    end = match_end(_GAP, repaired.source.text, start)
     _replace_odd_blanks(repaired, diagnostics, start, end, instead)
     return end
 
