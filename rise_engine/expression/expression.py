@@ -67,7 +67,7 @@ class Expression:
     @cached_property
     def keys_read(self) -> frozenset[str]:
         """Those of `keys` whose value is read; of the others it is only asked whether they are `defined`."""
-        return self.keys if "defined" not in self.text else frozenset(nodes.read_keys(self.root))
+        return self.keys if "defined" not in self.text else nodes.read_keys(self.root)
 
     @property
     def bare_key(self) -> str | None:

@@ -64,24 +64,15 @@ def _rounding(function: Callable[[float], float]) -> Callable[[float], float]:
     return rounded
 
 
-def _minimum(*numbers: float) -> float:
-    return nan if any(number != number for number in numbers) else min(numbers)
+def _of_numbers(function: Callable[..., float]) -> Callable[..., float]:
+    def extreme(*numbers: float) -> float:
+        return nan if any(number != number for number in numbers) else function(numbers)
 
-
-def _maximum(*numbers: float) -> float:
-    return nan if any(number != number for number in numbers) else max(numbers)
-
-
-def _lerp(a: float, b: float, t: float) -> float:
-    return a + (b - a) * t
+    return extreme
 
 
 def _clamp(x: float, low: float, high: float) -> float:
     return low if x < low else high if x > high else x
-
-
-def _clamp01(x: float) -> float:
-    return _clamp(x, 0.0, 1.0)
 
 
 NUMERIC: dict[str, Callable[..., float]] = {
@@ -96,16 +87,16 @@ NUMERIC: dict[str, Callable[..., float]] = {
     "floor": _rounding(math.floor),
     "ceil": _rounding(math.ceil),
     "round": _rounding(round),
-    "min": _minimum,
-    "max": _maximum,
+    "min": _of_numbers(min),
+    "max": _of_numbers(max),
     "exp": _without_errors(math.exp),
     "ln": _logarithm(math.log),
     "log10": _logarithm(math.log10),
     "sqrt": _without_errors(math.sqrt),
     "pow": power,
-    "lerp": _lerp,
+    "lerp": lambda a, b, t: a + (b - a) * t,
     "clamp": _clamp,
-    "clamp01": _clamp01,
+    "clamp01": lambda x: _clamp(x, 0.0, 1.0),
 }
 
 ARITY: dict[str, tuple[int, int]] = {

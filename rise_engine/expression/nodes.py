@@ -92,25 +92,23 @@ def children(node: Node) -> Iterator[Node]:
                 yield operand
 
 
-def depth(node: Node) -> int:
-    """Levels of the tree; a leaf has 1. Does not recurse, so any tree can be measured."""
-    deepest = 0
+def walk(node: Node) -> Iterator[tuple[Node, int]]:
+    """Every node of a tree with its level, from 1 on. Does not recurse, so any tree can be walked."""
     waiting = [(node, 1)]
     while waiting:
-        at, level = waiting.pop()
-        deepest = max(deepest, level)
-        waiting.extend((child, level + 1) for child in children(at))
-    return deepest
+        node, level = waiting.pop()
+        yield node, level
+        waiting.extend((child, level + 1) for child in children(node))
 
 
-def read_keys(node: Node) -> Iterator[str]:
-    """The keys whose value is read anywhere in a tree. Does not recurse."""
-    waiting = [node]
-    while waiting:
-        at = waiting.pop()
-        if isinstance(at, Key):
-            yield at.name
-        waiting.extend(children(at))
+def depth(node: Node) -> int:
+    """Levels of the tree; a leaf has 1."""
+    return max(level for _, level in walk(node))
+
+
+def read_keys(node: Node) -> frozenset[str]:
+    """The keys whose value is read anywhere in a tree."""
+    return frozenset(each.name for each, _ in walk(node) if isinstance(each, Key))
 
 
 def map_children(node: Node, change: Callable[[Node], Node]) -> Node:

@@ -109,23 +109,20 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
         word = token.value.lower()
         if is_reserved_in_wrong_case(token.value):
             return wrong_case_error(text, token)
-        if word in _TEXT_OPERATORS:
-            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{_TEXT_OPERATORS[word]}`")
-        if word in _OTHER_WORDS:
-            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{_OTHER_WORDS[word]}`")
+        if meant := _TEXT_OPERATORS.get(word) or _OTHER_WORDS.get(word):
+            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{meant}`")
         if word == "with" and before.value in ("starts", "ends"):
             return ExpressionError(
                 f"`{before.value} with` needs a value on its left", text, before.start + 1, "write the key before it"
             )
         near = nearest_name(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
-        if near and token.value not in ("with",):
+        if near and token.value != "with":
             return ExpressionError(f"`{shown}` is no operator", text, column, f"did you mean `{near}`?")
     if token.kind == "(" and before.kind in ("number", ")"):
         return ExpressionError("an operator is missing before the bracket", text, column, "a product needs its `*`")
-    if before.kind == "word" and token.kind == "word":
-        hint = "put texts in quotes, and join conditions by `and` or `or`"
-        return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
-    return ExpressionError(f"an operator is missing before `{shown}`", text, column)
+    two_words = before.kind == "word" and token.kind == "word"
+    hint = "put texts in quotes, and join conditions by `and` or `or`" if two_words else ""
+    return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
 
 
 def unknown_function_error(text: str, token: Token) -> ExpressionError:
@@ -144,7 +141,6 @@ def unknown_function_error(text: str, token: Token) -> ExpressionError:
 
 def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
     """A function with too few or too many arguments."""
-
     least, most = ARITY[token.value]
     wanted = (
         f"{least} or more" if most == ANY_NUMBER_OF_ARGUMENTS else str(least) if least == most else f"{least} or {most}"

@@ -14,6 +14,7 @@ from rise_engine.scenario.expression_checks import expression_message, note_assi
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import (
     ActSettings,
+    CallingType,
     FillerSettings,
     FunctionName,
     KeyBinding,
@@ -40,27 +41,19 @@ TOP_KEYS = (
     "actions",
     "check",
 )
-BINDINGS: dict[str, FunctionName] = {
-    "act": "startCommunicationRobotAct",
-    "rule": "startInteractionRule",
-    "event": "raiseEventTopic",
-    "set": "assignValue",
-    "stop_act": "stopCommunicationRobotAct",
-    "stop_rule": "stopInteractionRule",
+BINDINGS: dict[str, tuple[FunctionName, str]] = {
+    "act": ("startCommunicationRobotAct", "name an act"),
+    "rule": ("startInteractionRule", "name a rule"),
+    "event": ("raiseEventTopic", "name a topic"),
+    "set": ("assignValue", "write an assignment"),
+    "stop_act": ("stopCommunicationRobotAct", "name an act"),
+    "stop_rule": ("stopInteractionRule", "name a rule"),
 }
-"""What a key can submit, and the function of the DomainTask that comes of it."""
-_WANTED = {
-    "act": "name an act",
-    "rule": "name a rule",
-    "event": "name a topic",
-    "set": "write an assignment",
-    "stop_act": "name an act",
-    "stop_rule": "name a rule",
-}
+"""What a key can submit: the function of the DomainTask that comes of it, and what its author has to write."""
 MAX_LABEL_LENGTH = 24
 """Characters of a key's `label`: it stands beside others in one line."""
 _ACT_KEYS = ("hold", "debounce", "filler", "calling_type")
-_CALLING_TYPES = {"none": "None", "blocking": "Blocking"}
+_CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
 MAX_DEBOUNCE = 60.0
 _ALLOW_KEYS = ("code", "key", "reason")
 MAX_PARTICIPANTS = 1_000_000
@@ -181,12 +174,13 @@ class ScenarioSettings:
                 inner.report_key("binding", f"a key submits exactly one thing; {example}")
             return None
         name = given[0]
+        function, wanted = BINDINGS[name]
         behavior = inner.read(name, str, None, form=f': {name} = "..."')
         if behavior is None:
             return None
         behavior = behavior.strip()
         if not behavior or (name == "event" and not normal_topic(behavior)):
-            inner.report_value("missing-value", name, f'`{name}` is empty; {_WANTED[name]}: {name} = "..."')
+            inner.report_value("missing-value", name, f'`{name}` is empty; {wanted}: {name} = "..."')
             return None
         locate = partial(inner.value_location, name)
         if name in ("act", "stop_act"):
@@ -203,7 +197,7 @@ class ScenarioSettings:
                 location = SourceLocation(start.file, start.line, start.column + error.column)
                 inner.diagnostics.error("assignment", location, expression_message(error))
                 return None
-        return KeyBinding(key, written, BINDINGS[name], behavior, inner.key_location(), title)
+        return KeyBinding(key, written, function, behavior, inner.key_location(), title)
 
     def read_label(self, binding: TomlTable) -> str:
         """What the author calls a key: a word or two, or empty."""
@@ -244,7 +238,7 @@ class ScenarioSettings:
                 hold=inner.read("hold", bool, usual.hold),
                 debounce=_read_seconds(inner, "debounce", usual.debounce, 0.0, MAX_DEBOUNCE) or 0.0,
                 filler=inner.read("filler", bool, usual.filler),
-                calling_type="None" if calling.lower() == "none" else "Blocking",
+                calling_type=_CALLING_TYPES[calling.lower()],
             )
         return result
 
