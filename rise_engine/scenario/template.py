@@ -105,7 +105,7 @@ def parse_template(text: str) -> Template:
         else:
             found = _SLOT.match(text, at)
             if found is None or found[2].count(".") >= MAX_LEVELS:
-                raise _malformed(text, at)
+                raise _malformed_error(text, at)
             if literal:
                 parts.append("".join(literal))
                 literal.clear()
@@ -119,7 +119,7 @@ def parse_template(text: str) -> Template:
     return Template(text, tuple(parts))
 
 
-def _malformed(text: str, at: int) -> TemplateError:
+def _malformed_error(text: str, at: int) -> TemplateError:
     """What is wrong with the slot that begins at `at`."""
     end = text.find("}", at)
     if end < 0:
