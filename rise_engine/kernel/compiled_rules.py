@@ -10,11 +10,26 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import accumulate
+from typing import get_args
 
 from rise_engine.expression import Assignment, Expression
 from rise_engine.kernel.core import EventTopic, EventTopics, RuleList
-from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, Statement, Transition, normal_topic
+from rise_engine.scenario.model import (
+    ActOutcome,
+    Block,
+    Function,
+    If,
+    OneOf,
+    Rule,
+    State,
+    Statement,
+    Transition,
+    functions_in,
+    normal_topic,
+    result_topics,
+)
 
+OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
 RAISE, ASSIGN, CALL, TEST, PICK = range(5)
 """What an Op does."""
 
@@ -72,13 +87,26 @@ class CompiledTransition:
         "entry_after_actions",
         "index",
         "next",
-        "topic",
+        "topics",
         "trigger",
     )
 
-    def __init__(self, transition: Transition, index: int, blocks: BlockCompiler, topics: EventTopics) -> None:
+    def __init__(
+        self,
+        transition: Transition,
+        index: int,
+        blocks: BlockCompiler,
+        topics: EventTopics,
+        own_ends: dict[tuple[str, ActOutcome], EventTopic],
+    ) -> None:
         self.index = index
-        self.topic = topics.get_or_add(transition.event) if transition.event is not None else None
+        self.topics: tuple[EventTopic, ...] = ()
+        """Any of these events triggers it."""
+        if transition.event is not None:
+            self.topics = (topics.get_or_add(transition.event),)
+        elif transition.ended is not None:
+            ends = [(transition.ended, outcome) for outcome in transition.outcomes or OUTCOMES]
+            self.topics = tuple(own_ends.setdefault(end, _own_end_topic(*end)) for end in ends)
         self.condition = _compile_condition(transition.condition) if transition.condition is not None else None
         self.after = transition.after
         self.block = blocks.compile(transition.block)
@@ -88,12 +116,20 @@ class CompiledTransition:
         """The state that is entered at once; null when functions come first, or when the state is not left."""
         self.entry_after_actions: CompiledTransition | None = None
         """When functions come first: the same transition without them, which enters its target after they have run."""
-        if self.topic is not None:
-            self.trigger = self.topic.with_slash
+        if transition.ended is not None:
+            self.trigger = " ".join(("ended", transition.ended, *transition.outcomes))
+        elif transition.event is not None:
+            self.trigger = self.topics[0].with_slash
         elif transition.after is not None:
             self.trigger = f"after {transition.after:g}s"
         else:
             self.trigger = transition.condition.text if transition.condition is not None else ""
+
+
+def _own_end_topic(act: str, outcome: ActOutcome) -> EventTopic:
+    topic = EventTopic(f"ended {act} {outcome}")
+    topic.with_slash = topic.name  # nobody else can raise it
+    return topic
 
 
 class CompiledState:
@@ -127,12 +163,8 @@ class CompiledState:
         self.transitions = transitions
         self.by_topic: dict[EventTopic, CompiledTransition] = {}
         """The first transition for each event; the others follow as its `next`."""
-        for transition in reversed(transitions):
-            if transition.topic is not None:
-                transition.next = self.by_topic.get(transition.topic)
-                self.by_topic[transition.topic] = transition
         self.delayed = tuple(t for t in transitions if t.after is not None)
-        self.eventless = tuple(t for t in transitions if t.topic is None and t.after is None)
+        self.eventless = tuple(t for t in transitions if not t.topics and t.after is None)
         keys = {key for t in self.eventless if t.condition for key in t.condition.watched_keys}
         # `a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects.
         written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
@@ -141,15 +173,26 @@ class CompiledState:
         self.final = not transitions
         self.trivial = not (self.delayed or self.final or self.eventless)
         """Entering it needs no more than waiting for events."""
-        self.wait_lists = tuple(topic.wait_list for topic in self.by_topic)
+        self.wait_lists: tuple[RuleList, ...] = ()
         """Where a rule in this state waits for its events while it is not on top of the stack."""
+
+    def index_topics(self) -> None:
+        """Find transitions by their events, now that they are complete."""
+        for transition in reversed(self.transitions):
+            for topic in transition.topics:
+                entry = copy(transition) if len(transition.topics) > 1 else transition  # each chain has its own `next`
+                entry.next = self.by_topic.get(topic)
+                self.by_topic[topic] = entry
+        self.wait_lists = tuple(topic.wait_list for topic in self.by_topic)
 
 
 class CompiledRule:
-    __slots__ = ("initial", "name", "priority", "source", "states")
+    __slots__ = ("acts_of_own_ends", "initial", "name", "own_ends", "priority", "results", "source", "states")
 
     def __init__(self, rule: Rule, topics: EventTopics, watchers: dict[str, RuleList]) -> None:
         self.name = rule.name
+        self.own_ends: dict[tuple[str, ActOutcome], EventTopic] = {}
+        """For each act and end that the rule waits for with `ended`, the event that is for this rule alone."""
         self.source = f"rule:{rule.name}"
         self.priority = float(rule.priority)
         blocks = BlockCompiler(self.source, topics)
@@ -159,7 +202,7 @@ class CompiledRule:
                 blocks.compile(state.on_entry),
                 blocks.compile(state.on_exit),
                 [
-                    CompiledTransition(transition, index, blocks, topics)
+                    CompiledTransition(transition, index, blocks, topics, self.own_ends)
                     for index, transition in enumerate(state.transitions)
                 ],
                 watchers,
@@ -173,7 +216,19 @@ class CompiledRule:
                     if transition.block or state.on_exit:
                         entering = compiled.entry_after_actions = copy(compiled)
                     entering.entered_at_once = self.states[transition.target]
+        for compiled_state in self.states.values():
+            compiled_state.index_topics()
+        self.results = {state: topic for state, topic in result_topics(rule) if not _raises(rule.states[state], topic)}
+        """For each state that ends the rule, the event that tells it, unless the state raises that event itself."""
+        self.acts_of_own_ends = frozenset(act for act, _ in self.own_ends)
         self.initial = self.states[rule.initial]
+
+
+def _raises(state: State, topic: str) -> bool:
+    return any(
+        function.name == "raiseEventTopic" and normal_topic(function.argument) == topic
+        for function in functions_in(state.on_entry)
+    )
 
 
 class BlockCompiler:

@@ -27,6 +27,8 @@ class RuleRun:
     """Larger than that of every rule that came to the top earlier."""
     alive: bool = True
     timers: dict[int, CompiledTransition] = field(default_factory=dict)
+    own_acts: dict[str, int] = field(default_factory=dict)
+    """Of the acts whose end it may wait for with `ended`: the task that it has started last under each name."""
     latched: set[int] = field(default_factory=set)
     """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
     macrostep: int = -1

@@ -31,6 +31,7 @@ from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord,
 from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
 from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
+from rise_engine.scenario.model import ActOutcome
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
@@ -99,7 +100,28 @@ class RuleMachine:
         core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)
         run.task.status = task_status
         core.record_task(run.task, reason)
+        if status == "ended" and (result := self._compiled[run.name].results.get(run.state.id)) is not None:
+            core.raise_event_if_named(result)
         core.raise_event_if_named(run.name + "_end")
+
+    # --- acts of rules ---
+
+    def note_act_started(self, task: Task) -> None:
+        """An act is about to be scheduled: if a rule asked for it, its end may be waited for with `ended`."""
+        run = self._starter_of(task)
+        if run is not None and task.behavior in self._compiled[run.name].acts_of_own_ends:
+            run.own_acts[task.behavior] = task.id
+
+    def note_act_ended(self, task: Task, outcome: ActOutcome) -> None:
+        """Let the rule that started an act last under this name take its end, before anybody else."""
+        run = self._starter_of(task)
+        if run is not None and run.own_acts.get(task.behavior) == task.id:
+            del run.own_acts[task.behavior]
+            if (topic := self._compiled[run.name].own_ends.get((task.behavior, outcome))) is not None:
+                self._core.events.append((topic, "engine", self._core.cause))
+
+    def _starter_of(self, task: Task) -> RuleRun | None:
+        return self.stack.get(task.source.removeprefix("rule:")) if task.source.startswith("rule:") else None
 
     # --- snapshot ---
 
@@ -115,6 +137,7 @@ class RuleMachine:
                 recency=run.recency,
                 timers={timer: transition.index for timer, transition in run.timers.items()},
                 latched=sorted(run.latched),
+                own_acts=run.own_acts,
                 steps=run.step_count if run.macrostep == step else 0,
             )
             for run in self.stack.values()
@@ -132,6 +155,7 @@ class RuleMachine:
             if any(transition.after is None for transition in run.timers.values()):
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
+            run.own_acts = dict(rule.own_acts)
             run.macrostep, run.step_count = step, rule.steps
             self.stack.add(run)
             append_to_lists(run, run.state.watch_lists)

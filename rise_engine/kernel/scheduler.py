@@ -7,17 +7,22 @@ An Interrupt act is a Blocking one that does not wait its turn: the running Bloc
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rise_engine.kernel.act_runner import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task
 from rise_engine.kernel.records import TaskStatus, TimingRecord
 from rise_engine.kernel.speech import SAY, act_name, find_act
 from rise_engine.kernel.wizard_marks import WizardMarks
+from rise_engine.scenario.model import ActOutcome
 
 
 class Scheduler:
     def __init__(self, core: Core, wizard: WizardMarks) -> None:
         self._core = core
         self._wizard = wizard
+        self.on_ended: Callable[[Task, ActOutcome], None] = lambda task, outcome: None
+        """Called with each task that has ended, before its events are raised."""
         self.runner = ActRunner(core, self._finish_act)
         self._advancing = False
         self._advance_again = False
@@ -131,7 +136,9 @@ class Scheduler:
             robot_at=task.robot_at,
             ended_at=core.t,
         )
-        core.raise_event_if_named(name + _OUTCOMES[status])
+        outcome = _OUTCOMES[status]
+        self.on_ended(task, outcome)
+        core.raise_event_if_named(f"{name}_{outcome}")
         core.raise_event_if_named(name + "_end")
 
     def _channels(self, task: Task) -> frozenset[str]:
@@ -147,4 +154,4 @@ def _starts_act(task: Task, act: str) -> bool:
     return task.behavior == act and task.function != SAY
 
 
-_OUTCOMES = {"SUCCEEDED": "_succeeded", "ABORTED": "_failed", "CANCELED": "_stopped"}
+_OUTCOMES: dict[str, ActOutcome] = {"SUCCEEDED": "succeeded", "ABORTED": "failed", "CANCELED": "stopped"}

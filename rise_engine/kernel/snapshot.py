@@ -31,6 +31,7 @@ class RuleSnapshot(Struct, frozen=True):
     """Timer to index of the transition that it is for, in the state. An index says which one only within the very
     scenario that the snapshot was taken of, as everything else in it does; so `Snapshot.scenario` is compared first."""
     latched: list[int]
+    own_acts: dict[str, int]
     steps: int
     """Transitions that it has taken in the macrostep that timers of the same moment would still belong to."""
 

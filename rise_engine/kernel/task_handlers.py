@@ -34,6 +34,7 @@ class TaskHandlers:
         self._stop = stop
         self._wizard = wizard
         self.rules = RuleMachine(core, self._submit_from_rule)
+        scheduler.on_ended = self.rules.note_act_ended
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -70,7 +71,9 @@ class TaskHandlers:
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
-            self._scheduler.add(self._core.new_task(task, self._calling_type(task)))
+            started = self._core.new_task(task, self._calling_type(task))
+            self.rules.note_act_started(started)
+            self._scheduler.add(started)
 
     def _stop_act(self, task: Submit) -> None:
         name = task.behavior

@@ -7,6 +7,7 @@ screen or file system; `rise_engine.scenario.load` builds these values from a fo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct, field
@@ -19,6 +20,8 @@ Json: TypeAlias = Any
 
 Mode: TypeAlias = Literal["debug", "real"]
 CallingType: TypeAlias = Literal["None", "Blocking"]
+ActOutcome: TypeAlias = Literal["succeeded", "failed", "stopped"]
+"""How an act ends (semantics.md 6.1)."""
 ParameterType: TypeAlias = Literal["text", "number", "integer", "boolean", "name"]
 
 
@@ -170,7 +173,8 @@ Block: TypeAlias = tuple[Statement, ...]
 
 
 class Transition(Struct, frozen=True):
-    """A way out of a state. At most one of `event` and `after` is set; with neither, the condition alone triggers."""
+    """A way out of a state. At most one of `event`, `ended` and `after` is set; with none, the condition alone
+    triggers."""
 
     event: str | None = None
     """The topic without its leading slash."""
@@ -181,6 +185,15 @@ class Transition(Struct, frozen=True):
     """The next state; null: the functions run without leaving the state."""
     block: Block = ()
     location: SourceLocation = field(default=SourceLocation(""), name="place")
+    ended: str | None = None
+    """The act whose end it waits for: the one that this rule has started last under that name."""
+    outcomes: tuple[ActOutcome, ...] = ()
+    """With `ended`, the ends that it waits for; empty: any."""
+
+    @property
+    def is_eventless(self) -> bool:
+        """Whether its condition alone triggers it."""
+        return self.event is None and self.ended is None and self.after is None
 
 
 class State(Struct, frozen=True):
@@ -283,6 +296,25 @@ class Scenario(Struct, frozen=True):
 
 
 _DEFAULT_SETTINGS = ActSettings()
+
+
+def functions_in(block: Block) -> Iterator[Function]:
+    """All functions of a block, also those in its branches and choices, in no particular order."""
+    pending = [*block]
+    while pending:
+        statement = pending.pop()
+        if isinstance(statement, Function):
+            yield statement
+        elif isinstance(statement, If):
+            for branch in statement.branches:
+                pending += branch.block
+        else:
+            pending += statement.choices
+
+
+def result_topics(rule: Rule) -> Iterator[tuple[str, str]]:
+    """The states that end a rule, each with the event by which it tells so (semantics.md 6.1)."""
+    return ((state.id, f"{rule.name}_{state.id}") for state in rule.states.values() if not state.transitions)
 
 
 def normal_topic(topic: str) -> str:

@@ -6,6 +6,9 @@ import math
 import re
 from collections.abc import Iterator
 from functools import partial
+from typing import get_args
+
+from msgspec.structs import replace
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
@@ -13,7 +16,16 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.graph import component_numbers, reachable_from
-from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, State, Transition, normal_topic
+from rise_engine.scenario.model import (
+    ActOutcome,
+    Block,
+    Rule,
+    SourceLocation,
+    State,
+    Transition,
+    functions_in,
+    normal_topic,
+)
 from rise_engine.scenario.xml import Element, XmlFile
 
 WRAPPERS = ("InteractionRules",)
@@ -26,7 +38,10 @@ SHORT_AFTER = 0.05
 """Seconds. A rule that goes round in less than this floods the record and every console."""
 _RULE = frozenset({"name", "initial", "priority"})
 _STATE = frozenset({"id"})
-_TRANSITION = frozenset({"eventTopic", "target", "cond", "after"})
+_TRANSITION = frozenset({"eventTopic", "ended", "outcome", "target", "cond", "after"})
+_SHARED = frozenset({"in"})
+_TRIGGERS = ("eventTopic", "ended", "after")
+_OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
 _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 
@@ -42,6 +57,8 @@ class _RuleReader(BlockReader):
         """Of the rule that is being read."""
         self.short: list[tuple[str, str, Element]] = []
         """Its transitions after less than SHORT_AFTER: state, target, element."""
+        self.shared: list[tuple[str, Element, list[tuple[Transition, Element]]]] = []
+        """Its ways out that several states have: the states' names as written, the element, the transitions."""
 
     def read_rules(self) -> None:
         self.read_parts("InteractionRule", WRAPPERS, "rule", self.draft.rules, self.read_rule)
@@ -49,6 +66,7 @@ class _RuleReader(BlockReader):
     def read_rule(self, element: Element) -> Rule | None:
         self.targets.clear()
         self.short.clear()
+        self.shared.clear()
         self.check_attributes(element, _RULE)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
@@ -58,8 +76,12 @@ class _RuleReader(BlockReader):
             )
         states: dict[str, State] = {}
         for child in element:
+            if child.tag == "transitions":
+                self.read_shared(child)
+                continue
             if child.tag != "State":
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, ("State",)))
+                known = ("State", "transitions")
+                self.report_error("unknown-element", child, self.misplaced_message(child, element, known))
                 continue
             state = self.read_state(child)
             if state is None:
@@ -69,6 +91,7 @@ class _RuleReader(BlockReader):
                 self.report_value("duplicate-state", child, "id", message)
             else:
                 states[state.id] = state
+        self.add_shared(states)
         initial = self.read_initial(element, states)
         for target, transition in self.targets:
             if target not in states:
@@ -77,6 +100,9 @@ class _RuleReader(BlockReader):
         if initial is not None:
             self.check_reachable(initial, states)
         self.check_short_loops(states)
+        self.check_own_ends(states)
+        for state in states.values():
+            self.check_order(state)
         # A rule whose beginning is wrong is there all the same: others may name it.
         return Rule(name, initial or "", states, priority, self.file.element_location(element)) if name else None
 
@@ -150,16 +176,13 @@ class _RuleReader(BlockReader):
             self.report_error("missing-attribute", element, 'a state needs a name: <State id="...">')
         blocks: dict[str, Block] = {}
         transitions: list[Transition] = []
-        always: dict[str | float, Transition] = {}
         for child in element:
             tag = child.tag
             if tag == "transition":
                 transition = self.read_transition(child)
                 if transition is not None:
                     transitions.append(transition)
-                    if transition.target and transition.after is not None and transition.after < SHORT_AFTER:
-                        self.short.append((name, transition.target, child))
-                    self.check_order(transition, always)
+                    self.note_short(name, transition, child)
             elif tag in ("onEntry", "onExit"):
                 if tag in blocks:
                     self.report_error("duplicate-element", child, f"this state has `<{tag}>` twice; join them")
@@ -177,14 +200,55 @@ class _RuleReader(BlockReader):
             self.file.element_location(element),
         )
 
+    def note_short(self, state: str, transition: Transition, element: Element) -> None:
+        if transition.target and transition.after is not None and transition.after < SHORT_AFTER:
+            self.short.append((state, transition.target, element))
+
+    def read_shared(self, element: Element) -> None:
+        """`<transitions in="A | B">`: ways out that several states have, after their own."""
+        names = self.check_attributes(element, _SHARED).get("in")
+        self.check_no_text(element)
+        if names is None:
+            message = '`<transitions>` says which states have them: <transitions in="A | B">'
+            self.report_error("missing-attribute", element, message)
+        transitions = []
+        for child in element:
+            if child.tag != "transition":
+                self.report_error("unknown-element", child, self.misplaced_message(child, element, ("transition",)))
+            elif (transition := self.read_transition(child)) is not None:
+                transitions.append((transition, child))
+        if not len(element):
+            self.report_warning("no-effect", element, "this element holds no transitions")
+        self.shared.append((names or "", element, transitions))
+
+    def add_shared(self, states: dict[str, State]) -> None:
+        """Give the states the ways out that they share."""
+        for names, element, transitions in self.shared:
+            seen: set[str] = set()
+            for name in (part.strip() for part in names.split("|")) if names.strip() else ():
+                if name not in states:
+                    self.report_unknown_state(element, "in", name, states)
+                elif name in seen:
+                    self.report_value("duplicate-state", element, "in", f"the state `{name}` stands here twice")
+                else:
+                    states[name] = replace(
+                        states[name], transitions=(*states[name].transitions, *(way for way, _ in transitions))
+                    )
+                    for transition, child in transitions:
+                        self.note_short(name, transition, child)
+                seen.add(name)
+
     def read_transition(self, element: Element) -> Transition | None:
-        get = self.check_attributes(element, _TRANSITION).get
-        event, condition, after = get("eventTopic"), get("cond"), get("after")
-        if event is not None and after is not None:
-            message = "a transition waits for an event or for a time, not for both; write two transitions"
-            self.report_attribute("trigger", element, "after", message)
-        if event is None and condition is None and after is None:
-            self.report_error("trigger", element, "a transition waits for something: give it eventTopic, cond or after")
+        attributes = self.check_attributes(element, _TRANSITION)
+        get = attributes.get
+        event, after = get("eventTopic"), get("after")
+        given = [name for name in _TRIGGERS if name in attributes]
+        for other in given[1:]:
+            message = f"a transition waits for one thing, and here is `{given[0]}` already; write two transitions"
+            self.report_attribute("trigger", element, other, message)
+        if not given and "cond" not in attributes:
+            message = "a transition waits for something: give it eventTopic, ended, after or cond"
+            self.report_error("trigger", element, message)
         topic: str | None = None
         if event is not None:
             topic = normal_topic(event)
@@ -207,7 +271,48 @@ class _RuleReader(BlockReader):
             target=target,
             block=block,
             location=self.file.element_location(element),
+            ended=self.read_ended(element) if "ended" in attributes else None,
+            outcomes=self.read_outcomes(element) if "outcome" in attributes else (),
         )
+
+    def read_ended(self, element: Element) -> str:
+        """The act whose end is waited for."""
+        name = element.attributes["ended"].strip()
+        self.draft.act_mentions.append(Mention(name, partial(self.file.value_location, element, "ended")))
+        return name
+
+    def read_outcomes(self, element: Element) -> tuple[ActOutcome, ...]:
+        """`outcome="failed"`, or several: `outcome="failed | stopped"`."""
+        if "ended" not in element.attributes:
+            message = '`outcome` says how an act has ended; it stands beside `ended`: ended="R_X" outcome="failed"'
+            self.report_attribute("trigger", element, "outcome", message)
+        words = [word.strip() for word in element.attributes["outcome"].split("|")]
+        for word in words:
+            if word not in _OUTCOMES:
+                near = did_you_mean(word, _OUTCOMES)
+                message = f"an act is `succeeded`, `failed` or `stopped`, not `{word}`{near}"
+                self.report_value("wrong-value", element, "outcome", message)
+        return tuple(known for known in _OUTCOMES if known in words)
+
+    def check_own_ends(self, states: dict[str, State]) -> None:
+        """Warn where a rule waits for the end of an act that it never starts itself."""
+        started = {
+            function.argument
+            for state in states.values()
+            for block in (state.on_entry, state.on_exit, *(way.block for way in state.transitions))
+            for function in functions_in(block)
+            if function.name == "startCommunicationRobotAct"
+        }
+        told: set[SourceLocation] = set()
+        for state in states.values():
+            for way in state.transitions:
+                if way.ended is not None and way.ended not in started and way.location not in told:
+                    told.add(way.location)
+                    message = (
+                        f"never taken: this rule does not start `{way.ended}` itself; an act that somebody else has "
+                        f'started is waited for with eventTopic="/{way.ended}_end"'
+                    )
+                    self.diagnostics.warning("unreachable-transition", way.location, message)
 
     def read_after(self, element: Element, text: str) -> float | None:
         found = _AFTER.match(text)
@@ -224,32 +329,31 @@ class _RuleReader(BlockReader):
         self.report_value("time", element, "after", f"`{text}` is not a time{remedy}")
         return None
 
-    def check_order(self, transition: Transition, always: dict[str | float, Transition]) -> None:
-        """Of two transitions with one trigger, the second is dead when the first has no condition."""
-        trigger = transition.event if transition.event is not None else transition.after
-        if trigger is None:
-            return
-        if trigger in always:
-            self.diagnostics.warning(
-                "unreachable-transition",
-                transition.location,
-                f"never taken: the transition in line {always[trigger].location.line} has the same trigger "
-                "and no condition",
-            )
-        elif transition.condition is None:
-            always[trigger] = transition
+    def check_order(self, state: State) -> None:
+        """Of two transitions of a state with one trigger, the second is dead when the first has no condition."""
+        always: dict[object, Transition] = {}
+        for transition in state.transitions:
+            for trigger in _triggers(transition):
+                if trigger in always:
+                    message = (
+                        f"never taken in the state `{state.id}`: the transition in line "
+                        f"{always[trigger].location.line} has the same trigger and no condition"
+                    )
+                    self.diagnostics.warning("unreachable-transition", transition.location, message)
+                    break
+            else:
+                if transition.condition is None:
+                    always.update(dict.fromkeys(_triggers(transition), transition))
+
+
+def _triggers(transition: Transition) -> Iterator[object]:
+    """What a transition waits for; none for one that its condition alone triggers."""
+    if transition.ended is not None:
+        yield from ((transition.ended, outcome) for outcome in transition.outcomes or _OUTCOMES)
+    elif not transition.is_eventless:
+        yield transition.event if transition.event is not None else transition.after
 
 
 def _raised_topics(block: Block) -> Iterator[str]:
     """The topics that a block may raise."""
-    pending = [*block]
-    while pending:
-        statement = pending.pop()
-        if isinstance(statement, Function):
-            if statement.name == "raiseEventTopic":
-                yield normal_topic(statement.argument)
-        elif isinstance(statement, If):
-            for branch in statement.branches:
-                pending += branch.block
-        elif isinstance(statement, OneOf):
-            pending += statement.choices
+    return (normal_topic(each.argument) for each in functions_in(block) if each.name == "raiseEventTopic")
