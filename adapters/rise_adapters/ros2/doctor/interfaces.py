@@ -69,14 +69,14 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     """Of the types that this program speaks, by name; empty when that cannot be told here."""
     try:
-        from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
+        from rise_adapters.ros2.transport.interfaces import RISE_INTERFACES, InterfaceCatalog
     except ImportError:
         return {}
-    types = InterfaceCatalog([SHARE_FOLDER], environment)  # ours first; ROS has the standard ones that they are made of
+    types = InterfaceCatalog([RISE_INTERFACES], environment)  # ROS has the standard ones that ours are made of
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
         for kind in ("msg", "srv", "action")
-        for file in sorted((SHARE_FOLDER / INTERFACES / kind).glob(f"*.{kind}"))
+        for file in sorted((RISE_INTERFACES / kind).glob(f"*.{kind}"))
     ]
     try:
         return {name: types.type_hash(name) for name in names}

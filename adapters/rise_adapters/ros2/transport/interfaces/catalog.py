@@ -28,7 +28,13 @@ from rise_adapters.ros2.transport.port import PortError
 from rise_engine.nearest_name import nearest_name
 
 SHARE_FOLDER = Path(rise_adapters.ros2.__file__).parent / "share"
-"""The definitions that travel with this program."""
+"""The definitions of others that travel with this program."""
+RISE_INTERFACES = next(
+    folder
+    for folder in (SHARE_FOLDER / "rise_interfaces", Path(rise_adapters.ros2.__file__).parents[2] / "rise_interfaces")
+    if folder.is_dir()
+)
+"""RISE's own: the package that colcon builds, in a checkout where it lies, in a wheel beside those of others."""
 _KINDS = ("msg", "srv", "action")
 _STANDARD_ORIGIN = "the standard definitions of ROS 2 Jazzy"
 
@@ -46,7 +52,12 @@ class InterfaceCatalog:
         sourced = [
             Path(prefix, "share") for prefix in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
         ]
-        self.folders: tuple[Path, ...] = (*own, *(folder for folder in sourced if folder.is_dir()), SHARE_FOLDER)
+        self.folders: tuple[Path, ...] = (
+            *own,
+            *(folder for folder in sourced if folder.is_dir()),
+            SHARE_FOLDER,
+            RISE_INTERFACES,
+        )
         """Where definitions are looked for, before the standard ones."""
         self._definitions: dict[str, InterfaceDefinition] = {}
         self._hashes: dict[str, str] = {}
@@ -114,12 +125,15 @@ class InterfaceCatalog:
             self._definitions[type] = _standard()[type]
 
     def _candidate_files(self, package: str, kind: str, name: str) -> Iterator[Path]:
+        for folder in self._package_folders(package):
+            for stem in file_stems(kind, name):
+                path = folder / kind / f"{stem}.{kind}"
+                if path.is_file():
+                    yield path
+
+    def _package_folders(self, package: str) -> Iterator[Path]:
         for folder in self.folders:
-            for root in (folder / package, *([folder] if folder.name == package else [])):
-                for stem in file_stems(kind, name):
-                    path = root / kind / f"{stem}.{kind}"
-                    if path.is_file():
-                        yield path
+            yield from (path for path in (folder / package, folder) if path.name == package and path.is_dir())
 
     def _check_nested(self, definition: InterfaceDefinition, path: tuple[str, ...]) -> None:
         if definition.name in path:
@@ -158,9 +172,7 @@ class InterfaceCatalog:
         *_, stem = file_stems(kind, name)
         near = nearest_name(f"{package}/{kind}/{stem}", names)
         hint = f". Did you mean {near}?" if near else ""
-        where = next(
-            (str(folder / package) for folder in self.folders if (folder / package).is_dir()), _STANDARD_ORIGIN
-        )
+        where = next(map(str, self._package_folders(package)), _STANDARD_ORIGIN)
         return f"the type {type} is not known: there is no {kind}/{stem}.{kind} in {where}{hint}"
 
 
