@@ -33,7 +33,7 @@ _LOG = logging.getLogger(__name__)
 ANSWER_WITHIN = 2.5
 """Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
-"""After which a server that has not answered is asked once more."""
+"""After which a server that has not answered is asked again, until ANSWER_WITHIN."""
 
 MOST_BY_ID = 20
 """Goals of others that one server is asked about by id at most, in one stop."""
