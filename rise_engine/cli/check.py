@@ -12,13 +12,13 @@ from textwrap import wrap
 from typing import Any
 
 from rise_engine.cli.terminal import write_json
-from rise_engine.engine.drivers import DriverError, driver_names, find_examiner, profile_problems
+from rise_engine.engine.drivers import DOCTORS, DriverError, driver_names, load_ros_plugin, profile_problems
 from rise_engine.errors import RiseError
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.json_codec import JsonError, decode
-from rise_engine.ports.bridge import RosConnection
+from rise_engine.ports.bridge import Examiner, RosConnection
 from rise_engine.scenario import act_schema_text, load, rule_schema_text
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, SourceLocation
@@ -276,7 +276,7 @@ def doctor_report(folder: str | None, *, robot: str | None, ros: RosConnection, 
                 sys.stderr.write(f"{diagnostic}\n")
             return 2
     try:
-        examine = find_examiner()
+        examine: Examiner = load_ros_plugin(DOCTORS)
     except DriverError as error:
         sys.stderr.write(f"error: {error}\n")
         return 1
