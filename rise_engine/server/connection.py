@@ -150,7 +150,7 @@ class ClientConnection(asyncio.Protocol):
             for piece in pieces:
                 self._write(piece)
 
-    def hold(self) -> None:
+    def hold_back(self) -> None:
         """From now on let what is sent wait until `release`; only `send_first` goes before it."""
         self._holding = True
 
