@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from rise_engine.cli.terminal import discard_rest, escape_json
 from rise_engine.cli.transcript import Transcript
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.session.journal_format import encode_record
+from rise_engine.session.journal_format_record import encode_record
 from rise_engine.text import clean
 
 
@@ -35,24 +35,21 @@ class Output:
 
     def __call__(self, record: AnyRecord) -> None:
         try:
-            line = self._line(record)
+            line = self._format_record(record)
         except Exception as error:  # this one is lost, those that follow (the robot's stop, the end) may not be
             self._fail(error)
         else:
             if line is not None:
-                self._put(line + b"\n")
+                self._write(line + b"\n")
 
     def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
         """Everything is written when this returns, unless there is a `failure`."""
 
-    def _line(self, record: AnyRecord) -> bytes | None:
+    def _format_record(self, record: AnyRecord) -> bytes | None:
         if self._transcript is not None:
             line = self._transcript.line_for(record)
             return None if line is None else clean(line).encode(self._encoding, "backslashreplace")
         return escape_json(encode_record(record))
-
-    def _put(self, line: bytes) -> None:
-        self._write(line)
 
     def _write(self, line: bytes) -> None:
         if self.broken:
@@ -104,9 +101,9 @@ class ThreadedOutput(Output):
             discard_rest(sys.stdout)
             self._fail(TimeoutError("nobody has read the last of the output"))
 
-    def _put(self, line: bytes) -> None:
+    def _write(self, line: bytes) -> None:
         self._lines.put(line)
 
     def _run(self) -> None:
         while (line := self._lines.get()) is not None:
-            self._write(line)
+            super()._write(line)

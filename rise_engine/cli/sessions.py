@@ -40,14 +40,14 @@ def print_sessions(*, as_json: bool) -> int:
         return OK
     others = sessions_on_other_computers()
     if not found and not others:
-        sys.stderr.write("no session is running; begin one with:  rise-tui --config DIR\n")
+        print("no session is running; begin one with:  rise-tui --config DIR", file=sys.stderr)
     for name, about in found.items():
         for line in _session_lines(name, about):
-            sys.stdout.write(clean(line) + "\n")
+            print(clean(line))
     for line in others:
-        sys.stderr.write(clean(line) + "\n")
+        print(clean(line), file=sys.stderr)
     for line in unfinished_lines(unfinished_sessions(found)):
-        sys.stderr.write(clean(line) + "\n")
+        print(clean(line), file=sys.stderr)
     return OK
 
 
@@ -66,10 +66,10 @@ def stop_session(which: str | None) -> int:
     deadline = time.monotonic() + END_SECONDS
     while is_locked(lock):
         if time.monotonic() > deadline:
-            sys.stderr.write(f"error: {name} (process {pid}) has not ended within {END_SECONDS:g} s\n")
+            print(f"error: {name} (process {pid}) has not ended within {END_SECONDS:g} s", file=sys.stderr)
             return FAILED
         time.sleep(0.02)
-    sys.stderr.write(f"{name} has ended\n")
+    print(f"{name} has ended", file=sys.stderr)
     return OK
 
 
@@ -108,5 +108,5 @@ def _session_lines(name: str, about: SessionSummary | None) -> list[str]:
 
 
 def _print_error(sentence: str) -> int:
-    sys.stderr.write(f"error: {sentence}\n")
+    print(f"error: {sentence}", file=sys.stderr)
     return NO_SUCH_SESSION
