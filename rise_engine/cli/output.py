@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from rise_engine.cli.terminal import discard_rest, escape_json
 from rise_engine.cli.transcript import Transcript
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.session.journal_format_record import encode_record
+from rise_engine.session.journal_format import encode_record
 from rise_engine.text import clean
 
 
