@@ -88,7 +88,7 @@ def run(
         end = parse_number("--until", until, "a number of seconds, 0 or more, up to 2592000 (30 days), or idle", LATEST)
     options = _make_options(resolve_scenario(folder), pace, **session)
     try:
-        scenario = _load(options)
+        scenario = _load_or_exit(options)
         options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         if problem := condition_problem(scenario, options.condition):
             raise UnusableArgument(f"error: --condition: {problem}")
@@ -167,7 +167,7 @@ def serve(
         from_other_computer=here,
     )
     if settings or rules or acts:
-        scenario = _load(options)
+        scenario = _load_or_exit(options)
         try:
             options = replace(options, first_tasks=tasks_at_start(scenario, settings, rules, acts))
         except UnusableArgument as error:
@@ -182,7 +182,7 @@ def _make_options(folder: str, speed: float, *, ros: RosTransport, **session: An
     return SessionOptions(folder, speed=speed, ros=connection, **session)
 
 
-def _load(options: SessionOptions) -> Scenario:
+def _load_or_exit(options: SessionOptions) -> Scenario:
     """The scenario; ends the program when it has errors."""
     scenario = load_or_refuse(options.folder, robot=options.robot, mode=options.mode)
     if scenario is None:

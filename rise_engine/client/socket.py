@@ -102,7 +102,7 @@ class SocketClient:
             )
             connection.write(attach)
             hello, view = await connection.state
-            scenario = await self._scenario_of(hello, connection.scenario)
+            scenario = await self._find_scenario(hello, connection.scenario)
         except BaseException:
             await connection.close()
             raise
@@ -125,16 +125,16 @@ class SocketClient:
         """As the protocol says."""
         if self._connection is None:
             raise RuntimeError("attach first")
-        return self._connection.batches()
+        return self._connection.read_batches()
 
     async def send(self, message: ClientInput) -> Reply:
         if not isinstance(message, Submit | Note):
             raise TypeError(f"a client may send Submit and Note, not {type(message).__name__}")
-        connection = self._attached()
+        connection = self._require_connection()
         return await connection.request(SendMessage(connection.next_id(), message))
 
-    async def control(self, verb: ControlVerb) -> Reply:
-        connection = self._attached()
+    async def change_control(self, verb: ControlVerb) -> Reply:
+        connection = self._require_connection()
         return await connection.request(ControlMessage(connection.next_id(), verb))
 
     def now(self) -> float:
@@ -165,7 +165,7 @@ class SocketClient:
         except registry.RegistryError as error:
             raise EngineGone(str(error)) from None
 
-    def _attached(self) -> _ServerConnection:
+    def _require_connection(self) -> _ServerConnection:
         if self._connection is None:
             raise LinkLost("this client is not attached to a session")
         return self._connection
@@ -175,7 +175,7 @@ class SocketClient:
         if connection is not None:
             await connection.close()
 
-    async def _scenario_of(self, hello: HelloMessage, encoded: bytes) -> Scenario:
+    async def _find_scenario(self, hello: HelloMessage, encoded: bytes) -> Scenario:
         """What the session runs: as the engine sent it, or else read from the copy in the session's folder."""
         if encoded:
             with suppress(ValueError):  # an engine of another release may describe it otherwise
@@ -368,7 +368,7 @@ class _ServerConnection:
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
         return EngineGone("its process is not there any more")
 
-    async def batches(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    async def read_batches(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
         while True:
             await self._arrived.wait()
             self._arrived.clear()

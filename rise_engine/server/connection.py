@@ -49,6 +49,7 @@ class ClientConnection(asyncio.Protocol):
         self._owner = owner
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport
+        self.opened_at = self._loop.time()
         self.user: int | None = None
         """The user at the other end, where the system tells."""
         self.closing = False

@@ -56,10 +56,10 @@ class ServeRefused(RiseError):
         socket: str = "",
     ) -> None:
         super().__init__("\n".join(lines))
-        self.report = EngineRefused(code, list(lines), _descriptions(unfinished), _descriptions(others), socket)
+        self.report = EngineRefused(code, list(lines), _describe_all(unfinished), _describe_all(others), socket)
 
 
-def _descriptions(folders: Sequence[Path]) -> list[tuple[str, str]]:
+def _describe_all(folders: Sequence[Path]) -> list[tuple[str, str]]:
     return [(str(folder), describe_session(folder)) for folder in folders]
 
 

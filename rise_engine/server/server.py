@@ -120,7 +120,7 @@ class SessionServer:
             listening.close()
             raise
         self.lag = LagMeter(self._loop)
-        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
+        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
 
     async def close(self) -> None:
         """Say that the session is over, if it is, and end all connections. Waits a moment for clients that read."""
@@ -163,12 +163,13 @@ class SessionServer:
             _refuse(connection, "this session belongs to another user")
         elif len(self.connections) > MAX_CLIENTS and not self._close_idle(connection):
             _refuse(connection, f"{MAX_CLIENTS} clients are connected to this session already")
-        else:
-            self._loop.call_later(ATTACH_SECONDS, self._refuse_unattached, connection)
 
-    def _refuse_unattached(self, connection: ClientConnection) -> None:
-        if self.connections.get(connection) is None:
-            _refuse(connection, f"you have not attached within {ATTACH_SECONDS:g} seconds")
+    def _refuse_unattached(self) -> None:
+        """Refuse those that have had their time. Once a second: a timer for each would hold on to all that have gone."""
+        oldest = self._loop.time() - ATTACH_SECONDS
+        for connection, attachment in self.connections.items():
+            if attachment is None and connection.opened_at < oldest:
+                _refuse(connection, f"you have not attached within {ATTACH_SECONDS:g} seconds")
 
     def _close_idle(self, newcomer: ClientConnection) -> bool:
         """Refuse the oldest connection that has not attached, so that such ones keep no console out."""
@@ -300,9 +301,10 @@ class SessionServer:
             self._records.append(encode_record(update))
             self._flush_soon()
 
-    def _send_heartbeat(self) -> None:
+    def _on_heartbeat(self) -> None:
         """Signs of life, for those that are attached."""
-        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._send_heartbeat)
+        self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
+        self._refuse_unattached()
         if self._attached:
             seen = self.hub.engine.robot_seen
             heartbeat = Heartbeat(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
