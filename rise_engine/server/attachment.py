@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Iterator
 
 from rise_engine.kernel.view import TaskView
@@ -41,8 +42,8 @@ class Attachment:
         self._waiting_when_missed = 0
         self._patience = STATE_SECONDS
         self._stalled_at = 0.0
-        self._pieces: Iterator[bytes] = iter(())
-        """What is still to be sent of the state."""
+        self._pieces: deque[bytes] = deque()
+        self._task_portions: Iterator[list[TaskView]] = iter(())
         self._stall_timer: asyncio.TimerHandle | None = None
         self._behind_timer: asyncio.TimerHandle | None = None
 
@@ -56,7 +57,8 @@ class Attachment:
     def close(self) -> None:
         """Its connection has ended."""
         self._cancel_timers()
-        self._pieces = iter(())
+        self._pieces.clear()
+        self._task_portions = iter(())
 
     def send(self, pieces: list[bytes]) -> None:
         """Send records. One who leaves too much waiting gets no more (`missed`), or is cut off."""
@@ -93,19 +95,23 @@ class Attachment:
         self.getting_state = True
         self._waiting_when_missed = 0
         self._backlog, self._patience = ARRIVAL_BACKLOG, STATE_SECONDS
-        self._pieces = _state_pieces(first, task_portions)
+        self._pieces.extend(split_into_pieces(first))
+        self._task_portions = task_portions
         self.connection.hold_back()
 
     def send_state(self) -> bool:
-        """Send a piece of it to a client that takes one; gives whether more can be sent now."""
+        """Send one portion of it, or as much as the client takes; gives whether more can be sent now."""
         connection = self.connection
         if connection.closing:
             return False
-        piece = next(self._pieces, None)
-        if piece is None:
-            self._end_state()
-            return False
-        connection.send_first(piece)
+        if not self._pieces:
+            portion = next(self._task_portions, None)
+            if portion is None:
+                self._end_state()
+                return False
+            self._pieces.extend(split_into_pieces(encode_line(TasksMessage(portion))))
+        while self._pieces and not connection.full:
+            connection.send_first(self._pieces.popleft())
         if connection.full:
             self._stalled_at = self._loop.time()
             self._stall_timer = self._loop.call_later(self._patience, connection.abort)
@@ -130,10 +136,3 @@ class Attachment:
         for timer in (self._stall_timer, self._behind_timer):
             if timer is not None:
                 timer.cancel()
-
-
-def _state_pieces(first: bytes, task_portions: Iterator[list[TaskView]]) -> Iterator[bytes]:
-    """The state as it goes out; each portion is encoded when its turn has come."""
-    yield from split_into_pieces(first)
-    for portion in task_portions:
-        yield from split_into_pieces(encode_line(TasksMessage(portion)))
