@@ -42,9 +42,6 @@ class Output:
             if line is not None:
                 self._write(line + b"\n")
 
-    def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
-        """Everything is written when this returns, unless there is a `failure`."""
-
     def _format_record(self, record: AnyRecord) -> bytes | None:
         if self._transcript is not None:
             line = self._transcript.line_for(record)
@@ -88,7 +85,7 @@ class ThreadedOutput(Output):
         self._thread = threading.Thread(target=self._run, name="rise-output", daemon=True)
         self._thread.start()
 
-    def close(self, hurried: Callable[[], bool] = lambda: False) -> None:
+    def close(self, hurried: Callable[[], bool]) -> None:
         """Wait until all is written, as long as the reader takes (a pager) unless it becomes `hurried`."""
         self._lines.put(None)
         deadline = None

@@ -235,7 +235,6 @@ def _run_virtual(options: RunOptions) -> int:
             if interrupts and session.status != exit_status.INTERRUPTED:
                 session.interrupt()
         engine.end_now("nothing is left to do")
-    session.output.close()
     return session.status_at_end()
 
 

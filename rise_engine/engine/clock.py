@@ -5,17 +5,15 @@ Both measure seconds since the session began and never go back. `wall_label` giv
 
 from __future__ import annotations
 
+from asyncio import AbstractEventLoop
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from heapq import heappop, heappush
 from itertools import count
 from time import time_ns
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from rise_engine.ports.robot import Clock, Timer
-
-if TYPE_CHECKING:
-    from asyncio import AbstractEventLoop
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LAST_SECOND = 253_402_300_799.0

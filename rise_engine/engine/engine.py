@@ -212,11 +212,6 @@ class Engine:
             self._close()
 
     @property
-    def busy(self) -> bool:
-        """True while something runs or waits to run."""
-        return self._kernel.is_busy
-
-    @property
     def robot_seen(self) -> float | None:
         """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
         return self._commands.robot_seen

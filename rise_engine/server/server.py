@@ -165,7 +165,7 @@ class SessionServer:
             _refuse(connection, f"{MAX_CLIENTS} clients are connected to this session already")
 
     def _refuse_unattached(self) -> None:
-        """Refuse those that have had their time. Once a second: a timer for each would hold on to all that have gone."""
+        """Refuse those that have had their time. Timers of their own would hold on to many that have gone."""
         oldest = self._loop.time() - ATTACH_SECONDS
         for connection, attachment in self.connections.items():
             if attachment is None and connection.opened_at < oldest:

@@ -556,7 +556,7 @@ def test_a_reader_that_takes_its_time_gets_everything(
 
         thread = threading.Thread(target=slowly)
         thread.start()
-        output.close()
+        output.close(lambda: False)
         thread.join(10)
         assert output.failure is None and b"note 2999 " in got[-1]
 

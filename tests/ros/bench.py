@@ -157,7 +157,7 @@ class Records:
 
     def check(self) -> None:
         """What holds whatever happened: every act that is over said so once, and every action ended once."""
-        assert not self.engine.busy
+        assert self.engine.idle
         assert_one_ending_each(self.records)
         over = Counter(
             r.behavior
