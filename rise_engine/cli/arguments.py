@@ -87,14 +87,10 @@ def tasks_at_start(
     :raises UnusableArgument: with everything that cannot be used.
     """
     problems = [
-        f"error: --rule: {unknown_name_sentence('rule', name, list(scenario.rules))}"
-        for name in rules
-        if name not in scenario.rules
-    ]
-    problems += [
-        f"error: --act: {unknown_name_sentence('act', name, list(scenario.acts))}"
-        for name in acts
-        if name not in scenario.acts
+        f"error: --{what}: {unknown_name_sentence(what, name, known)}"
+        for what, names, known in (("rule", rules, list(scenario.rules)), ("act", acts, list(scenario.acts)))
+        for name in names
+        if name not in known
     ]
     assigned: list[str] = []
     try:

@@ -58,7 +58,7 @@ class Output:
             self.broken = True
             discard_rest(sys.stdout)
             self._notify()
-        except Exception as error:  # a full disk, a closed file
+        except (OSError, ValueError) as error:  # a full disk, a closed file
             self.broken = True
             discard_rest(sys.stdout)
             self._fail(error)

@@ -314,7 +314,7 @@ class Engine:
             self.inputs += 1
             try:
                 records, commands = self._kernel.handle(fact)
-            except Exception as error:
+            except Exception as error:  # whatever it is, the robot must not go on
                 self._fail(error)
                 raise
             wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
@@ -388,7 +388,7 @@ class Engine:
             for sink in tuple(self._sinks):
                 try:
                     sink(record)
-                except Exception as error:
+                except Exception as error:  # code of others
                     _LOG.exception("an output failed and gets no more records")
                     self._sinks.remove(sink)
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
@@ -441,12 +441,11 @@ class Engine:
 
 
 def _reply_for(fact: AnyInput, records: list[AnyRecord]) -> Reply:
-    if not isinstance(fact, Submit):
-        return Reply(True)
-    first = records[0] if records else None
-    if not isinstance(first, TaskRecord):
-        return Reply(True)
-    return Reply(first.status != "REJECTED", first.reason, first.id)
+    match fact, records:
+        case Submit(), [TaskRecord() as first, *_]:
+            return Reply(first.status != "REJECTED", first.reason, first.id)
+        case _:
+            return Reply(True)
 
 
 def _stop_sentence(report: StopReport) -> str:
