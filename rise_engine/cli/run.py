@@ -126,11 +126,6 @@ class _HeadlessSession:
         if warning is not None:
             print_message(warning)
 
-    def report_bad_line(self, refused: TaskFileError) -> None:
-        """A streamed line that cannot be used; the session goes on without it."""
-        print_message(str(refused))
-        self.status = exit_status.USAGE
-
     def end_if_idle(self) -> None:
         """With `--until idle`: end when nothing happens by itself any more and no task is left to submit."""
         if self.options.until is None and not self._due and not self.streaming and self.engine.idle:
@@ -319,8 +314,9 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
     def submit_line(text: bytes) -> None:
         try:
             task = reader.read_line(text)
-        except TaskFileError as refused:
-            session.report_bad_line(refused)
+        except TaskFileError as error:  # the session goes on without this line
+            print_message(str(error))
+            session.status = exit_status.USAGE
         else:
             if task is not None:
                 session.add_task(task)

@@ -80,8 +80,8 @@ class ClientConnection(asyncio.Protocol):
         self._partial.clear()
         self._owner.connection_closed(self)
 
-    def finish(self, last: bytes = b"") -> None:
-        """End this connection with a last line, after all that waits; but what is held back is dropped."""
+    def finish(self, last: bytes) -> None:
+        """End this connection with a last line, if any, after all that waits; but what is held back is dropped."""
         if self.closing:
             return
         self.closing = True

@@ -164,7 +164,7 @@ class SessionPreparation:
         if problem := condition_problem(self.scenario, options.condition):
             raise ServeRefused(exit_status.USAGE, f"error: {problem}")
         self.seed = options.seed if options.seed is not None else SystemRandom().randrange(2**31)
-        self.speed, self.faults, self.wire = options.speed, options.faults, options.ros
+        self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
         self._files = loaded.files
 
     def open_journal(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
@@ -201,7 +201,7 @@ class SessionPreparation:
             seed=self.seed,
             speed=self.speed,
             faults=self.faults,
-            wire=self.wire,
+            wire=self.ros,
             versions=versions(),
             participant=self.options.participant,
             condition=self.options.condition,
@@ -226,12 +226,12 @@ class SessionPreparation:
         info = self.recovered.info
         self.scenario, self.folder = self.recovered.scenario, folder
         self.seed, self.speed, self.faults = info.seed, info.speed, info.faults
-        self.wire = RosConnection(info.ros, info.ros_args)
+        self.ros = RosConnection(info.ros, info.ros_args)
 
     async def connect(self) -> Bridge[SessionHub] | None:
         """The connection to ROS, where the session has one. Raises ServeRefused."""
         try:
-            return await open_bridge(self.wire, self.scenario.robot, self.scenario.mode)
+            return await open_bridge(self.ros, self.scenario.robot, self.scenario.mode)
         except BridgeError as error:
             raise ServeRefused(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
 

@@ -77,15 +77,13 @@ SLICE_BYTES = 65_536
 class SessionServer:
     """Listens for clients of one session. All methods belong to the engine's loop."""
 
-    def __init__(self, hub: SessionHub, path: str | os.PathLike[str], *, allowed: frozenset[int] | None = None) -> None:
+    def __init__(self, hub: SessionHub, path: str | os.PathLike[str]) -> None:
         """
         :param hub: the session.
         :param path: of the socket; nothing is there yet.
-        :param allowed: the users whose programs may connect; None: this process's own and root.
         """
         self.hub = hub
         self.path = Path(path)
-        self.allowed = allowed if allowed is not None else frozenset({os.getuid(), 0})
         self.connections: dict[ClientConnection, Attachment | None] = {}
         """Every connection, the oldest first; None for one that has not attached."""
         self.lag: LagMeter
@@ -159,7 +157,7 @@ class SessionServer:
 
     def connection_opened(self, connection: ClientConnection) -> None:
         self.connections[connection] = None
-        if connection.user is not None and connection.user not in self.allowed:
+        if connection.user not in (None, os.getuid(), 0):  # root may do everything anyway
             _refuse(connection, "this session belongs to another user")
         elif len(self.connections) > MAX_CLIENTS and not self._close_idle(connection):
             _refuse(connection, f"{MAX_CLIENTS} clients are connected to this session already")
