@@ -43,7 +43,7 @@ async def main(root, records):
     folder = create_session(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1000, faults=(), versions={})
     clock = RealClock(asyncio.get_running_loop(), 1000)
     engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
-    with acquire_lock("attach") as name:
+    with closing(acquire_lock("attach")) as name:
         hub = SessionHub(engine, str(folder))
         server = SessionServer(hub, name.socket)
         await server.start()

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ async def serve(folder: Path) -> None:
     journal = Journal(record / JOURNAL, changed=changed, now=clock.now)
     journal.append(encode_header("benchmark"))
     engine = Engine(scenario, robot, clock, 1, journal=journal)
-    with acquire_lock("bench") as name:
+    with closing(acquire_lock("bench")) as name:
         assert name is not None
         hub = SessionHub(engine, str(record))
         server = SessionServer(hub, name.socket)

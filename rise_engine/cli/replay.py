@@ -13,7 +13,7 @@ from rise_engine.cli.transcript import Transcript
 from rise_engine.exit_status import BROKEN_PIPE, DIFFERENT, OK, PARTIAL, USAGE
 from rise_engine.session.disk import error_message
 from rise_engine.session.errors import SessionError
-from rise_engine.session.export import Export, Format
+from rise_engine.session.export import ExportFormat, SessionExport
 from rise_engine.session.folder import JOURNAL, find_session
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import ReplayComparison, compare_replay
@@ -60,10 +60,10 @@ def replay_report(session: str, *, scenario: str | None, as_json: bool) -> int:
     return OK if found.identical else DIFFERENT
 
 
-def export_report(session: str, format: Format, out: str | None) -> int:
+def export_report(session: str, format: ExportFormat, out: str | None) -> int:
     """Write a session's records to the file `out`, or to standard output; the exit status."""
     try:
-        exporter = Export(find_session(session))
+        exporter = SessionExport(find_session(session))
     except SessionError as error:
         _print_error(f"error: {error}")
         return USAGE

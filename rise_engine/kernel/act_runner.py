@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct, field
 
 from rise_engine.kernel.commands import CancelAction, StartAction
-from rise_engine.kernel.core import Core, Task, TimerTarget
-from rise_engine.kernel.records import ActionRecord, ActionStatus
-from rise_engine.kernel.speech import SAY, act_name, act_of
+from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
+from rise_engine.kernel.records import ActionRecord, ActionStatus, TaskStatus
+from rise_engine.kernel.speech import act_name, find_act
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.parameters import fill_parameters
@@ -26,14 +25,13 @@ class ActionRun(Struct):
 
     index: int
     """In the act's file order."""
-    open_predecessors: int
-    """Predecessors that have not ended."""
     state: str = "waiting"
     """waiting, running, canceling or ended."""
     type: str = ""
     parameters: dict[str, Any] = {}
     sent_as: str | None = None
-    timers: list[int] = []
+    timer: int | None = None
+    """Of the wait, of the time limit, or of the cancel."""
 
 
 class ActRun(Struct):
@@ -45,8 +43,6 @@ class ActRun(Struct):
     """Why it is being stopped, when it is."""
     failure: str | None = None
     """Why it failed, when it did; what still runs is being cancelled."""
-    unfinished: int = 0
-    """Actions that have not ended."""
     starting: bool = False
     ready: list[str] = field(default_factory=list)
     """Actions that can start now."""
@@ -55,13 +51,12 @@ class ActRun(Struct):
 class ActRunner:
     """All running acts."""
 
-    def __init__(self, core: Core, ended: Callable[[ActRun, str, str], None]) -> None:
+    def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
         self._core = core
-        self._on_ended = ended
+        self._on_ended = on_ended
         """Called with the act, its task's final status and the reason, once, when its last action has ended."""
         self.last_pick: dict[str, int] = {}
         """The variant taken last, by `<act>/<actionID>`."""
-        self._successors: dict[str, dict[str, list[str]]] = {}
         self.robot_lost: str | None = None
         """Why goals cannot be sent, while the robot is away."""
         self.runs: dict[int, ActRun] = {}
@@ -71,11 +66,10 @@ class ActRunner:
 
     def start(self, task: Task) -> None:
         """Run an act for its task, which has just become ACTIVE."""
-        act = act_of(self._core.scenario, task)
+        act = find_act(self._core.scenario, task)
         run = ActRun(
             task,
-            {action.id: ActionRun(index, len(action.wait_for)) for index, action in enumerate(act.actions)},
-            unfinished=len(act.actions),
+            {action.id: ActionRun(index) for index, action in enumerate(act.actions)},
             ready=[action.id for action in act.actions if not action.wait_for],
         )
         self.runs[task.id] = run
@@ -86,14 +80,10 @@ class ActRunner:
         if run.starting:
             return
         run.starting = True
-        ready = deque(run.ready)
-        run.ready = []
-        while ready and run.cancel_reason is None and run.failure is None:
-            self._start_action(run, ready.popleft())
-            ready.extend(run.ready)
-            run.ready = []
+        while run.ready and run.cancel_reason is None and run.failure is None:
+            self._start_action(run, run.ready.pop(0))
         run.starting = False
-        if run.unfinished == 0:
+        if all(action.state == "ended" for action in run.actions.values()):
             self._finish(run)
 
     def _start_action(self, run: ActRun, id: str) -> None:
@@ -114,7 +104,7 @@ class ActRunner:
             state.state = "running"
             self._record(run, id, "started")
             if seconds > 0:
-                state.timers = [core.set_timer(seconds, TimerTarget("wait", str(run.task.id), id))]
+                state.timer = core.set_timer(seconds, TimerTarget("wait", str(run.task.id), id))
             else:
                 self._end_action(run, id, "succeeded")
             return
@@ -135,8 +125,7 @@ class ActRunner:
         core.commands.append(
             StartAction(f"{run.task.id}/{id}", spec.name, parameters, expected_seconds(spec, parameters))
         )
-        limit = limit_seconds(spec, parameters)
-        state.timers = [core.set_timer(limit, TimerTarget("limit", str(run.task.id), id))]
+        state.timer = core.set_timer(limit_seconds(spec, parameters), TimerTarget("limit", str(run.task.id), id))
 
     def _pick_variant(self, run: ActRun, action: Action) -> ActionCall:
         """The action's call; of several variants one at random, never the same one twice running."""
@@ -158,7 +147,7 @@ class ActRunner:
     def report(self, goal: str, status: ActionStatus, reason: str) -> None:
         """The robot's word about a goal; late and unknown ones change nothing."""
         task, _, id = goal.partition("/")
-        run = self.runs.get(int(task)) if task.isascii() and task.isdigit() and len(task) < 19 else None
+        run = self.runs.get(parse_task_id(task))
         state = run.actions.get(id) if run is not None else None
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
@@ -170,11 +159,10 @@ class ActRunner:
             self._end_action(run, id, status, reason)
             self._advance(run)
 
-    def timer_elapsed(self, target: TimerTarget, timer: int) -> None:
+    def timer_elapsed(self, target: TimerTarget) -> None:
         """A wait is over, or an action or its cancel took too long."""
         run = self.runs[int(target.owner)]
-        state = run.actions[target.item]
-        state.timers = [other for other in state.timers if other != timer]
+        run.actions[target.item].timer = None
         if target.purpose == "wait":
             self._end_action(run, target.item, "succeeded")
         elif target.purpose == "limit":
@@ -221,26 +209,23 @@ class ActRunner:
                 if core.scenario.robot.actions[state.type].engine:
                     self._end_action(run, id, "canceled", reason)
                 else:
-                    self._clear_timers(state)
+                    self._cancel_timer(state)
                     state.state = "canceling"
                     core.commands.append(CancelAction(f"{run.task.id}/{id}"))
-                    state.timers = [core.set_timer(CANCEL_LIMIT, TimerTarget("cancel", str(run.task.id), id))]
+                    state.timer = core.set_timer(CANCEL_LIMIT, TimerTarget("cancel", str(run.task.id), id))
 
     def _end_action(self, run: ActRun, id: str, status: ActionStatus, reason: str = "") -> None:
         state = run.actions[id]
-        self._clear_timers(state)
+        self._cancel_timer(state)
         state.state = "ended"
-        run.unfinished -= 1
         self._record(run, id, status, reason)
         if run.cancel_reason is not None or run.failure is not None:
             return
-        action = self._act_of(run).actions[state.index]
-        if status == "succeeded" or action.continue_on_failure:
-            for successor in self._successors_of(run)[id]:
-                waiting = run.actions[successor]
-                waiting.open_predecessors -= 1
-                if waiting.open_predecessors == 0:
-                    run.ready.append(successor)
+        actions = self._act_of(run).actions
+        if status == "succeeded" or actions[state.index].continue_on_failure:
+            for successor in actions:
+                if id in successor.wait_for and all(run.actions[each].state == "ended" for each in successor.wait_for):
+                    run.ready.append(successor.id)
         else:
             run.failure = f"action {id} ({state.type}) {status}" + (f": {reason}" if reason else "")
             self._wind_down(run, f"action {id} {status}")
@@ -258,25 +243,12 @@ class ActRunner:
     # --- small things ---
 
     def _act_of(self, run: ActRun) -> Act:
-        return act_of(self._core.scenario, run.task)
+        return find_act(self._core.scenario, run.task)
 
-    def _successors_of(self, run: ActRun) -> dict[str, list[str]]:
-        if run.task.function == SAY:
-            return {SAY: []}
-        name = run.task.behavior
-        if name not in self._successors:
-            actions = self._act_of(run).actions
-            followers: dict[str, list[str]] = {action.id: [] for action in actions}
-            for action in actions:
-                for id in action.wait_for:
-                    followers[id].append(action.id)
-            self._successors[name] = followers
-        return self._successors[name]
-
-    def _clear_timers(self, state: ActionRun) -> None:
-        for timer in state.timers:
-            self._core.cancel_timer(timer)
-        state.timers = []
+    def _cancel_timer(self, state: ActionRun) -> None:
+        if state.timer is not None:
+            self._core.cancel_timer(state.timer)
+            state.timer = None
 
     def _record(self, run: ActRun, id: str, status: ActionStatus, reason: str = "") -> None:
         state = run.actions[id]

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
+from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, NoteRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
 from rise_engine.scenario.model import Scenario
@@ -69,6 +70,11 @@ class Task(Struct):
     accepted_at: float = 0.0
     started_at: float | None = None
     robot_at: float | None = None
+
+
+def parse_task_id(number: str) -> int:
+    """A task's id as it is written; 0, which no task has, when it is none."""
+    return int(number) if number.isascii() and number.isdigit() and len(number) < 19 else 0
 
 
 class TimerTarget(Struct, frozen=True):
@@ -130,8 +136,9 @@ class Core:
         """
         self.records.append(kind(next(self.numbers), self.t, "", *fields, **named))
 
-    def new_task(self, function: str, behavior: str, calling_type: str, source: str, ref: str | None) -> Task:
-        task = Task(self.next_task, function, behavior, calling_type, source, ref)
+    def new_task(self, submit: Submit, calling_type: str) -> Task:
+        """Number what was asked for; `calling_type` is the one that counts."""
+        task = Task(self.next_task, submit.function, submit.behavior, calling_type, submit.source, submit.ref)
         self.next_task += 1
         return task
 
@@ -190,7 +197,7 @@ class Core:
 
     # --- memory, read ---
 
-    def values_of(self, keys: tuple[str, ...]) -> dict[str, Any]:
+    def read_values(self, keys: tuple[str, ...]) -> dict[str, Any]:
         memory = self.memory
         return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
 

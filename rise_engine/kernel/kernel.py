@@ -3,14 +3,13 @@
     records, commands = kernel.handle(input)
 
 Everything that a session is changes here and nowhere else. Same scenario, same seed, same inputs: the same outputs,
-byte for byte. The first record that a `Submit` causes is the record of its own task.
+byte for byte. The first task record that a `Submit` causes is that of its own task.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import count
-from typing import Any, Literal, TypeAlias
+from typing import Literal
 
 from rise_engine.kernel.commands import Command
 from rise_engine.kernel.core import Core
@@ -27,15 +26,13 @@ from rise_engine.kernel.inputs import (
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord
+from rise_engine.kernel.records import AnyRecord, ControlRecord, RobotRecord, SessionRecord, TaskRecord
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.snapshot import Snapshot, SnapshotError
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.kernel.task_handlers import TaskHandlers
 from rise_engine.kernel.wizard_marks import WizardMarks
 from rise_engine.scenario.model import Scenario
-
-_SessionStatus: TypeAlias = Literal["started", "recovered", "ended"]
 
 
 class Kernel:
@@ -76,17 +73,6 @@ class Kernel:
         self.scheduler = Scheduler(self.core, self.wizard_marks)
         self._handlers = TaskHandlers(self.core, self.scheduler, self.stop, self.wizard_marks)
         self.rules = self._handlers.rules
-        self._input_handlers: dict[type, Callable[[Any], None]] = {
-            ActionReport: self._action_reported,
-            TimerElapsed: self._timer_elapsed,
-            RobotChanged: self._robot_changed,
-            StopReport: self._stop_reported,
-            Note: self._note,
-            ControlChanged: self._control_changed,
-            SessionStarted: self._session_started,
-            SessionRecovered: self._session_recovered,
-            SessionEnded: self._session_ended,
-        }
 
     @property
     def is_busy(self) -> bool:
@@ -102,9 +88,9 @@ class Kernel:
 
         Returns the records, numbered without gaps in the order in which things happened (`wall` is empty: the kernel
         knows no clock), and the commands (`rise_engine.kernel.commands`), to be carried out in their order, after the
-        records. The first record of a `Submit` is that of its own task; a task that cannot be done is REJECTED there,
-        with the reason, so nothing is raised for what people ask. An exception is a mistake in this program, and the
-        kernel is of no use after it.
+        records. The first `TaskRecord` of a `Submit` is that of its own task; a task that cannot be done is REJECTED
+        there, with the reason, so nothing is raised for what people ask. An exception is a mistake in this program, and
+        the kernel is of no use after it.
 
             >>> from rise_engine.kernel import Kernel
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit
@@ -117,27 +103,26 @@ class Kernel:
             [(2, 2.5, 'TaskRecord'), (3, 2.5, 'MemoryRecord')]
         """
         core = self.core
-        kind = type(input)
         if input.t > core.t:
             core.t = input.t
             core.macrostep += 1
-        elif kind is not TimerElapsed:  # timers of one moment share one: a loop of empty waits is a runaway too
-            core.macrostep += 1
-        else:
+        elif type(input) is TimerElapsed:  # timers of one moment share one: a loop of empty waits is a runaway too
             core.continued_macrostep = core.macrostep
+        else:
+            core.macrostep += 1
         core.cause = None
         records = core.records = []
         commands = core.commands = []
-        if kind is Submit:
-            pressed: float | None = input.pressed  # type: ignore[union-attr]
+        if type(input) is Submit:
+            pressed = input.pressed
             core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
             handlers = self._handlers
-            (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)  # type: ignore[union-attr, arg-type]
-            if input.source.startswith("wizard:"):  # type: ignore[union-attr]
-                self.wizard_marks.note_task(records[0])  # type: ignore[arg-type]
+            (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)
+            if input.source.startswith("wizard:"):
+                self.wizard_marks.note_task(next(record for record in records if isinstance(record, TaskRecord)))
         else:
             core.key_at = None
-            self._input_handlers[kind](input)
+            self._handle_other_input(input)
         self.rules.run_to_completion()
         if records:
             self.seq = records[-1].seq
@@ -171,7 +156,7 @@ class Kernel:
             next_task=core.next_task,
             next_timer=core.next_timer,
             timers=core.timers,
-            noticed=sorted(core.reported_missing),
+            reported_missing=sorted(core.reported_missing),
             memory=core.memory,
             rules=self.rules.snapshot(),
             waiting=self.scheduler.waiting,
@@ -180,8 +165,8 @@ class Kernel:
             robot_lost=runner.robot_lost,
             stop=self.stop.status,
             stop_timer=self.stop.timer,
-            wizard=self.wizard_marks.state,
-            cue=core.open_cue_at,
+            wizard_marks=self.wizard_marks.state,
+            open_cue_at=core.open_cue_at,
             participant=self.participant,
             condition=self.condition,
         ).copy()
@@ -213,7 +198,7 @@ class Kernel:
         core.rng.state = snapshot.rng
         core.next_task, core.next_timer = snapshot.next_task, snapshot.next_timer
         core.timers = snapshot.timers
-        core.reported_missing = set(snapshot.noticed)
+        core.reported_missing = set(snapshot.reported_missing)
         core.memory.update(snapshot.memory)
         self.rules.restore(snapshot.rules)
         self.scheduler.waiting = snapshot.waiting
@@ -221,26 +206,51 @@ class Kernel:
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer = snapshot.stop, snapshot.stop_timer
-        self.wizard_marks.state, core.open_cue_at = snapshot.wizard, snapshot.cue
+        self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.participant, self.condition = snapshot.participant, snapshot.condition
 
     # --- inputs other than tasks ---
 
-    def _action_reported(self, input: ActionReport) -> None:
-        self.scheduler.runner.report(input.action, input.status, input.reason)
+    def _handle_other_input(self, input: AnyInput) -> None:
+        core, runner = self.core, self.scheduler.runner
+        match input:
+            case ActionReport():
+                runner.report(input.action, input.status, input.reason)
+            case TimerElapsed():
+                self._timer_elapsed(input.timer)
+            case RobotChanged():
+                core.emit(RobotRecord, input.status, input.detail)
+                if input.status == "lost":
+                    runner.lose_robot(input.detail or "the link is lost")
+                else:
+                    runner.robot_lost = None
+            case StopReport():
+                self.stop.record_answer(input.confirmed, input.unconfirmed)
+            case Note():
+                core.record_note(input.text, input.source)
+            case ControlChanged():
+                core.emit(ControlRecord, input.status, input.by, input.holder)
+            case SessionStarted():
+                self.participant, self.condition = input.participant, input.condition
+                self._record_session("started", input.versions)
+                self.rules.memory.load_start_values()
+            case SessionRecovered():
+                self._resume_session(input)
+            case SessionEnded():
+                self._record_session("ended", {}, input.reason)
 
-    def _timer_elapsed(self, input: TimerElapsed) -> None:
-        target = self.core.timers.pop(input.timer, None)
+    def _timer_elapsed(self, timer: int) -> None:
+        target = self.core.timers.pop(timer, None)
         if target is None:
             return  # cancelled meanwhile
         if target.purpose == "after":
-            self.rules.timer_elapsed(input.timer, target)
+            self.rules.timer_elapsed(timer, target)
         elif target.purpose == "stop":
             self.stop.time_out()
         elif target.purpose == "filler":
             self._start_due_filler()
         else:
-            self.scheduler.runner.timer_elapsed(target, input.timer)
+            self.scheduler.runner.timer_elapsed(target)
 
     def _start_due_filler(self) -> None:
         """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""
@@ -249,28 +259,7 @@ class Kernel:
         if name is not None and not self.is_busy and not self.stop.latched:
             self._handlers.start_filler(name, "engine")
 
-    def _robot_changed(self, input: RobotChanged) -> None:
-        self.core.emit(RobotRecord, input.status, input.detail)
-        if input.status == "lost":
-            self.scheduler.runner.lose_robot(input.detail or "the link is lost")
-        else:
-            self.scheduler.runner.robot_lost = None
-
-    def _stop_reported(self, input: StopReport) -> None:
-        self.stop.record_answer(input.confirmed, input.unconfirmed)
-
-    def _note(self, input: Note) -> None:
-        self.core.record_note(input.text, input.source)
-
-    def _control_changed(self, input: ControlChanged) -> None:
-        self.core.emit(ControlRecord, input.status, input.by, input.holder)
-
-    def _session_started(self, input: SessionStarted) -> None:
-        self.participant, self.condition = input.participant, input.condition
-        self._record_session("started", input.versions)
-        self.rules.memory.load_start_values()
-
-    def _session_recovered(self, input: SessionRecovered) -> None:
+    def _resume_session(self, input: SessionRecovered) -> None:
         """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
         self._record_session("recovered", input.versions, input.reason)
         self.scheduler.runner.lose_running("the engine was restarted while it ran")
@@ -278,10 +267,9 @@ class Kernel:
         if self.stop.status == "requested":  # its answer went to the engine that has gone
             self.stop.ask_robot()
 
-    def _session_ended(self, input: SessionEnded) -> None:
-        self._record_session("ended", {}, input.reason)
-
-    def _record_session(self, status: _SessionStatus, versions: dict[str, str], reason: str = "") -> None:
+    def _record_session(
+        self, status: Literal["started", "recovered", "ended"], versions: dict[str, str], reason: str = ""
+    ) -> None:
         scenario = self.scenario
         self.core.emit(
             SessionRecord,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
@@ -13,9 +14,9 @@ from rise_engine.kernel.records import MemoryRecord
 class WorkingMemory:
     """Writes to the memory. Reading is `core.env`, which conditions are evaluated against."""
 
-    def __init__(self, core: Core, changed: Callable[[str], None]) -> None:
+    def __init__(self, core: Core, on_change: Callable[[str], None]) -> None:
         self._core = core
-        self._on_change = changed
+        self._on_change = on_change
         """Called with each key that was written: rules may be watching it."""
         self._known_keys = core.scenario.known_keys
 
@@ -33,19 +34,15 @@ class WorkingMemory:
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
         """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""
         core = self._core
-        env = core.env
-        if len(assignments) == 1:
-            written = [assigned_entry(core.memory, assignments[0].key, assignments[0].evaluate(env, self._known_keys))]
-        else:
-            written = []
-            so_far = dict(core.memory)
-            for assignment in assignments:
-                key, value = assigned_entry(so_far, assignment.key, assignment.evaluate(env, self._known_keys))
-                so_far[key] = value
-                written.append((key, value))
-        if core.env.missing:
-            for key in core.newly_missing():
-                core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
+        so_far = ChainMap[str, Any]({}, core.memory)
+        """The memory with what the assignments before would write."""
+        written = []
+        for assignment in assignments:
+            key, value = assigned_entry(so_far, assignment.key, assignment.evaluate(core.env, self._known_keys))
+            so_far[key] = value
+            written.append((key, value))
+        for key in core.newly_missing():
+            core.record_note(f"the memory has no value for {key!r}, which `{assignments[0].text}` reads")
         return written
 
     def assign(self, written: list[tuple[str, Any]], source: str) -> None:

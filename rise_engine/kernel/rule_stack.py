@@ -9,42 +9,30 @@ to sort.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 
-from rise_engine.kernel.compiled_rules import CompiledRule, CompiledState, CompiledTransition
+from rise_engine.kernel.compiled_rules import CompiledState, CompiledTransition
 from rise_engine.kernel.core import RuleList, Task
 
 
+@dataclass(slots=True, eq=False)
 class RuleRun:
     """A running rule."""
 
-    __slots__ = (
-        "alive",
-        "latched",
-        "macrostep",
-        "name",
-        "priority",
-        "recency",
-        "state",
-        "step_count",
-        "task",
-        "timers",
-    )
-
-    def __init__(self, rule: CompiledRule, state: CompiledState, task: Task) -> None:
-        self.name = rule.name
-        self.state = state
-        self.task = task
-        self.priority = rule.priority
-        self.recency = 0
-        """Larger than that of every rule that came to the top earlier."""
-        self.alive = True
-        self.timers: dict[int, CompiledTransition] = {}
-        self.latched: set[int] = set()
-        """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
-        self.macrostep = -1
-        """The macrostep (`Core.macrostep`) during which it last took a step."""
-        self.step_count = 0
-        """How many it has taken during that macrostep."""
+    name: str
+    state: CompiledState
+    task: Task
+    priority: float
+    recency: int = 0
+    """Larger than that of every rule that came to the top earlier."""
+    alive: bool = True
+    timers: dict[int, CompiledTransition] = field(default_factory=dict)
+    latched: set[int] = field(default_factory=set)
+    """Indexes of the state's transitions without event that were taken and whose condition has been true since."""
+    macrostep: int = -1
+    """The macrostep (`Core.macrostep`) during which it last took a step."""
+    step_count: int = 0
+    """How many it has taken during that macrostep."""
 
 
 def rank(run: RuleRun) -> tuple[float, int]:
@@ -76,7 +64,7 @@ class RuleStack(dict[str, RuleRun]):
         self[run.name] = run
         if self.top is None or rank(run) > rank(self.top):
             if self.top is not None:
-                join(self.top, self.top.state.wait_lists)
+                append_to_lists(self.top, self.top.state.wait_lists)
             self.top = run
         else:
             sorted_runs = sorted(self.values(), key=rank)
@@ -91,11 +79,11 @@ class RuleStack(dict[str, RuleRun]):
         """Take out a rule that ends."""
         del self[run.name]
         if self.top is not run:
-            leave(run, run.state.wait_lists)
+            remove_from_lists(run, run.state.wait_lists)
             return
         self.top = next(reversed(self.values()), None)
         if self.top is not None:
-            leave(self.top, self.top.state.wait_lists)
+            remove_from_lists(self.top, self.top.state.wait_lists)
 
     def promote(self, run: RuleRun) -> None:
         """The most recent rule is the most relevant: it takes the highest priority on the stack (paper, 4.2.2)."""
@@ -112,13 +100,13 @@ class RuleStack(dict[str, RuleRun]):
         self[run.name] = self.top = run
 
 
-def join(run: RuleRun, lists: Iterable[RuleList]) -> None:
+def append_to_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
     """Put a rule into lists, last."""
     for rules in lists:
         rules[run] = None
 
 
-def leave(run: RuleRun, lists: Iterable[RuleList]) -> None:
+def remove_from_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
     """Take a rule out of lists."""
     for rules in lists:
         del rules[run]

@@ -12,7 +12,7 @@ thousand deep, is no deeper than the first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from rise_engine.expression import EvaluationError
 from rise_engine.kernel.compiled_rules import (
@@ -27,8 +27,8 @@ from rise_engine.kernel.compiled_rules import (
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.memory import WorkingMemory
-from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.rule_stack import RuleRun, RuleStack, join, leave, rank
+from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
+from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
 from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 
@@ -44,7 +44,7 @@ class RuleMachine:
         self._core = core
         self._submit = submit
         """(function, behavior, source): the path of every other DomainTask."""
-        self.memory = WorkingMemory(core, self._key_changed)
+        self.memory = WorkingMemory(core, self._reevaluate_watchers)
         self._watchers: dict[str, RuleList] = {}
         self._compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
@@ -64,11 +64,11 @@ class RuleMachine:
     def start(self, name: str, task: Task, on_top: bool) -> None:
         """Start a rule that is not running. `on_top`: a rule started by a rule goes above all others."""
         rule = self._compiled[name]
-        run = RuleRun(rule, rule.initial, task)
+        run = RuleRun(name, rule.initial, task, rule.priority)
         self.stack.start(run, on_top)
-        join(run, run.state.watch_lists)
-        self._record(run, "started", None, "start", None)
-        self._record(run, "entered", None, "start", None)
+        append_to_lists(run, run.state.watch_lists)
+        self._core.emit(RuleRecord, name, "started", run.state.id, trigger="start", priority=run.priority)
+        self._core.emit(RuleRecord, name, "entered", run.state.id, trigger="start", priority=run.priority)
         step = self._core.macrostep
         last, steps = self.step_counts.get(name, (-1, 0))
         run.macrostep, run.step_count = step, steps + 1 if last == step else 1
@@ -87,15 +87,17 @@ class RuleMachine:
         self._frames.clear()
         self._to_reevaluate.clear()
 
-    def _end(self, run: RuleRun, status: str, task_status: str, reason: str = "") -> None:
+    def _end(
+        self, run: RuleRun, status: Literal["ended", "stopped", "faulted"], task_status: TaskStatus, reason: str = ""
+    ) -> None:
         core = self._core
         run.alive = False
         self._on_left(run)
         self._to_reevaluate.pop(run, None)
         self.stack.remove(run)
         self.step_counts[run.name] = (run.macrostep, run.step_count)
-        core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)  # type: ignore[arg-type]
-        run.task.status = task_status  # type: ignore[assignment]
+        core.emit(RuleRecord, run.name, status, run.state.id, priority=run.priority, reason=reason)
+        run.task.status = task_status
         core.record_task(run.task, reason)
         core.raise_event_if_named(run.name + "_end")
 
@@ -125,15 +127,14 @@ class RuleMachine:
         step = self._core.macrostep
         for rule in snapshot.running:
             compiled = self._compiled[rule.name]
-            run = RuleRun(compiled, compiled.states[rule.state], rule.task)
-            run.priority, run.recency = rule.priority, rule.recency
+            run = RuleRun(rule.name, compiled.states[rule.state], rule.task, rule.priority, rule.recency)
             run.timers = {timer: run.state.transitions[index] for timer, index in rule.timers.items()}
             if any(transition.after is None for transition in run.timers.values()):
                 raise LookupError(f"`after` in the state {rule.state} of {rule.name}")
             run.latched = set(rule.latched)
             run.macrostep, run.step_count = step, rule.steps
             self.stack.add(run)
-            join(run, run.state.watch_lists)
+            append_to_lists(run, run.state.watch_lists)
         self.step_counts = {name: (step, steps) for name, steps in snapshot.step_counts.items()}
         self.stack.recency = snapshot.recency
 
@@ -208,7 +209,7 @@ class RuleMachine:
         if transition.condition is None or self._evaluate(run, transition.condition):
             self._take_transition(run, transition)
 
-    def _key_changed(self, key: str) -> None:
+    def _reevaluate_watchers(self, key: str) -> None:
         """Let the rules that watch a key look at their eventless transitions."""
         if runs := self._watchers.get(key):
             self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
@@ -254,7 +255,7 @@ class RuleMachine:
             )
         )
         if not state.trivial:
-            join(run, state.watch_lists)
+            append_to_lists(run, state.watch_lists)
             self._on_entered(run, (run.name, core.cause))
         elif state.entry is not None:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
@@ -274,7 +275,8 @@ class RuleMachine:
             run.macrostep = self._core.macrostep
             run.step_count = steps
             self.stack.promote(run)
-            self._record(run, "stayed", run.state.id, transition.trigger, transition.index)
+            state, trigger, index = run.state.id, transition.trigger, transition.index
+            self._core.emit(RuleRecord, run.name, "stayed", state, state, trigger, index, run.priority)
             frames.append((run, transition.block, True, None, cause))
 
     def _on_entered(self, run: RuleRun, cause: Cause) -> None:
@@ -395,7 +397,7 @@ class RuleMachine:
             result, error = False, str(problem)
         memory = core.memory
         key = condition.only_key
-        values = {key: memory[key]} if key in memory else core.values_of(condition.keys)
+        values = {key: memory[key]} if key in memory else core.read_values(condition.keys)
         missing = core.newly_missing() if env.missing else ()
         core.records.append(
             ConditionRecord(
@@ -406,20 +408,8 @@ class RuleMachine:
 
     def _on_left(self, run: RuleRun) -> None:
         """A state is left, or the rule ends: it watches no key any more, and its timers are no longer wanted."""
-        leave(run, run.state.watch_lists)
+        remove_from_lists(run, run.state.watch_lists)
         for timer in run.timers:
             self._core.cancel_timer(timer)
         run.timers.clear()
         run.latched.clear()
-
-    def _record(self, run: RuleRun, status: str, previous: str | None, trigger: str, transition: int | None) -> None:
-        self._core.emit(
-            RuleRecord,
-            run.name,
-            status,  # type: ignore[arg-type]
-            run.state.id,
-            previous,
-            trigger,
-            transition,
-            run.priority,
-        )

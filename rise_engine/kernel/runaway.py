@@ -42,11 +42,11 @@ class Culprit(Struct, frozen=True):
         return f"took {steps} steps in one go, each of which led to the next, without waiting for anything; {probably}"
 
 
-def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, int] | None) -> Culprit | None:
+def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int] | None) -> Culprit | None:
     """The running rule that has the most steps in a chain of causes, and at least two; of equals the one whose first
     step is the earliest.
 
-    When there is no such rule, nothing goes round as far as is known: None, or `otherwise` (a rule and its steps).
+    When there is no such rule, nothing goes round as far as is known: None, or `fallback` (a rule and its steps).
     """
     steps: dict[str, int] = {}
     while chain is not None:
@@ -55,10 +55,10 @@ def find_culprit(chain: Cause, running: Container[str], otherwise: tuple[str, in
     repeated = [name for name, number in steps.items() if number > 1]
     most = max((steps[name] for name in repeated if name in running), default=0)
     if most:
-        otherwise = next(name for name in reversed(repeated) if name in running and steps[name] == most), most
-    if otherwise is None:
+        fallback = next(name for name in reversed(repeated) if name in running and steps[name] == most), most
+    if fallback is None:
         return None
-    return Culprit(*otherwise, tuple(name for name in repeated if name != otherwise[0]))
+    return Culprit(*fallback, tuple(name for name in repeated if name != fallback[0]))
 
 
 def find_multiplier(events: Iterable[QueuedEvent], running: Container[str]) -> str | None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from rise_engine.kernel.act_runner import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task
-from rise_engine.kernel.records import TimingRecord
-from rise_engine.kernel.speech import SAY, act_name, act_of
+from rise_engine.kernel.records import TaskStatus, TimingRecord
+from rise_engine.kernel.speech import SAY, act_name, find_act
 from rise_engine.kernel.wizard_marks import WizardMarks
 
 
@@ -18,7 +18,7 @@ class Scheduler:
     def __init__(self, core: Core, wizard: WizardMarks) -> None:
         self._core = core
         self._wizard = wizard
-        self.runner = ActRunner(core, self._act_ended)
+        self.runner = ActRunner(core, self._finish_act)
         self._advancing = False
         self._advance_again = False
         self.waiting: list[Task] = []
@@ -30,7 +30,7 @@ class Scheduler:
         return any(_starts_act(task, act) for task in tasks)
 
     def add(self, task: Task) -> None:
-        self._wizard.act_accepted(task)
+        self._wizard.note_accepted(task)
         position = len(self.waiting)
         if task.calling_type == "Interrupt":
             position = next(
@@ -46,7 +46,7 @@ class Scheduler:
     def move(self, task: Task, position: int) -> None:
         """Give a waiting task another position; the order of the others stays."""
         self.waiting.remove(task)
-        position = max(0, min(position, len(self.waiting)))
+        position = min(position, len(self.waiting))
         self.waiting.insert(position, task)
         self._core.record_task(task, "moved", position)
         self.advance()
@@ -57,10 +57,10 @@ class Scheduler:
         self._record_end(task, "CANCELED", reason)
         self.advance()
 
-    def stop(self, act: str, reason: str) -> None:
-        """Stop every task of an act, running or waiting."""
-        waiting = [task for task in self.waiting if _starts_act(task, act)]
-        running = [run for run in self.runner.runs.values() if _starts_act(run.task, act)]
+    def stop(self, reason: str, act: str | None = None) -> None:
+        """Stop every task, running or waiting, or every one of an act."""
+        waiting = [task for task in self.waiting if act is None or _starts_act(task, act)]
+        running = [run for run in self.runner.runs.values() if act is None or _starts_act(run.task, act)]
         for task in waiting:
             self.waiting.remove(task)
             self._record_end(task, "CANCELED", reason)
@@ -68,64 +68,56 @@ class Scheduler:
             self.runner.cancel(run, reason)
         self.advance()
 
-    def stop_all(self, reason: str) -> None:
-        for task in list(self.waiting):
-            self.waiting.remove(task)
-            self._record_end(task, "CANCELED", reason)
-        for run in list(self.runner.runs.values()):
-            self.runner.cancel(run, reason)
-
     def advance(self) -> None:
         """Start what may start. Called whenever something was added, moved or ended."""
+        self._advance_again = True
         if self._advancing:
-            self._advance_again = True  # an act that ends while it is being started; the loop below goes round again
-            return
+            return  # an act that ends while it is being started; the loop below goes round again
         self._advancing = True
-        try:
-            self._advance_again = True
-            while self._advance_again:
-                self._advance_again = False
-                self._start_what_may()
-        finally:
-            self._advancing = False
+        while self._advance_again:
+            self._advance_again = False
+            self._start_what_may()
+        self._advancing = False
 
     def _start_what_may(self) -> None:
         blocking = next((run for run in self.runner.runs.values() if _is_exclusive(run.task)), None)
         holder = blocking.task if blocking is not None else None
         if holder is None:
             holder = next((task for task in self.waiting if _is_exclusive(task)), None)
-            if holder is not None and self._channels_are_free_for(holder):
+            if holder is not None and self._clear_channels(holder):
                 self._start(holder)
         for task in [task for task in self.waiting if task.calling_type == "None"]:
             if holder is None or not self._channels(task) & self._channels(holder):
                 self._start(task)
 
-    def _channels_are_free_for(self, task: Task) -> bool:
-        """Interrupt the None acts that occupy a channel it needs; true when there is none."""
-        channels = self._channels(task)
-        in_the_way = [run for run in self.runner.runs.values() if self._channels(run.task) & channels]
-        for run in in_the_way:
+    def _clear_channels(self, task: Task) -> bool:
+        """Interrupt the None acts that occupy a channel which a task needs; true when none does any more."""
+        for run in self._runs_on_channels_of(task):
             self.runner.cancel(run, f"interrupted by {act_name(task)}")
         # An act that only waits ends within cancel(); one on the robot ends when the robot has confirmed.
-        return not any(self._channels(run.task) & channels for run in self.runner.runs.values())
+        return not self._runs_on_channels_of(task)
+
+    def _runs_on_channels_of(self, task: Task) -> list[ActRun]:
+        channels = self._channels(task)
+        return [run for run in self.runner.runs.values() if self._channels(run.task) & channels]
 
     def _start(self, task: Task) -> None:
         self.waiting.remove(task)
         task.status = "ACTIVE"
         self._core.record_task(task)
-        self._wizard.act_started(task)
+        self._wizard.note_started(task)
         self._advance_again = True
         self.runner.start(task)
 
-    def _act_ended(self, run: ActRun, status: str, reason: str) -> None:
+    def _finish_act(self, run: ActRun, status: TaskStatus, reason: str) -> None:
         self._record_end(run.task, status, reason)
         self.advance()
 
-    def _record_end(self, task: Task, status: str, reason: str) -> None:
+    def _record_end(self, task: Task, status: TaskStatus, reason: str) -> None:
         core = self._core
-        task.status = status  # type: ignore[assignment]
+        task.status = status
         core.record_task(task, reason)
-        self._wizard.act_ended(task)
+        self._wizard.note_ended(task)
         name = act_name(task)
         core.emit(
             TimingRecord,
@@ -143,7 +135,7 @@ class Scheduler:
         core.raise_event_if_named(name + "_end")
 
     def _channels(self, task: Task) -> frozenset[str]:
-        return act_of(self._core.scenario, task).channels
+        return find_act(self._core.scenario, task).channels
 
 
 def _is_exclusive(task: Task) -> bool:

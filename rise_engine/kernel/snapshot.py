@@ -58,7 +58,7 @@ class Snapshot(Struct, frozen=True):
     next_task: int
     next_timer: int
     timers: dict[int, TimerTarget]
-    noticed: list[str]
+    reported_missing: list[str]
     memory: dict[str, Any]
     rules: RulesSnapshot
     waiting: list[Task]
@@ -67,8 +67,8 @@ class Snapshot(Struct, frozen=True):
     robot_lost: str | None
     stop: StopStatus
     stop_timer: int | None
-    wizard: WizardMarksState
-    cue: float | None
+    wizard_marks: WizardMarksState
+    open_cue_at: float | None
     participant: str
     condition: str
 

@@ -11,7 +11,7 @@ SAY = "say"
 SPEECH = "Speech"
 
 
-def act_of(scenario: Scenario, task: Task) -> Act:
+def find_act(scenario: Scenario, task: Task) -> Act:
     """What a task of the scheduler runs."""
     return _speech_act(scenario, task.behavior) if task.function == SAY else scenario.acts[task.behavior]
 

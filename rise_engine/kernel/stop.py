@@ -31,7 +31,7 @@ class StopLatch:
     def request(self, source: str) -> None:
         """Also while it is latched: pressing again asks the robot again."""
         self.status = "requested"
-        self._record("requested", source=source)
+        self._core.emit(StopRecord, "requested", source=source)
 
     def ask_robot(self) -> None:
         self._core.commands.append(StopRobot())
@@ -43,12 +43,12 @@ class StopLatch:
         if self.latched:
             self._cancel_timer()
             self.status = "latched"
-            self._record("latched", confirmed, unconfirmed)
+            self._core.emit(StopRecord, "latched", confirmed, unconfirmed)
 
     def time_out(self) -> None:
         self.timer = None
         self.status = "latched"
-        self._record("latched", (), (self._core.scenario.robot.name,))
+        self._core.emit(StopRecord, "latched", unconfirmed=(self._core.scenario.robot.name,))
 
     @property
     def why_not_release(self) -> str:
@@ -59,18 +59,9 @@ class StopLatch:
 
     def release(self, source: str) -> None:
         self.status = "released"
-        self._record("released", source=source)
+        self._core.emit(StopRecord, "released", source=source)
 
     def _cancel_timer(self) -> None:
         if self.timer is not None:
             self._core.cancel_timer(self.timer)
             self.timer = None
-
-    def _record(
-        self,
-        status: Literal["requested", "latched", "released"],
-        confirmed: tuple[str, ...] = (),
-        unconfirmed: tuple[str, ...] = (),
-        source: str = "",
-    ) -> None:
-        self._core.emit(StopRecord, status, confirmed, unconfirmed, source)

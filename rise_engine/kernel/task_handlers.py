@@ -1,6 +1,7 @@
 """What each function of a DomainTask does (semantics.md 1.1): the six of RISE and the console's own.
 
-Every task leaves at least one record; the first record that a `Submit` causes is that of its own task.
+Every task leaves at least one record; the first task record that a `Submit` causes is that of its own task. A note may
+stand before it: that the memory has no value for a key which an assignment reads.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class TaskHandlers:
             "moveTask": self._move_task,
             "stopAll": self._stop_all,
             "releaseStop": self._release_stop,
-            "say": self._say,
+            "say": self._speak,
             "markCue": self._mark_cue,
             "nextFiller": self._next_filler,
             "markMistake": self._mark_mistake,
@@ -69,9 +70,7 @@ class TaskHandlers:
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
-            self._scheduler.add(
-                self._core.new_task(task.function, name, self._calling_type(task), task.source, task.ref)
-            )
+            self._scheduler.add(self._core.new_task(task, self._calling_type(task)))
 
     def _stop_act(self, task: Submit) -> None:
         name = task.behavior
@@ -81,7 +80,7 @@ class TaskHandlers:
             self._reject(task, f"{name} is neither running nor waiting")
         else:
             self._succeed(task)
-            self._scheduler.stop(name, f"stopped by {task.source}")
+            self._scheduler.stop(f"stopped by {task.source}", name)
 
     def _calling_type(self, task: Submit) -> str:
         if task.function != "startCommunicationRobotAct":
@@ -100,7 +99,7 @@ class TaskHandlers:
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
-            started = core.new_task(task.function, name, self._calling_type(task), task.source, task.ref)
+            started = core.new_task(task, self._calling_type(task))
             core.record_task(started)
             started.status = "ACTIVE"
             core.record_task(started)
@@ -215,7 +214,7 @@ class TaskHandlers:
 
     # --- of the wizard ---
 
-    def _say(self, task: Submit) -> None:
+    def _speak(self, task: Submit) -> None:
         text = task.behavior.strip()
         if not text:
             self._reject(task, "there is nothing to say")
@@ -228,8 +227,9 @@ class TaskHandlers:
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
-            calling = task.calling_type or "Blocking"
-            self._scheduler.add(self._core.new_task(task.function, text, calling, task.source, task.ref))
+            speech = self._core.new_task(task, task.calling_type or "Blocking")
+            speech.behavior = text
+            self._scheduler.add(speech)
 
     def _mark_cue(self, task: Submit) -> None:
         self._succeed(task)
@@ -249,19 +249,11 @@ class TaskHandlers:
         self._start_act(Submit(function="startCommunicationRobotAct", behavior=name, source=source))
 
     def _mark_mistake(self, task: Submit) -> None:
-        problem = self._wizard.why_not_mark(task.behavior)
-        if problem:
-            self._reject(task, problem)
-        else:
-            self._succeed(task)
+        if self._succeed_unless(task, self._wizard.why_not_mark(task.behavior)):
             self._wizard.mark_mistake(task.behavior, task.source)
 
     def _go_on(self, task: Submit) -> None:
-        problem = self._wizard.why_not_go_on(task.behavior)
-        if problem:
-            self._reject(task, problem)
-        else:
-            self._succeed(task)
+        if self._succeed_unless(task, self._wizard.why_not_go_on(task.behavior)):
             self._wizard.go_on(task.behavior)
 
     # --- stop-all ---
@@ -273,34 +265,29 @@ class TaskHandlers:
         self._stop.request(task.source)
         self._wizard.cancel_filler()
         self.rules.stop_all(reason)
-        self._scheduler.stop_all(reason)
+        self._scheduler.stop(reason)
         self._stop.ask_robot()
 
     def _release_stop(self, task: Submit) -> None:
-        refused = self._stop.why_not_release
-        if refused:
-            self._reject(task, refused)
-        else:
-            self._succeed(task)
+        if self._succeed_unless(task, self._stop.why_not_release):
             self._stop.release(task.source)
 
     # --- answers ---
 
     def _succeed(self, task: Submit) -> None:
-        self._record_finished(task, "SUCCEEDED", "")
+        self._record_finished(task, "SUCCEEDED")
 
     def _reject(self, task: Submit, reason: str) -> None:
         self._record_finished(task, "REJECTED", reason)
 
-    def _record_finished(self, task: Submit, status: TaskStatus, reason: str) -> None:
+    def _succeed_unless(self, task: Submit, problem: str) -> bool:
+        """Record that it succeeded, or that it was rejected because of `problem`; whether it succeeded."""
+        self._record_finished(task, "REJECTED" if problem else "SUCCEEDED", problem)
+        return not problem
+
+    def _record_finished(self, task: Submit, status: TaskStatus, reason: str = "") -> None:
         self._core.record_finished_task(
-            task.function,
-            task.behavior,
-            task.source,
-            status,
-            reason,
-            self._calling_type(task),
-            task.ref,
+            task.function, task.behavior, task.source, status, reason, self._calling_type(task), task.ref
         )
 
 

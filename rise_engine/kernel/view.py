@@ -251,8 +251,6 @@ class SessionView(Struct):
                     self.ended, self.end_reason = True, record.reason
                 else:
                     self.session = record
-            case _:
-                pass
 
     def merge_resync(self, state: SessionView, count: int) -> None:
         """Become `state`, which has left out tasks that ended before and have not changed since: those stay.
@@ -344,20 +342,15 @@ class SessionView(Struct):
 
     def _apply_failure(self, record: TaskRecord) -> None:
         """A failed act stays one until it is answered, or done after all."""
-        if record.status not in ("ABORTED", "SUCCEEDED") or not (self.failed or record.status == "ABORTED"):
+        if record.status not in ("ABORTED", "SUCCEEDED"):
             return
-        before = [
-            at
-            for at, id in enumerate(self.failed)
-            if (task := self.tasks.get(id)) is not None
-            and (task.function, task.behavior) == (record.function, record.behavior)
-        ]
-        if record.status == "ABORTED" and before:
-            self.failed[before[0]] = record.id
-        elif record.status == "ABORTED":
+        for at, id in enumerate(self.failed):
+            task = self.tasks.get(id)
+            if task is not None and (task.function, task.behavior) == (record.function, record.behavior):
+                self.failed[at : at + 1] = [record.id] if record.status == "ABORTED" else []
+                return
+        if record.status == "ABORTED":
             self.failed.append(record.id)
-        elif before:
-            del self.failed[before[0]]
 
     def _apply_action(self, record: ActionRecord) -> None:
         task = self.tasks.get(record.task)

@@ -9,10 +9,10 @@ from typing import get_args
 
 from msgspec import Struct, field
 
-from rise_engine.kernel.core import Core, Task, TimerTarget
+from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
 from rise_engine.kernel.records import CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.kernel.speech import act_name
-from rise_engine.scenario.fillers import filler_acts, next_filler
+from rise_engine.scenario.fillers import next_filler
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
@@ -46,7 +46,7 @@ class WizardMarks:
 
     # --- acts come and go ---
 
-    def act_accepted(self, task: Task) -> None:
+    def note_accepted(self, task: Task) -> None:
         """An act or free speech was taken on: note what it answers, and when it was asked for."""
         core, acts = self._core, self.state.act_tasks
         task.cue_at, task.key_at, task.accepted_at = core.open_cue_at, core.key_at, core.t
@@ -56,7 +56,7 @@ class WizardMarks:
         if self._is_filler(task):
             self.state.last_filler = task.behavior
 
-    def act_started(self, task: Task) -> None:
+    def note_started(self, task: Task) -> None:
         """A filler bridges the time until the answer; anything else is the answer to the cue."""
         core = self._core
         task.started_at = core.t
@@ -69,7 +69,7 @@ class WizardMarks:
         if not filler:
             core.open_cue_at = None
 
-    def act_ended(self, task: Task) -> None:
+    def note_ended(self, task: Task) -> None:
         """A failure stays until somebody goes on without the act, or it succeeds after all."""
         failed, what = self.state.failed_acts, f"{task.function} {task.behavior}"
         if task.status in ("ABORTED", "SUCCEEDED"):
@@ -82,13 +82,13 @@ class WizardMarks:
 
     def why_not_go_on(self, behavior: str) -> str:
         """Why nobody need go on without this act, or empty."""
-        if _parse_id(behavior) not in self.state.failed_acts:
+        if parse_task_id(behavior) not in self.state.failed_acts:
             return f"no task {behavior} has failed and waits for an answer"
         return ""
 
     def go_on(self, behavior: str) -> None:
         """The wizard has seen that an act failed, and goes on without it."""
-        del self.state.failed_acts[_parse_id(behavior)]
+        del self.state.failed_acts[parse_task_id(behavior)]
 
     def _is_filler(self, task: Task) -> bool:
         return task.function == "startCommunicationRobotAct" and self._core.scenario.settings_of(task.behavior).filler
@@ -101,7 +101,7 @@ class WizardMarks:
         core.emit(CueRecord, "marked", source, text)
         self.cancel_filler()
         seconds = core.scenario.fillers.auto_after
-        if seconds is not None and filler_acts(core.scenario):
+        if seconds is not None and self.next_filler() is not None:
             self.state.filler_timer = core.set_timer(seconds, TimerTarget("filler"))
 
     # --- fillers ---
@@ -130,16 +130,11 @@ class WizardMarks:
         number, _, mark = behavior.partition(" ")
         if mark not in MARKS:
             return f"write the task's id and one of {', '.join(MARKS)}, as in `17 late`"
-        if _parse_id(number) not in self.state.act_tasks and _parse_id(number) not in self.state.other_tasks:
+        if parse_task_id(number) not in self.state.act_tasks and parse_task_id(number) not in self.state.other_tasks:
             return f"no task {number} has started an act lately, and none of a wizard's has this number"
         return ""
 
     def mark_mistake(self, behavior: str, source: str) -> None:
         number, _, mark = behavior.partition(" ")
-        task = _parse_id(number)
+        task = parse_task_id(number)
         self._core.emit(MistakeRecord, task, self.state.act_tasks.get(task, ""), mark, source)  # type: ignore[arg-type]
-
-
-def _parse_id(number: str) -> int:
-    """A task's id as it is written; 0, which no task has, when it is none."""
-    return int(number) if number.isascii() and number.isdigit() and len(number) < 19 else 0

@@ -8,7 +8,7 @@ entry-point group `rise.bridges` and never imported by name (architecture, "Impo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeAlias, TypeVar
+from typing import Any, Literal, Protocol, TypeAlias, TypeVar, get_args
 
 from msgspec import Struct
 
@@ -20,7 +20,7 @@ RosTransport: TypeAlias = Literal["auto", "rclpy", "dds", "off"]
 """By what ROS 2 is spoken. auto: by rclpy where it is installed, else by the DDS wheel, and only when the robot needs
 it. off: not at all. The other two: by that, and also in a session whose robot is simulated."""
 
-ROS_TRANSPORTS: tuple[RosTransport, ...] = ("auto", "rclpy", "dds", "off")
+ROS_TRANSPORTS: tuple[RosTransport, ...] = get_args(RosTransport)
 
 
 class RosConnection(Struct, frozen=True):
@@ -81,10 +81,10 @@ class BridgeOpener(Protocol):
     ros2 = "rise_adapters.ros2.bridge:open_bridge"
     """
 
-    async def __call__(self, wire: RosConnection, profile: RobotProfile | None) -> Bridge[Any]:
+    async def __call__(self, connection: RosConnection, profile: RobotProfile | None) -> Bridge[Any]:
         """Connect. It is called in the engine's loop, before the session begins.
 
-        :param wire: how to connect.
+        :param connection: how to connect.
         :param profile: the robot that is reached over this connection; None when there is none, and only other programs
             take part.
         :return: the open connection; whoever called closes it.
@@ -116,12 +116,12 @@ class Examiner(Protocol):
     """The callable that an entry point of the group `rise.doctors` names."""
 
     def __call__(
-        self, wire: RosConnection, profile: RobotProfile | None, *, seconds: float, as_json: bool
+        self, connection: RosConnection, profile: RobotProfile | None, *, seconds: float, as_json: bool
     ) -> tuple[str, int]:
         """Look at what is installed on this machine, and for the robot. Nothing is changed, and no robot moves. It is
         called outside of any loop, and takes a little longer than `seconds`.
 
-        :param wire: how a session would connect.
+        :param connection: how a session would connect.
         :param profile: the robot to look for; None: none.
         :param seconds: for how long the robot is looked for at most.
         :param as_json: one JSON document (docs/reference/rise-engine.md, "doctor") instead of lines for a person.

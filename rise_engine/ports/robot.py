@@ -130,7 +130,7 @@ class Robot(Protocol):
 
     def cancel(self, action: str) -> None:
         """Stop one action, also one that has only just been started. It then reports its ending: `canceled`, or what
-        else became of it meanwhile. The engine waits 5 s (`kernel.acts.CANCEL_LIMIT`), and then gives it up.
+        else became of it meanwhile. The engine waits 5 s (`kernel.act_runner.CANCEL_LIMIT`), and then gives it up.
 
         :param action: as in `goal.action`. One that has ended, or was never started, is no mistake: nothing happens.
         """
@@ -139,7 +139,8 @@ class Robot(Protocol):
     def stop_all(self) -> None:
         """Stop everything that moves, also what others have asked for, and report one `StopReport`: which parts of the
         robot have stopped, and which may not have, each by a name for a person (`pepper/speech`), with the reason in
-        brackets where it has not. The engine waits 3 s (`STOP_LIMIT`). Asked again meanwhile, it asks the robot again.
+        brackets where it has not. The engine waits 3 s (`kernel.stop.STOP_LIMIT`). Asked again meanwhile, it asks the
+        robot again.
 
         A part is called confirmed only when the robot has said so. What was running reports its ending as ever.
         """

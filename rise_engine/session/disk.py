@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import sys
 from pathlib import Path
@@ -27,8 +28,6 @@ class Disk:
     def sync(self, descriptor: int) -> None:
         """Returns when what was written survives a power cut, as far as the system knows."""
         if sys.platform == "darwin":
-            import fcntl
-
             fcntl.fcntl(descriptor, fcntl.F_FULLFSYNC)
         else:
             os.fdatasync(descriptor)
@@ -45,18 +44,16 @@ class Disk:
             os.close(descriptor)
 
 
+_MESSAGES = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "your disk quota is used up",
+    errno.EROFS: "the disk is read-only",
+    errno.EIO: "the disk reports an error",
+    errno.EACCES: "the file may not be written",
+    errno.EPERM: "the file may not be written",
+}
+
+
 def error_message(error: OSError) -> str:
     """What went wrong, for a person."""
-    match error.errno:
-        case errno.ENOSPC:
-            return "the disk is full"
-        case errno.EDQUOT:
-            return "your disk quota is used up"
-        case errno.EROFS:
-            return "the disk is read-only"
-        case errno.EIO:
-            return "the disk reports an error"
-        case errno.EACCES | errno.EPERM:
-            return "the file may not be written"
-        case _:
-            return f"the disk does not take it ({error.strerror or error})"
+    return _MESSAGES.get(error.errno or 0, f"the disk does not take it ({error.strerror or error})")

@@ -7,7 +7,7 @@ said, and never made up.
 from __future__ import annotations
 
 import csv
-import io
+from codecs import getwriter
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeAlias
 
@@ -18,7 +18,7 @@ from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import JournalContents, read_journal
 
-Format: TypeAlias = Literal["jsonl", "csv"]
+ExportFormat: TypeAlias = Literal["jsonl", "csv"]
 
 COLUMNS = (
     *("session", "mode", "seq", "t", "wall", "kind"),
@@ -41,42 +41,32 @@ COLUMNS = (
 )
 """Of the table: always all of them, in this order. New ones may only come at the end."""
 
-_BUFFER = 1_000_000
-"""Characters that are gathered before they are written."""
 
+class SessionExport:
+    """The records of a session, whatever of them can be read, to be written to a file.
 
-def export(folder: Path, format: Format, out: BinaryIO) -> list[str]:
-    """Write the records of the session in `folder` to `out`; what could not be read, in sentences.
-
-    `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with COLUMNS
-    (RFC 4180, UTF-8; times in seconds). `out`: any binary file that is open for writing; it is flushed and not closed.
-    Raises SessionError, before anything is written, when nothing can be read; OSError when `out` does not take it.
-
-        >>> from tempfile import TemporaryDirectory
-        >>> from rise_engine.kernel.records import NoteRecord
-        >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
-        >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
-        >>> out = io.BytesIO()
-        >>> with TemporaryDirectory() as folder:
-        ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
-        ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
-        ...     problems = export(Path(folder), "jsonl", out)
-        >>> out.getvalue()
-        b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine"}\\n'
-        >>> len(problems)  # there is no session.toml
-        1
+    >>> from io import BytesIO
+    >>> from tempfile import TemporaryDirectory
+    >>> from rise_engine.kernel.records import NoteRecord
+    >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
+    >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+    >>> out = BytesIO()
+    >>> with TemporaryDirectory() as folder:
+    ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
+    ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
+    ...     export = SessionExport(Path(folder))
+    ...     export.write("jsonl", out)
+    >>> out.getvalue()
+    b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine"}\\n'
+    >>> len(export.problems)  # there is no session.toml
+    1
     """
-    return Export(folder).write(format, out)
-
-
-class Export:
-    """A session that has been read and can be exported."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises SessionError."""
+        """Read the session in `folder`. Raises SessionError when nothing can be read."""
         self.name = folder.resolve().name
         contents = self._contents = read_journal(folder / JOURNAL)
-        self.problems = _unreadable(contents)
+        self.problems = _describe_unreadable(contents)
         """What could not be read, in sentences."""
         self.mode = ""
         if (folder / INFO).exists():
@@ -89,29 +79,24 @@ class Export:
         if not self.mode:
             self.mode = next((r.mode for r in contents.read_records() if isinstance(r, SessionRecord) and r.mode), "")
 
-    def write(self, format: Format, out: BinaryIO) -> list[str]:
-        if format == "jsonl":
-            self._write_lines(out)
-        else:
-            self._write_table(out)
-        out.flush()
-        return self.problems
+    def write(self, format: ExportFormat, out: BinaryIO) -> None:
+        """Write the records to `out`, any binary file that is open for writing; it is flushed and not closed.
 
-    def _write_lines(self, out: BinaryIO) -> None:
-        for record in self._contents.read_records():
-            out.write(encode_record(record) + b"\n")
+        `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with
+        COLUMNS (RFC 4180, UTF-8; times in seconds). Raises OSError when `out` does not take it.
+        """
+        if format == "csv":
+            self._write_table(out)
+        else:
+            for record in self._contents.read_records():
+                out.write(encode_record(record) + b"\n")
+        out.flush()
 
     def _write_table(self, out: BinaryIO) -> None:
-        text = io.StringIO(newline="")
-        rows = csv.writer(text)  # as RFC 4180 has it: commas, CR LF, quotes doubled
+        rows = csv.writer(getwriter("utf-8")(out))  # as RFC 4180 has it: commas, CR LF, quotes doubled
         rows.writerow(COLUMNS)
         for record in self._contents.read_records():
             rows.writerow(self._row(record))
-            if text.tell() > _BUFFER:
-                out.write(text.getvalue().encode())
-                text.seek(0)
-                text.truncate()
-        out.write(text.getvalue().encode())
 
     def _row(self, record: AnyRecord) -> list[str]:
         values: dict[str, Any] = msgspec.json.decode(encode_record(record))
@@ -126,7 +111,7 @@ def table_cell(value: Any) -> str:
     return value if isinstance(value, str) else msgspec.json.encode(value).decode()
 
 
-def _unreadable(contents: JournalContents) -> list[str]:
+def _describe_unreadable(contents: JournalContents) -> list[str]:
     found = [f"{JOURNAL}: line {line} cannot be read: {why}" for line, why in contents.damaged.items()]
     found += [f"{JOURNAL}: {gap}" for gap in contents.gaps]
     if contents.torn:

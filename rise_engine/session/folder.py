@@ -16,7 +16,7 @@ import platform
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -36,7 +36,7 @@ from rise_engine.session.journal_format import FORMAT
 from rise_engine.session.lock import LockHolder, is_journal_locked, read_holder, user_name
 from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
-_ANY_WIRE = RosConnection()
+_ANY_CONNECTION = RosConnection()
 INFO, JOURNAL, SCENARIO_COPY = "session.toml", "journal.jsonl", "scenario"
 
 
@@ -110,7 +110,7 @@ def create_session(
     seed: int,
     speed: float,
     faults: tuple[str, ...],
-    wire: RosConnection = _ANY_WIRE,
+    connection: RosConnection = _ANY_CONNECTION,
     participant: str = "",
     condition: str = "",
     wizard: str = "",
@@ -128,8 +128,8 @@ def create_session(
         started=started.isoformat(timespec="milliseconds"),
         speed=speed,
         faults=faults,
-        ros=wire.transport,
-        ros_args=wire.arguments,
+        ros=connection.transport,
+        ros_args=connection.arguments,
         participant=participant,
         condition=condition,
         wizard=wizard,
@@ -177,7 +177,8 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    loaded = load(copy, robot=info.robot, mode=info.mode, paths=_present_paths(copy))
+    paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
+    loaded = load(copy, robot=info.robot, mode=info.mode, paths=paths)
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:
@@ -198,29 +199,31 @@ def has_ended(folder: Path) -> bool:
         return False
 
 
-def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
+def find_unfinished(scenario_folder: str | None = None) -> list[Path]:
     """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first."""
     return [
         folder
-        for folder, runs in _not_ended(scenario_folder, root or sessions_folder())
+        for folder, runs in _not_ended(scenario_folder)
         if not runs and _has_begun(folder) and not (folder / "abandoned").exists()
     ]
 
 
-def running_sessions(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, LockHolder | None]:
+def running_sessions(scenario_folder: str | None = None) -> dict[Path, LockHolder | None]:
     """Sessions of a scenario, or of all, that an engine runs, the latest first, and who says that it does.
 
     Wherever that engine has its socket: asked is the lock of the journal.
     """
-    found = _not_ended(scenario_folder, root or sessions_folder())
-    return {folder: read_holder(folder) for folder, runs in found if runs}
+    return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder) if runs}
 
 
-def _not_ended(scenario_folder: str | None, root: Path) -> list[tuple[Path, bool]]:
+def _not_ended(scenario_folder: str | None) -> list[tuple[Path, bool]]:
     """The latest first, and whether an engine runs each."""
     found: list[tuple[Path, bool]] = []
+    folders: list[Path] = []
     where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
-    for folder in _folders(root):
+    with suppress(OSError):
+        folders = [Path(entry.path) for entry in os.scandir(sessions_folder()) if entry.is_dir()]
+    for folder in folders:
         # The cheapest question first: after a year there are hundreds, and nearly all have ended.
         if has_ended(folder):
             continue
@@ -256,7 +259,7 @@ def belongs_to(info: SessionInfo, participant: str, condition: str) -> bool:
 
 def participant_text(participant: str, condition: str) -> str:
     """A participant and a condition in words, as far as they are named: `P07, condition calm`."""
-    return ", ".join([participant] * bool(participant) + [f"condition {condition}"] * bool(condition)) or "nobody named"
+    return ", ".join(filter(None, (participant, condition and f"condition {condition}"))) or "nobody named"
 
 
 def _duration_text(seconds: float) -> str:
@@ -284,13 +287,6 @@ def _is_session(path: Path) -> bool:
     return (path / JOURNAL).is_file() or (path / INFO).is_file()
 
 
-def _folders(root: Path) -> Iterator[Path]:
-    try:
-        yield from (Path(entry.path) for entry in os.scandir(root) if entry.is_dir())
-    except OSError:
-        return
-
-
 def _make_folder(root: Path, name: str) -> Path:
     for number in range(1, 10_000):
         folder = root / (name if number == 1 else f"{name}-{number}")
@@ -300,10 +296,6 @@ def _make_folder(root: Path, name: str) -> Path:
             continue
         return folder
     raise SessionError(f"{root} has too many sessions of one second")
-
-
-def _present_paths(copy: Path) -> dict[str, str]:
-    return {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
 
 
 def _slug(title: str) -> str:

@@ -60,7 +60,8 @@ class Journal:
         self._retry = retry
         self._size = size
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
-        self._waiting_since: float | None = None
+        self._last_progress = 0.0
+        """When something became durable, or began to wait after all was (monotonic clock)."""
         self._last_seen_in_place = 0.0
         """When the file was last seen in its place."""
         self._give_up = threading.Event()
@@ -74,22 +75,16 @@ class Journal:
 
     def append(self, lines: bytes) -> int:
         """Hand over whole lines; they are durable when `durable` has reached the number that this returns."""
+        if self.durable == self.appended:
+            self._last_progress = time.monotonic()
         self.appended += 1
-        if self._waiting_since is None:
-            self._waiting_since = time.monotonic()
         self._queue.put(lines)
         return self.appended
 
     @property
     def lag(self) -> float:
-        """Seconds for which something has been waiting to become durable; 0 when nothing waits."""
-        if self.durable == self.appended:
-            self._waiting_since = None
-        return 0.0 if self._waiting_since is None else time.monotonic() - self._waiting_since
-
-    def restart_lag(self) -> None:
-        """The engine has seen that `durable` grew: what still waits has waited from now on at most."""
-        self._waiting_since = None if self.durable == self.appended else time.monotonic()
+        """Seconds for which something waits and nothing has become durable; 0 when nothing waits."""
+        return 0.0 if self.durable == self.appended else time.monotonic() - self._last_progress
 
     def close(self, timeout: float = 5.0) -> bool:
         """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
@@ -120,6 +115,7 @@ class Journal:
             except Empty:
                 self._write_clock()
             if batch and self._commit(b"".join(batch)):
+                self._last_progress = time.monotonic()
                 self.durable += len(batch)
                 self.on_change()
         with suppress(OSError):
@@ -152,33 +148,24 @@ class Journal:
 
         Looked at once a second and not at each commit: what was written meanwhile is still in the removed file.
         """
-        mine = os.fstat(self._descriptor)
-        try:
-            there = self.path.stat(follow_symlinks=False)
-        except FileNotFoundError:
-            pass
-        else:
-            if (there.st_dev, there.st_ino) == (mine.st_dev, mine.st_ino):
+        with suppress(FileNotFoundError):
+            if os.path.samestat(self.path.stat(follow_symlinks=False), os.fstat(self._descriptor)):
                 self._last_seen_in_place = time.monotonic()
                 return
             raise FileExistsError(errno.EEXIST, f"another file has been put in the place of {self.path.name}")
-        beside = self.path.with_name(self.path.name + ".new")
-        beside.unlink(missing_ok=True)
-        fresh = self._disk.open(beside, create=True)
-        locked = -1
+        copy = self.path.with_name(self.path.name + ".new")
+        copy.unlink(missing_ok=True)
+        fresh = self._disk.open(copy, create=True)
         try:
-            locked = self.lock.lock_replacement(beside)
-            for at in range(0, self._size, BATCH):
-                self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
-            self._disk.sync(fresh)
-            os.link(beside, self.path)  # unlike a renaming, this never puts itself in the place of another file
+            with self.lock.move_to(copy):
+                for at in range(0, self._size, BATCH):
+                    self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
+                self._disk.sync(fresh)
+                os.link(copy, self.path)  # unlike a renaming, this never puts itself in the place of another file
         except OSError:
             self._disk.close(fresh)
-            if locked >= 0:
-                os.close(locked)
             raise
-        self.lock.use_replacement(locked)
-        beside.unlink(missing_ok=True)
+        copy.unlink(missing_ok=True)
         self._disk.close(self._descriptor)
         self._descriptor = fresh
         self._disk.sync_folder(self.path.parent)

@@ -92,7 +92,7 @@ def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
 
 
 def read_line(data: bytes) -> JournalLine:
-    """What a line (without its line end) holds. Raises LineError, FutureFormat."""
+    """What a line (without its line end) holds. Raises LineError, NewerFormatError."""
     body, mark, rest = data.rpartition(b',"crc":"')
     if not mark or len(rest) != 10 or rest[8:] != b'"}':
         raise LineError("it has no check sum at its end")

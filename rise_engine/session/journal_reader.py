@@ -10,6 +10,7 @@ and says what is there and whether it can be believed, and whoever wants the lin
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import takewhile
 from os import SEEK_END
 from pathlib import Path
@@ -111,22 +112,14 @@ class JournalContents(Struct):
         """Session time of the last thing that is known."""
         return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)
 
-    @property
-    def lost_inputs(self) -> list[NumberGap]:
-        return [gap for gap in self.gaps if gap.what == "input"]
-
     def read_records(self) -> Iterator[AnyRecord]:
         """Every record that can be read, in the order of the file. Raises SessionError when it cannot be read now."""
         return (found for _, _, found in self.lines() if not isinstance(found, JournalHeader | InputLine))
 
     def lines(self) -> Iterator[tuple[int, bytes, JournalLine]]:
         """Every readable line: its number, the line without its end, and what it holds. Raises as `read_records`."""
-        reading = _JournalPass(self.path)
-        try:
-            with _open_journal(self.path) as file:
-                yield from reading.lines(file, self.size)
-        except OSError as error:
-            raise SessionError(f"{self.path} cannot be read: {error.strerror or error}") from None
+        with _open_journal(self.path) as file:
+            yield from _read_valid_lines(file, self.size, JournalContents(self.path))
 
 
 def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> JournalContents:
@@ -154,103 +147,95 @@ def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> Jou
     """
     progress = ReadingProgress(on_progress)
     contents = JournalContents(path)
-    reading = _JournalPass(path)
-    offset = 0
-    try:
-        with _open_journal(path) as file:
-            whole = file.seek(0, SEEK_END)
-            if not whole:
-                raise SessionError(f"{path} is empty: nothing was ever recorded")
-            file.seek(0)
-            for number, _, found in reading.lines(file, whole):
-                if isinstance(found, JournalHeader):
-                    contents.header = found
-                elif isinstance(found, InputLine):
-                    contents.inputs += 1
-                    contents.input_t = found.input.t
-                    contents.ended = isinstance(found.input, SessionEnded)
-                else:
-                    contents.records += 1
-                    contents.last_record = found
-                if number % _PROGRESS_LINES == 0:
-                    offset = reading.offset
-                    progress.report(lambda: f"reading the record: {offset / 1e6:,.0f} of {whole / 1e6:,.0f} MB")  # noqa: B023
-            file.seek(reading.size)
-            contents.torn = file.read(whole - reading.size)
-    except OSError as error:
-        raise SessionError(f"{path} cannot be read: {error.strerror or error}") from None
-    if reading.size == 0:
+    with _open_journal(path) as file:
+        end = file.seek(0, SEEK_END)
+        if not end:
+            raise SessionError(f"{path} is empty: nothing was ever recorded")
+        file.seek(0)
+        for number, _, found in _read_valid_lines(file, end, contents):
+            if isinstance(found, JournalHeader):
+                contents.header = found
+            elif isinstance(found, InputLine):
+                contents.inputs += 1
+                contents.input_t = found.input.t
+                contents.ended = isinstance(found.input, SessionEnded)
+            else:
+                contents.records += 1
+                contents.last_record = found
+            if number % _PROGRESS_LINES == 0:
+                progress.report(lambda: f"reading the record: {contents.size / 1e6:,.0f} of {end / 1e6:,.0f} MB")
+        file.seek(contents.size)
+        contents.torn = file.read(end - contents.size)
+    if contents.size == 0:
         reason = (
             "its first line is no header of a journal" if b"\n" in contents.torn else "not even its first line is whole"
         )
         raise SessionError(f"{path} holds nothing that can be read: {reason}")
     last = contents.last_record
     contents.ended = contents.ended or (isinstance(last, SessionRecord) and last.status == "ended")
-    contents.last_input, contents.last_seq, contents.size = reading.n, reading.seq, reading.size
-    contents.damaged, contents.gaps = reading.damaged, reading.gaps
     if contents.header is None and 1 not in contents.damaged:
         contents.damaged = {1: "it is no header of a journal", **contents.damaged}
     return contents
 
 
-def _open_journal(path: Path) -> IO[bytes]:
-    """Raises SessionError when there is none, OSError."""
+@contextmanager
+def _open_journal(path: Path) -> Iterator[IO[bytes]]:
+    """Raises SessionError when there is none, and when it cannot be read."""
     try:
-        return path.open("rb")
+        with path.open("rb") as file:
+            yield file
     except FileNotFoundError:
         raise SessionError(f"there is no journal {path}: nothing was ever recorded, or somebody moved it") from None
+    except OSError as error:
+        raise SessionError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
-class _JournalPass:
-    """One way through a journal, from its beginning, line by line."""
+def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> Iterator[tuple[int, bytes, JournalLine]]:
+    """Go through a journal from its beginning: the valid lines before the offset `end`, with their numbers, without
+    their line ends, and what they hold.
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.n = self.seq = 0
-        """The numbers of the last input and the last record."""
-        self.offset = self.size = 0
-        """Bytes up to the end of the last line, and of the last valid one."""
-        self.damaged: dict[int, str] = {}
-        self.gaps: list[NumberGap] = []
-
-    def lines(self, file: IO[bytes], until: int) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """The valid lines: their numbers, the lines without their ends, and what they hold."""
-        suspect: dict[int, str] = {}
-        """Unreadable lines with nothing valid after them so far."""
-        n_line = seq_line = 0
-        for number, line in enumerate(file, 1):
-            if not line.endswith(b"\n") or self.offset + len(line) > until:
-                break  # the beginning of a line
-            self.offset += len(line)
-            line = line[:-1]
-            try:
-                found = read_line(line)
-            except NewerFormatError as error:
-                raise SessionError(f"{self._path}:{number}: {error}: install that version") from None
-            except LineError as error:
-                suspect[number] = str(error)
+    `contents` gets the last numbers and the size up to the line that is given, and what is damaged or missing before.
+    """
+    suspect: dict[int, str] = {}
+    """Unreadable lines with nothing valid after them so far."""
+    offset = input_line = record_line = 0
+    for number, line in enumerate(file, 1):
+        if not line.endswith(b"\n") or offset + len(line) > end:
+            break  # the beginning of a line
+        offset += len(line)
+        line = line[:-1]
+        try:
+            found = read_line(line)
+        except NewerFormatError as error:
+            raise SessionError(f"{contents.path}:{number}: {error}: install that version") from None
+        except LineError as error:
+            suspect[number] = str(error)
+            continue
+        if isinstance(found, JournalHeader):
+            if number > 1:
+                suspect[number] = "it is a second header"
                 continue
-            if isinstance(found, JournalHeader):
-                if number > 1:
-                    suspect[number] = "it is a second header"
-                    continue
-            elif (found.n <= self.n) if isinstance(found, InputLine) else (found.seq <= self.seq):
-                suspect[number] = "its number was there before: it stands here a second time, or in the wrong place"
-                continue
-            if suspect:
-                self.damaged.update(suspect)
-                suspect.clear()
-            self.size = self.offset
-            if isinstance(found, InputLine):
-                if found.n != self.n + 1:
-                    self._gap("input", self.n + 1, found.n - 1, n_line, number)
-                self.n, n_line = found.n, number
-            elif not isinstance(found, JournalHeader):
-                if found.seq != self.seq + 1:
-                    self._gap("record", self.seq + 1, found.seq - 1, seq_line, number)
-                self.seq, seq_line = found.seq, number
-            yield number, line, found
+        elif found.n <= contents.last_input if isinstance(found, InputLine) else found.seq <= contents.last_seq:
+            suspect[number] = "its number was there before: it stands here a second time, or in the wrong place"
+            continue
+        if suspect:
+            contents.damaged.update(suspect)
+            suspect.clear()
+        contents.size = offset
+        if isinstance(found, InputLine):
+            if found.n != contents.last_input + 1:
+                _note_gap(contents, "input", contents.last_input + 1, found.n - 1, input_line, number)
+            contents.last_input, input_line = found.n, number
+        elif not isinstance(found, JournalHeader):
+            if found.seq != contents.last_seq + 1:
+                _note_gap(contents, "record", contents.last_seq + 1, found.seq - 1, record_line, number)
+            contents.last_seq, record_line = found.seq, number
+        yield number, line, found
 
-    def _gap(self, what: Literal["input", "record"], first: int, last: int, since: int, number: int) -> None:
-        damaged = takewhile(lambda line: line > since, reversed(self.damaged))
-        self.gaps.append(NumberGap(what, first, last, number, tuple(damaged)[::-1]))
+
+def _note_gap(
+    contents: JournalContents, what: Literal["input", "record"], first: int, last: int, since: int, before: int
+) -> None:
+    """Note that these numbers are missing between the lines `since` and `before`."""
+    damaged = takewhile(lambda number: number > since, reversed(contents.damaged))
+    contents.gaps.append(NumberGap(what, first, last, before, tuple(damaged)[::-1]))

@@ -117,21 +117,22 @@ class JournalLock:
             new_note.write_bytes(msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
             new_note.replace(self._note)
 
-    def lock_replacement(self, path: Path) -> int:
-        """Lock the file that is about to take the journal's place, as long as nobody else knows of it; for
-        `use_replacement`. Returns the descriptor that holds the lock.
+    @contextmanager
+    def move_to(self, path: Path) -> Iterator[None]:
+        """Within it the file `path` takes the journal's place: it is locked as long as nobody else knows of it, and the
+        one before is unlocked at the end, unless that raises OSError.
 
         Raises OSError.
         """
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-        with suppress(OSError):  # where nothing can be locked
-            if file_system(path) in MANDATORY:
-                return descriptor
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return descriptor
-
-    def use_replacement(self, descriptor: int) -> None:
-        """The file of `lock_replacement` has taken the journal's place: unlock the one before."""
+        if file_system(path) not in MANDATORY:
+            with suppress(OSError):  # where nothing can be locked
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            yield
+        except OSError:
+            os.close(descriptor)
+            raise
         self._descriptor, before = descriptor, self._descriptor
         os.close(before)
 
@@ -208,14 +209,13 @@ def one_at_a_time(sessions: Path) -> Iterator[None]:
         for tries_left in reversed(range(TRIES)):
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
             except OSError as error:
                 if error.errno in _NO_LOCKS:  # folders on NFS; the journals' locks are there all the same
                     break
                 if not tries_left:
                     raise SessionError(f"another engine is just beginning a session in {sessions}; try again") from None
                 time.sleep(TRY_SECONDS)
-            else:
-                break
         yield
     finally:
         os.close(descriptor)

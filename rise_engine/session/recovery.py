@@ -93,24 +93,24 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
     report: list[str] = []
     scenario = load_session_scenario(folder, info, report)
     kernel = Kernel(scenario, info.seed)
-    done = Replay(kernel, contents, on_progress)
+    replay = Replay(kernel, contents, on_progress)
     view = SessionView()
-    for made in done.steps():
-        for record in made.records:
+    for step in replay.steps():
+        for record in step.records:
             view.apply(record)
-    if done.difference is not None:
+    if replay.difference is not None:
         raise SessionError(
-            f"the session {folder.name} does not repeat: {done.difference}. Either the journal or session.toml was "
+            f"the session {folder.name} does not repeat: {replay.difference}. Either the journal or session.toml was "
             f"changed, or another version of this program wrote it ({_versions_text(info)}): recover it with that "
             "version. It can be exported with this one (rise-engine export)"
         )
-    again = Replay(Kernel(scenario, info.seed), contents, on_progress)
+    fresh_replay = Replay(Kernel(scenario, info.seed), contents, on_progress)
     try:
-        size = _JournalRepair(contents, done, again, info, disk, lock, report).carry_out()
+        size = _repair_journal(contents, replay, fresh_replay, info, disk, lock, report)
     except OSError as error:
         raise SessionError(f"{path} cannot be repaired: {error_message(error)}") from None
-    if done.unwritten:
-        count = len(done.unwritten)
+    if replay.unwritten:
+        count = len(replay.unwritten)
         what = "record of the last input was" if count == 1 else "records of the last input were"
         report.append(f"{count} {what} not in the journal and {'is' if count == 1 else 'are'} added to it now.")
     return RecoveredSession(
@@ -119,132 +119,119 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         kernel=kernel,
         view=view,
         t=max(contents.input_t, _read_clock(folder)),
-        timers=done.timers,
+        timers=replay.timers,
         inputs=contents.inputs,
         size=size,
-        unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in done.unwritten),
+        unwritten_lines=b"".join(with_checksum(encode_record(record)) for record in replay.unwritten),
         report=[text if text.endswith(".") else f"{text[:1].upper()}{text[1:]}." for text in report],
     )
 
 
-class _JournalRepair:
-    """Makes a journal whole that is torn or damaged."""
+def _repair_journal(
+    contents: JournalContents,
+    replay: Replay,
+    fresh_replay: Replay,
+    info: SessionInfo,
+    disk: Disk,
+    lock: JournalLock,
+    report: list[str],
+) -> int:
+    """Make a journal whole that is torn or damaged; its size then. Raises OSError.
 
-    def __init__(
-        self,
-        contents: JournalContents,
-        done: Replay,
-        again: Replay,
-        info: SessionInfo,
-        disk: Disk,
-        lock: JournalLock,
-        report: list[str],
-    ) -> None:
-        """`done`: the replay that has shown what is missing; `again`: one that has not begun, to make that."""
-        self._path = contents.path
-        self._contents = contents
-        self._done = done
-        self._again = again
-        self._info = info
-        self._disk = disk
-        self._lock = lock
-        self._report = report
-
-    def carry_out(self) -> int:
-        """The journal's size afterwards. Raises OSError."""
-        contents = self._contents
-        if contents.torn:
-            kept = self._keep("torn-{}", [contents.torn])
-            self._report.append(
-                f"The end of {self._path.name} was torn: its last {len(contents.torn)} bytes cannot be read, because "
-                f"the engine or the computer went away while they were written. They are kept in {kept}."
-            )
-        if contents.damaged or self._done.missing:
-            return self._write_anew()
-        if contents.torn:
-            self._truncate(contents.size)
-        return contents.size
-
-    def _write_anew(self) -> int:
-        path, disk = self._path, self._disk
+    `replay`: the replay that has shown what is missing; `fresh_replay`: one that has not begun, to make that.
+    """
+    path = contents.path
+    if contents.torn:
+        kept = _save_aside(path, "torn-{}", [contents.torn], disk)
+        report.append(
+            f"The end of {path.name} was torn: its last {len(contents.torn)} bytes cannot be read, because "
+            f"the engine or the computer went away while they were written. They are kept in {kept}."
+        )
+    if contents.damaged or replay.missing:
         with path.open("rb") as before:
-            kept = self._keep("damaged-{}.jsonl", iter(lambda: before.read(BLOCK), b""))
-        fresh = path.with_name(f"{path.name}.new")
-        fresh.unlink(missing_ok=True)  # of a repair that was interrupted
-        size = self._write(fresh, self._whole())
-        locked = self._lock.lock_replacement(fresh)
-        try:
-            os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
-        except OSError:
-            os.close(locked)
-            raise
-        self._lock.use_replacement(locked)
-        disk.sync_folder(path.parent)
-        if self._contents.damaged:
-            places = ", ".join(map(str, self._contents.damaged))
-            lines = f"line {places} was" if len(self._contents.damaged) == 1 else f"lines {places} were"
+            kept = _save_aside(path, "damaged-{}.jsonl", iter(lambda: before.read(BLOCK), b""), disk)
+        size = _replace_journal(path, _intact_lines(contents, replay, fresh_replay, info), disk, lock)
+        if contents.damaged:
+            places = ", ".join(map(str, contents.damaged))
+            lines = f"line {places} was" if len(contents.damaged) == 1 else f"lines {places} were"
             found = f"{lines} damaged"
         else:
-            found = f"{self._done.missing} of its records were missing"
-        self._report.append(
+            found = f"{replay.missing} of its records were missing"
+        report.append(
             f"In {path.name}, {found}. What is recorded there follows from the inputs, which are whole: it was made "
             f"again. The journal as it was is kept in {kept}."
         )
         return size
-
-    def _whole(self) -> Iterator[bytes]:
-        """The journal without damage: valid lines as they are, the others made again."""
-        if self._contents.header is None:
-            program = " ".join(("rise-tui", self._info.versions.get("rise-tui", ""))).strip()
-            yield encode_header(program)
-        else:
-            with self._path.open("rb") as file:
-                yield file.readline()
-        unwritten = {record.seq for record in self._done.unwritten}
-        for made in self._again.steps():
-            yield made.text + b"\n"
-            for record, written in zip(made.records, made.written, strict=True):
-                if written is not None:
-                    yield written.text + b"\n"
-                elif record.seq not in unwritten:
-                    yield with_checksum(encode_record(record))
-
-    def _keep(self, name: str, data: Iterable[bytes]) -> str:
-        """Write `data` to a new file beside the journal, durably; its name."""
-        number = 1
-        while (kept := self._path.with_name(f"{self._path.stem}.{name.format(number)}")).exists():
-            number += 1
-        self._write(kept, data)
-        self._disk.sync_folder(self._path.parent)
-        return kept.name
-
-    def _write(self, path: Path, data: Iterable[bytes]) -> int:
-        """Write a new file, durably; its size."""
-        descriptor = self._disk.open(path, create=True)
-        size, block = 0, bytearray()
+    if contents.torn:
+        descriptor = disk.open(path, create=False)
         try:
-            for piece in data:
-                block += piece
-                if len(block) >= BLOCK:
-                    self._disk.write(descriptor, bytes(block), size)
-                    size += len(block)
-                    block.clear()
-            self._disk.write(descriptor, bytes(block), size)
-            self._disk.sync(descriptor)
-        except OSError:
-            path.unlink(missing_ok=True)  # half of what was to be kept would only confuse
-            raise
+            os.ftruncate(descriptor, contents.size)
+            disk.sync(descriptor)
         finally:
-            self._disk.close(descriptor)
-        return size + len(block)
+            disk.close(descriptor)
+    return contents.size
 
-    def _truncate(self, size: int) -> None:
-        descriptor = self._disk.open(self._path, create=False)
-        try:
-            os.ftruncate(descriptor, size)
-            self._disk.sync(descriptor)
-        finally:
-            self._disk.close(descriptor)
+
+def _intact_lines(
+    contents: JournalContents, replay: Replay, fresh_replay: Replay, info: SessionInfo
+) -> Iterator[bytes]:
+    """The journal without damage: valid lines as they are, the others made again."""
+    if contents.header is None:
+        program = " ".join(("rise-tui", info.versions.get("rise-tui", ""))).strip()
+        yield encode_header(program)
+    else:
+        with contents.path.open("rb") as file:
+            yield file.readline()
+    unwritten = {record.seq for record in replay.unwritten}
+    for step in fresh_replay.steps():
+        yield step.text + b"\n"
+        for record, written in zip(step.records, step.written, strict=True):
+            if written is not None:
+                yield written.text + b"\n"
+            elif record.seq not in unwritten:
+                yield with_checksum(encode_record(record))
+
+
+def _replace_journal(path: Path, lines: Iterable[bytes], disk: Disk, lock: JournalLock) -> int:
+    """Put a journal of these lines in the place of the one that is there; its size."""
+    fresh = path.with_name(f"{path.name}.new")
+    fresh.unlink(missing_ok=True)  # of a repair that was interrupted
+    size = _write_new_file(fresh, lines, disk)
+    with lock.move_to(fresh):
+        os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
+    disk.sync_folder(path.parent)
+    return size
+
+
+def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> str:
+    """Write `data` to a new file beside the journal, durably; its name."""
+    number = 1
+    while (kept := journal.with_name(f"{journal.stem}.{name.format(number)}")).exists():
+        number += 1
+    _write_new_file(kept, data, disk)
+    disk.sync_folder(journal.parent)
+    return kept.name
+
+
+def _write_new_file(path: Path, data: Iterable[bytes], disk: Disk) -> int:
+    """Write a new file, durably; its size."""
+    descriptor = disk.open(path, create=True)
+    size, block = 0, bytearray()
+    try:
+        for piece in data:
+            block += piece
+            if len(block) >= BLOCK:
+                disk.write(descriptor, bytes(block), size)
+                size += len(block)
+                block.clear()
+        disk.write(descriptor, bytes(block), size)
+        disk.sync(descriptor)
+    except OSError:
+        path.unlink(missing_ok=True)  # half of what was to be kept would only confuse
+        raise
+    finally:
+        disk.close(descriptor)
+    return size + len(block)
 
 
 def _read_clock(folder: Path) -> float:

@@ -49,12 +49,8 @@ class ReplayDifference(Struct, frozen=True):
     """As JSON has it."""
     replayed: Any
 
-    @property
-    def location(self) -> str:
-        return f"{self.file}:{self.line}"
-
     def __str__(self) -> str:
-        where = f"{self.location}: record {self.seq} (of input {self.input}, kind {self.kind})"
+        where = f"{self.file}:{self.line}: record {self.seq} (of input {self.input}, kind {self.kind})"
         if self.field == NO_RECORD:
             return f"{where} is in the journal, but the replay does not give it"
         recorded, replayed = _short_json(self.recorded), _short_json(self.replayed)
@@ -108,18 +104,20 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
 
-    done = Replay(Kernel(model, info.seed), contents).run()
-    if done.unwritten and done.difference is None:
-        first, last = done.unwritten[0].seq, done.unwritten[-1].seq
+    replay = Replay(Kernel(model, info.seed), contents)
+    for _ in replay.steps():
+        pass
+    if replay.unwritten and replay.difference is None:
+        first, last = replay.unwritten[0].seq, replay.unwritten[-1].seq
         which = f"record {first}" if first == last else f"records {first} to {last}"
         notes.append(f"the journal ends before {which}, which the last input caused")
     return ReplayComparison(
-        inputs=done.inputs,
-        records=done.compared,
+        inputs=replay.inputs,
+        records=replay.compared,
         seconds=contents.seconds,
-        difference=done.difference,
+        difference=replay.difference,
         damaged=contents.damaged,
-        missing=done.missing,
+        missing=replay.missing,
         notes=notes,
     )
 
@@ -129,8 +127,9 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
 
 def require_inputs(path: Path, contents: JournalContents) -> None:
     """Raises SessionError when an input in the middle is not there."""
-    if contents.lost_inputs:
-        raise SessionError(f"{path}: {contents.lost_inputs[0]}. {CANNOT_REPLAY}")
+    lost = next((gap for gap in contents.gaps if gap.what == "input"), None)
+    if lost is not None:
+        raise SessionError(f"{path}: {lost}. {CANNOT_REPLAY}")
 
 
 def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
@@ -196,12 +195,6 @@ class Replay:
         self.timers: dict[int, float] = {}
         """Timers that are set, and when they are due (session time)."""
 
-    def run(self) -> Replay:
-        """To the end."""
-        for _ in self.steps():
-            pass
-        return self
-
     def steps(self) -> Iterator[ReplayedStep]:
         """Each step, compared by the numbers of its records. Raises SessionError."""
         contents, kernel = self._contents, self._kernel
@@ -213,11 +206,11 @@ class Replay:
             self.inputs += 1
             written = [tape.record(record.seq) for record in records]
             # What has to be made again is of the same moment as its siblings, or else of the moment before.
-            wall = next((there.record.wall for there in written if there is not None), wall)
-            for record, there in zip(records, written, strict=True):
-                record.wall = wall if there is None else there.record.wall
-                if there is not None:
-                    self.difference = _first_difference(contents.path, input.n, there, record)
+            wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
+            for record, recorded in zip(records, written, strict=True):
+                record.wall = wall if recorded is None else recorded.record.wall
+                if recorded is not None:
+                    self.difference = _first_difference(contents.path, input.n, recorded, record)
                     if self.difference is not None:
                         return
                     self.compared += 1
@@ -238,7 +231,7 @@ class Replay:
             timers.pop(input.input.timer, None)
         try:
             records, commands = self._kernel.handle(input.input)
-        except Exception as error:
+        except Exception as error:  # whatever it is: whoever has this journal needs to know what to do with it
             raise SessionError(
                 f"{self._contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
                 f"program ({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
@@ -271,20 +264,16 @@ class _JournalTape:
         return self._inputs.popleft()
 
     def record(self, seq: int) -> RecordedLine | None:
-        """Ask for them in ascending order."""
-        found = self.first_from(seq)
+        """Ask for all of them in ascending order."""
+        found = self.peek_record()
         return self._records.popleft() if found is not None and found.record.seq == seq else None
 
-    def first_from(self, seq: int) -> RecordedLine | None:
-        """The first record with this number or a higher one; it stays."""
-        records = self._records
-        while True:
-            while records and records[0].record.seq < seq:
-                records.popleft()
-            if records:
-                return records[0]
+    def peek_record(self) -> RecordedLine | None:
+        """The next record; it stays."""
+        while not self._records:
             if not self._read():
                 return None
+        return self._records[0]
 
     def _read(self) -> bool:
         for number, text, found in self._lines:
@@ -316,7 +305,7 @@ def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> 
 
     Raises SessionError when a damaged line may be the input that caused it: no number after it tells.
     """
-    written = tape.first_from(1)
+    written = tape.peek_record()
     assert written is not None
     suspects = [number for number in contents.damaged if since < number < written.line]
     if suspects:

@@ -171,7 +171,7 @@ class ConsoleSession:
         reason = why_blocked(self.store, "remark")
         if not reason:
             try:
-                reply = await self.client.control(verb)
+                reply = await self.client.change_control(verb)
                 reason = "" if reply.accepted else reply.reason
             except LinkLost:
                 return  # the next snapshot says who has it

@@ -236,7 +236,7 @@ class FakeClient:
     def now(self) -> float:
         return self.time
 
-    async def control(self, verb: ControlVerb) -> Reply:
+    async def change_control(self, verb: ControlVerb) -> Reply:
         """Remembers it, and does what an engine does about taking, asking, giving and releasing."""
         self.verbs.append(verb)
         if self.reject:

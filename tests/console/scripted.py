@@ -101,7 +101,7 @@ class ScriptedEngine:
                     case messages.SendMessage(id=id, message=message):
                         answering.add(asyncio.create_task(self._answer(writer, id, message)))
                     case messages.ControlMessage(id=id, verb=verb):
-                        reply = await self.fake.control(verb)
+                        reply = await self.fake.change_control(verb)
                         writer.write(messages.encode_line(messages.ReplyMessage(id, reply.accepted, reply.reason)))
                     case _:
                         pass

@@ -114,6 +114,14 @@ def test_a_session_from_its_first_record_to_its_last() -> None:
     assert all(record.wall.startswith("1970-01-01T00:00:") for record in records)
 
 
+@pytest.mark.parametrize("source", ["wizard:test", "ros:camera"])
+def test_who_assigns_what_reads_a_key_without_value_gets_the_task(source: str) -> None:
+    s = Session(scenario(GREETING))
+    reply = answered(s.engine, Submit(function="assignValue", behavior="sum = nobody_knows + 1", source=source))
+    assert reply.accepted and reply.task == 1
+    assert any(isinstance(record, NoteRecord) and "'nobody_knows'" in record.text for record in s.records)
+
+
 def test_a_rejected_task_says_why_and_names_the_nearest() -> None:
     s = Session(scenario(GREETING))
     reply = answered(s.engine, start("Gret"))
@@ -157,7 +165,7 @@ def test_a_robot_that_raises_anywhere_does_not_end_the_session(call: str, caplog
         robot.answers = False
         s.engine.accept(start("Greet"))
         s.engine.accept(Submit(function="stopAll", source="wizard:test"))
-        s.run(lambda: not s.engine.busy)
+        s.run(lambda: s.engine.idle)
         records = s.end()
     assert isinstance(records[-1], SessionRecord)
     assert_one_ending_each(records)

@@ -127,8 +127,7 @@ class Session:
 
     def submit(self, function: str, behavior: str = "", calling_type: str = "", source: str = "wizard:w") -> TaskRecord:
         records = self.do(Submit(function=function, behavior=behavior, calling_type=calling_type, source=source))
-        first = records[0]
-        assert isinstance(first, TaskRecord)
+        first = next(record for record in records if isinstance(record, TaskRecord))
         assert (first.function, first.behavior) == (function, behavior)
         return first
 

@@ -53,7 +53,15 @@ RULES = ("R0", "R1", "R2", "R3")
 STATES = ("s0", "s1", "s2")
 TOPICS = ("e0", "e1", "e2", "A0_end", "A1_failed", "A2_stopped", "R0_end", "R1_end")
 CONDITIONS = ("k0", "not k0", "k1 > 2", "k0 and k1 < 5", "missing", "name > 3", "rand(1) > 0.5", "person.near")
-ASSIGNMENTS = ("k0 = true", "k0 = false", "k1 = k1 + 1", "k1 = 0", "k1 = name + 1", '{"person": {"near": true}}')
+ASSIGNMENTS = (
+    "k0 = true",
+    "k0 = false",
+    "k1 = k1 + 1",
+    "k1 = 0",
+    "k1 = name + 1",
+    "k1 = missing + 1",
+    '{"person": {"near": true}}',
+)
 
 text = Parameter("message", "text", required=True)
 milliseconds = Parameter("duration", "number", unit="ms")

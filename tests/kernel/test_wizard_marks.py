@@ -311,6 +311,7 @@ def test_marks_that_mean_nothing_are_rejected(s: Session, behavior: str) -> None
     [
         ("raiseEventTopic", "/next"),
         ("assignValue", "task = 2"),
+        ("assignValue", "task = nobody_knows + 1"),  # a note about the key stands before its record
         ("deleteValue", "name"),
         ("startInteractionRule", "Main"),
         ("markCue", ""),

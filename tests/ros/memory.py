@@ -34,7 +34,7 @@ from rise_adapters.ros2.transport.port import (
     SendReply,
 )
 
-from rise_engine.ports.robot import Clock
+from rise_engine.engine.clock import VirtualClock
 
 What: TypeAlias = Literal["request", "reply", "message", "any"]
 
@@ -50,8 +50,15 @@ class Loop(Protocol):
 class ClockLoop:
     """A loop that is nothing but a clock: what it is given runs when somebody advances a `VirtualClock`."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock
+
+    def run_until(self, when: float) -> None:
+        """Let time pass until then, if it is not over, and run everything that is due."""
+        when = round(max(when, self.clock.now()), 6)
+        self.clock.call_at(when, lambda: None)  # or time would end with the last timer
+        while (due := self.clock.next_at) is not None and due <= when:
+            self.clock.advance()
 
     def call_soon(self, callback: Callable[..., object], *args: Any) -> object:
         return self.call_later(0.0, callback, *args)

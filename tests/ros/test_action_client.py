@@ -45,9 +45,7 @@ class Pair:
         self.server = BadServer(self.far, "speech", TYPE, self.loop.call_later, plans or (Plan(),))
 
     def run(self, until: float = 100.0) -> list[Any]:
-        while (due := self.clock.next_at) is not None and due <= until:
-            self.clock.advance()
-        self.clock.advance_to(until)
+        self.loop.run_until(until)
         got, self.got = self.got, []
         return got
 

@@ -51,7 +51,7 @@ class Pair:
         **more: Any,
     ) -> None:
         self.clock = VirtualClock()
-        loop = ClockLoop(self.clock)
+        self.loop = loop = ClockLoop(self.clock)
         self.wire = MemoryWire(FIELDS)
         self.robot = MemoryTransport(self.wire, loop, "/robot/node")
         self.engine = MemoryTransport(self.wire, loop, "/engine")
@@ -71,10 +71,7 @@ class Pair:
         self.deciding.append((goal, decide))
 
     def run(self, seconds: float = 0.1) -> None:
-        until = self.clock.now() + seconds
-        while (at := self.clock.next_at) is not None and at <= until:
-            self.clock.advance()
-        self.clock.advance_to(until)
+        self.loop.run_until(self.clock.now() + seconds)
 
     def send(self, number: int = 1, until: int = 3) -> ServerGoal:
         """Send a goal; what the server got, if it got one."""

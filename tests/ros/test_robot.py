@@ -54,9 +54,7 @@ class Alone:
         self.robot.start(StartAction(name, kind, parameters, 2.0))
 
     def run(self, until: float) -> None:
-        while (due := self.clock.next_at) is not None and due <= until:
-            self.clock.advance()
-        self.clock.advance_to(until)
+        self.loop.run_until(until)
 
     def of(self, kind: type) -> list[Any]:
         return [report for report in self.told if isinstance(report, kind)]

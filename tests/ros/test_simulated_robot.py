@@ -47,7 +47,7 @@ class Rig:
         self.wire = MemoryWire()
         self.said: list[str] = []
         self.profile = find_robot(robot, None)
-        loop = ClockLoop(self.clock)
+        self.loop = loop = ClockLoop(self.clock)
         self.robot = RobotOnWire(
             MemoryTransport(self.wire, loop, "/robot"), self.profile, self.clock, self.said.append, **more
         )
@@ -78,10 +78,7 @@ class Rig:
         return goal
 
     def run(self, seconds: float) -> None:
-        until = self.clock.now() + seconds
-        while (at := self.clock.next_at) is not None and at <= until:
-            self.clock.advance()
-        self.clock.advance_to(until)
+        self.loop.run_until(self.clock.now() + seconds)
 
 
 class Sent:

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.session.export import COLUMNS, export, table_cell
+from rise_engine.session.export import COLUMNS, SessionExport, table_cell
 from rise_engine.session.folder import INFO, SessionError, find_session
 from rise_engine.session.journal_format import encode_record
 
@@ -33,7 +33,9 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Made:
 
 def exported(made: Made, format: Any) -> tuple[bytes, list[str]]:
     out = io.BytesIO()
-    return (out, export(made.folder, format, out))[0].getvalue(), export(made.folder, format, io.BytesIO())
+    export = SessionExport(made.folder)
+    export.write(format, out)
+    return out.getvalue(), export.problems
 
 
 def table(data: bytes) -> list[dict[str, str]]:

@@ -23,7 +23,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineStarted, start_engine
 from rise_engine.session import journal_reader
-from rise_engine.session.export import export
+from rise_engine.session.export import SessionExport
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover
@@ -61,7 +61,7 @@ def test_the_journal_is_never_all_in_memory(made: Made) -> None:
     assert records == len(made.records) > 10_000
     assert peak(lambda: read_journal(made.journal)) < size / 4
     assert peak(lambda: compare_replay(made.folder)) < size / 4
-    assert peak(lambda: export(made.folder, "jsonl", Nowhere())) < size / 4
+    assert peak(lambda: SessionExport(made.folder).write("jsonl", Nowhere())) < size / 4
 
 
 class Nowhere(io.BytesIO):

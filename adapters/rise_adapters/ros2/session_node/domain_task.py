@@ -221,7 +221,7 @@ class DomainTaskServer:
 
     def _adopt_running(self) -> None:
         """Of a session that goes on: the goals whose tasks still run."""
-        for task in self._hub.tasks()[0]:
+        for task in self._hub.changing_tasks():
             if task.source != self._member.source or task.ref is None or task.status in FINAL:
                 continue
             try:

@@ -112,7 +112,7 @@ class RosSessionInterface:
         if engine.failure is not None:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
         elif engine.ended:
-            reason = f"the session has ended: {self._hub.end_reason}".removesuffix(": ")
+            reason = f"the session has ended: {self._hub.view.end_reason}".removesuffix(": ")
         else:
             reason = GONE
         self._tasks.end_all(reason)
