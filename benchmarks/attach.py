@@ -26,6 +26,7 @@ ROUNDS = 7
 
 ENGINE = """
 import asyncio, sys
+from contextlib import closing
 from pathlib import Path
 from rise_engine.engine.clock import RealClock
 from rise_engine.engine.engine import Engine

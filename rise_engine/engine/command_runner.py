@@ -48,7 +48,7 @@ class CommandRunner:
 
     def connect(self) -> None:
         """Begin to reach the robot."""
-        if failure := self._call_robot("connect", partial(self._robot.connect, self._post)):
+        if failure := self._call_robot("connect", lambda: self._robot.connect(self._post)):
             self._post(RobotChanged(status="lost", detail=failure))
 
     def set_timer(self, timer: int, at: float) -> None:
@@ -69,10 +69,10 @@ class CommandRunner:
                 if handle is not None:
                     handle.cancel()
             case StartAction():
-                if failure := self._call_robot(f"start {command.action}", partial(self._robot.start, command)):
+                if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(command)):
                     self._post(ActionReport(action=command.action, status="failed", reason=failure))
             case CancelAction(action=action):
-                if failure := self._call_robot(f"cancel {action}", partial(self._robot.cancel, action)):
+                if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):
                     # It goes on running until it ends or its time is over.
                     self._post(Note(text=f"{action} could not be cancelled: {failure}"))
             case StopRobot():
@@ -82,17 +82,17 @@ class CommandRunner:
 
     def stop_robot(self) -> str:
         """Ask the robot to stop; gives a sentence when its adapter fails, otherwise an empty text."""
-        return self._call_robot("stop the robot", self._robot.stop_all)
+        return self._call_robot("stop the robot", lambda: self._robot.stop_all())
 
     def release(self) -> None:
         """Cancel all timers and let go of the robot."""
         for timer in self._timers.values():
             timer.cancel()
         self._timers.clear()
-        self._call_robot("close", self._robot.close)
+        self._call_robot("close", lambda: self._robot.close())
 
     def _call_robot(self, what: str, call: Callable[[], None]) -> str:
-        """Call the robot's adapter; gives a sentence when it fails, otherwise an empty text."""
+        """Call the robot's adapter; gives a sentence when it fails or cannot do that, otherwise an empty text."""
         try:
             call()
         except Exception as error:  # code of others
