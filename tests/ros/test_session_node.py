@@ -15,6 +15,7 @@ import msgspec
 import pytest
 from rise_adapters.ros2.actions.client import (
     ABORTED,
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
@@ -259,7 +260,7 @@ async def test_cancelling_everything(tmp_path: Path) -> None:
         goals = [node.ask(START_ACT, "Story") for _ in range(30)]
         goals.append(node.ask(START_RULE, "Doors"))
         answers: list[Any] = []
-        node.client.cancel_all(answers.append)
+        node.client.cancel(ALL_GOALS, answers.append)
         for goal in goals:
             assert (await goal.ended())[0] == "CANCELED"
         (answer,) = await until(lambda: answers)

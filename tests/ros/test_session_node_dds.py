@@ -84,7 +84,7 @@ async def test_the_whole_face_over_dds() -> None:
         node.cancel(waiting)
         assert (await waiting.ended())[0] == "CANCELED"
         answers: list[object] = []
-        node.client.cancel_all(answers.append)
+        node.client.cancel(ALL_GOALS, answers.append)
         assert (await story.ended())[0] == "CANCELED"
         await until(lambda: answers)
 

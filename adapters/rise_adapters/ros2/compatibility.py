@@ -82,9 +82,6 @@ class EndpointComparison(Struct, frozen=True):
         return self.unusable + self.unheard
 
 
-NOT_COMPARED = EndpointComparison()
-
-
 def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     """Compare what is there now with what the profile says of one action."""
     found = _compare_action(transport, mapping) if mapping.kind == "action" else _compare_topic(transport, mapping)

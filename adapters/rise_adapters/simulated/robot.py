@@ -124,7 +124,7 @@ class SimulatedRobot:
         # After the cancels that it causes or finds under way, so that the answer is true when it is given.
         self._timers.append(self._after(self._stopping + _TICK, self._report_stop))
 
-    def seen(self) -> float | None:
+    def last_seen(self) -> float | None:
         if not self._links_down:
             self._seen = self._clock.now()
         return self._seen

@@ -20,10 +20,10 @@ MOST_WAITING = 64
 class CancelRequest:
     """Waits until there is a word about each goal that it concerns, and answers then."""
 
-    def __init__(self, goals: list[ServerGoal], answer: Callable[[Message], object], *, one: bool) -> None:
-        """`one`: it is about one goal, so that its answer says why that one is not cancelled."""
-        self._answer = answer
-        self._one = one
+    def __init__(self, goals: list[ServerGoal], send_reply: Callable[[Message], object], *, is_about_one: bool) -> None:
+        """`is_about_one`: it is about one goal, so that its answer says why that one is not cancelled."""
+        self._send_reply = send_reply
+        self._is_about_one = is_about_one
         self._undecided = len(goals) + 1
         self._codes: list[int] = []
         self._canceling: list[Message] = []
@@ -46,8 +46,8 @@ class CancelRequest:
             return
         if self._canceling:
             code = CANCEL_NONE
-        elif self._one:
+        elif self._is_about_one:
             code = self._codes[0]
         else:
             code = CANCEL_REJECTED if CANCEL_REJECTED in self._codes else CANCEL_NONE
-        self._answer({"return_code": code, "goals_canceling": self._canceling})
+        self._send_reply({"return_code": code, "goals_canceling": self._canceling})

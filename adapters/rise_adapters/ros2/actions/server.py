@@ -105,7 +105,6 @@ class ActionServer:
         Raises PortError when the transport does not know the type.
         """
         self.name = transport.resolve(name)
-        self.type = type
         self._take_goal = take_goal
         self._take_cancel = take_cancel
         self._clock = clock
@@ -183,9 +182,9 @@ class ActionServer:
         if reply is None:
             return False
         goal.status = ACCEPTED
-        self._answer(reply, {"accepted": True, "stamp": goal.info["stamp"]})
+        self._send_reply(reply, {"accepted": True, "stamp": goal.info["stamp"]})
         if goal.cancel_requests:
-            self._clock.call_at(self._clock.now(), partial(self._ask_to_cancel, goal))
+            self._clock.call_at(self._clock.now(), partial(self._request_cancel, goal))
         self._status.publish_soon()
         return True
 
@@ -196,11 +195,11 @@ class ActionServer:
             return False
         self._goals.pop(goal.id, None)
         goal.message = {}
-        self._answer(reply, {"accepted": False})
+        self._send_reply(reply, {"accepted": False})
         for each in goal.result_requests:
-            self._answer(each, {"status": UNKNOWN})
+            self._send_reply(each, {"status": UNKNOWN})
         goal.result_requests.clear()
-        _answer_cancels(goal, CANCEL_UNKNOWN)
+        _reply_to_cancels(goal, CANCEL_UNKNOWN)
         return True
 
     def execute(self, goal: ServerGoal) -> bool:
@@ -229,9 +228,9 @@ class ActionServer:
         goal.message = {}
         goal.result = {"status": status, "result": result or {}}
         for reply in goal.result_requests:
-            self._answer_result(goal, reply)
+            self._send_result(goal, reply)
         goal.result_requests.clear()
-        _answer_cancels(goal, CANCEL_NONE if status == CANCELED else CANCEL_TERMINATED)
+        _reply_to_cancels(goal, CANCEL_NONE if status == CANCELED else CANCEL_TERMINATED)
         goal.expires_at = self._clock.now() + self._timeout
         self._ended[goal.id] = goal
         if len(self._ended) > MAX_ENDED:
@@ -264,7 +263,7 @@ class ActionServer:
     def _take_goal_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
         if self._closed or id == ALL_GOALS or id in self._goals or id in self._ended:
-            self._answer(reply, {"accepted": False})
+            self._send_reply(reply, {"accepted": False})
             return
         goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
         try:
@@ -276,41 +275,36 @@ class ActionServer:
 
     def _take_result_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
-        goal = self._goals.get(id)
-        if goal is not None:
+        if (goal := self._goals.get(id)) is not None:
             if len(goal.result_requests) == MOST_WAITING:
                 del goal.result_requests[0]  # who asks again and again for the same
             goal.result_requests.append(reply)
-            return
-        goal = self._ended.get(id)
-        if goal is None:
-            self._answer(reply, {"status": UNKNOWN})
+        elif (goal := self._ended.get(id)) is not None:
+            self._send_result(goal, reply)
         else:
-            self._answer_result(goal, reply)
+            self._send_reply(reply, {"status": UNKNOWN})
 
     def _take_cancel_request(self, request: Message, reply: SendReply) -> None:
         info = request["goal_info"]
         id = bytes(info["goal_id"]["uuid"])
         until = int(info["stamp"]["sec"]) * 1_000_000_000 + int(info["stamp"]["nanosec"])
-        if id != ALL_GOALS and not until:
-            goal = self._goals.get(id)
-            if goal is None:
-                code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
-                self._answer(reply, {"return_code": code})
-                return
-            goals = [goal]
+        is_about_one = id != ALL_GOALS and not until
+        if is_about_one and id not in self._goals:
+            code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
+            self._send_reply(reply, {"return_code": code})
+            return
+        if is_about_one:
+            goals = [self._goals[id]]
         else:
-            goals = [
-                goal for goal in self._goals.values() if not until or goal.received_at_ns <= until or goal.id == id
-            ]
-        CancelRequest(goals, partial(self._answer, reply), one=id != ALL_GOALS and not until)
+            goals = [goal for goal in self.goals if not until or goal.received_at_ns <= until or goal.id == id]
+        CancelRequest(goals, partial(self._send_reply, reply), is_about_one=is_about_one)
         for goal in goals:
             if goal.is_decided:
-                self._ask_to_cancel(goal)
+                self._request_cancel(goal)
 
-    def _ask_to_cancel(self, goal: ServerGoal) -> None:
+    def _request_cancel(self, goal: ServerGoal) -> None:
         if goal.status == CANCELING:
-            _answer_cancels(goal, CANCEL_NONE)
+            _reply_to_cancels(goal, CANCEL_NONE)
         if goal.is_asked_to_cancel or not goal.cancel_requests:
             return
         goal.is_asked_to_cancel = True
@@ -326,19 +320,19 @@ class ActionServer:
         if agreed and not goal.has_ended:
             goal.status = CANCELING
             self._status.publish_soon()
-        _answer_cancels(goal, CANCEL_NONE if agreed else CANCEL_REJECTED)
+        _reply_to_cancels(goal, CANCEL_NONE if agreed else CANCEL_REJECTED)
 
     # --- answers ------------------------------------------------------------------------------------------------
 
-    def _answer_result(self, goal: ServerGoal, reply: SendReply) -> None:
+    def _send_result(self, goal: ServerGoal, reply: SendReply) -> None:
         goal.is_result_fetched = True
-        if not self._answer(reply, goal.result) and goal.result["result"]:
+        if not self._send_reply(reply, goal.result) and goal.result["result"]:
             # A result that does not fit its type would leave the client waiting; what happened is not known then.
             goal.status = ABORTED
             goal.result = {"status": ABORTED, "result": {}}
-            self._answer(reply, goal.result)
+            self._send_reply(reply, goal.result)
 
-    def _answer(self, reply: SendReply, message: Message) -> bool:
+    def _send_reply(self, reply: SendReply, message: Message) -> bool:
         try:
             reply(message)
         except PortError as error:
@@ -347,7 +341,7 @@ class ActionServer:
         return True
 
 
-def _answer_cancels(goal: ServerGoal, code: int) -> None:
+def _reply_to_cancels(goal: ServerGoal, code: int) -> None:
     goal.is_asked_to_cancel = False
     requests, goal.cancel_requests = goal.cancel_requests, []
     for answer in requests:

@@ -44,7 +44,8 @@ class ServerGoal:
         self._server = server
         # The server's own notes about it:
         self.reply = reply
-        self.info: Message = {"goal_id": {"uuid": id}, "stamp": self.stamp}
+        seconds, rest = divmod(self.received_at_ns, 1_000_000_000)
+        self.info: Message = {"goal_id": {"uuid": id}, "stamp": {"sec": seconds, "nanosec": rest}}
         """As action_msgs/msg/GoalInfo."""
         self.result: Message = {}
         """With its status, as it is answered to those who ask for it."""
@@ -56,17 +57,6 @@ class ServerGoal:
         """Whoever does it has been asked whether it will be cancelled, and has not decided."""
         self.expires_at = 0.0
         """Until when its result can be asked for, by the server's clock."""
-
-    @property
-    def id_hex(self) -> str:
-        """Its id as 32 digits, to be read."""
-        return self.id.hex()
-
-    @property
-    def stamp(self) -> Message:
-        """When it came, as builtin_interfaces/msg/Time."""
-        seconds, rest = divmod(self.received_at_ns, 1_000_000_000)
-        return {"sec": seconds, "nanosec": rest}
 
     @property
     def is_decided(self) -> bool:

@@ -55,10 +55,6 @@ class Cancellation:
             self._servers = servers
             self.tries = 0
 
-    def forget_servers(self) -> None:
-        """Whoever is asked next is another one."""
-        self._servers = -1
-
     def pause(self) -> None:
         """Do not ask again by itself."""
         self.next_try = inf

@@ -85,7 +85,7 @@ def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
     presence = endpoint.presence
     if sends:
         why = f"what offers {endpoint.name} went away {times(sends)} before it took it"
-    elif presence.count and not presence.settled:
+    elif presence.count and not presence.is_settled:
         why = f"{endpoint.name} comes and goes, {times(presence.losses)} lately"
     else:
         why = trouble_of_missing(endpoint)

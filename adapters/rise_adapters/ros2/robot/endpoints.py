@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 from rise_adapters.ros2 import compatibility
 from rise_adapters.ros2.actions.client import ActionClient
-from rise_adapters.ros2.compatibility import NOT_COMPARED
+from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.presence import ServerPresence
 from rise_adapters.ros2.transport.port import Message, PortError, Publisher, Transport
@@ -28,13 +28,15 @@ anything. What the middleware has not listed by then it does not list."""
 
 
 class _ComparedEndpoint:
-    """What `compatibility` says about an endpoint's other side."""
+    """Whether there is another side, and what `compatibility` says about it."""
 
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        self.name = transport.resolve(mapping.name)
+        """Of the action or topic, in full."""
         self.label = label
         """For a person: `pepper/speech`."""
         self.presence = ServerPresence(clock)
-        self.comparison = NOT_COMPARED
+        self.comparison = EndpointComparison()
         """What was seen when it was compared last."""
         self._transport = transport
         self._mapping = mapping
@@ -58,9 +60,24 @@ class _ComparedEndpoint:
         return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED
 
     @property
-    def is_usable(self) -> bool:
-        """It is there, and to stay, and is what the profile says, as far as can be known."""
-        return self.presence.settled and self.is_compared and not self.comparison.unusable
+    def is_ready(self) -> bool:
+        """It is there, and to stay, and is what the profile says, as far as can be known: something can be sent."""
+        return self.fault in ("", "silent", "unheard")
+
+    @property
+    def fault(self) -> Fault:
+        if self.comparison.unusable:
+            return "unfit"
+        return "" if self.presence.is_settled and self.is_compared else "missing"
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it, for a person; empty when it is there and fits."""
+        if self.fault in ("unfit", "unheard"):
+            return compatibility.describe_misfits(self.comparison.misfits)
+        if not self.presence.count:
+            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
+        return ""
 
     @property
     def misfit_kind(self) -> str:
@@ -84,22 +101,13 @@ class ActionEndpoint(_ComparedEndpoint):
         self.client = client
         self._unanswered_at: float | None = None
 
-    @property
-    def name(self) -> str:
-        return self.client.name
-
     def poll(self, count: int | None = None) -> bool:
         """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
-            self.client.forget_statuses()
+            self.client.statuses.clear()
             self._unanswered_at = None
         return gone
-
-    @property
-    def is_ready(self) -> bool:
-        """A goal can be sent: it is there, once, and to stay."""
-        return self.is_usable and self.presence.count == 1
 
     def mark_unanswered(self) -> None:
         """It owes an answer that did not come in time."""
@@ -113,22 +121,17 @@ class ActionEndpoint(_ComparedEndpoint):
 
     @property
     def fault(self) -> Fault:
-        if self.comparison.unusable:
-            return "unfit"
-        if not self.is_usable:
-            return "missing"
+        if fault := super().fault:
+            return fault
         if self.presence.count > 1:
             return "double"
         return "silent" if self.is_silent else "unheard" if self.comparison.unheard else ""
 
     @property
     def trouble(self) -> str:
-        """What is wrong with it, for a person."""
-        if self.comparison.unusable or self.fault == "unheard":
-            return compatibility.describe_misfits(self.comparison.misfits)
-        if not self.presence.count:
-            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
-        if not self.presence.settled:
+        if trouble := super().trouble:
+            return trouble
+        if not self.presence.is_settled:
             return f"{self.name} comes and goes"
         if self.presence.count > 1:
             return compatibility.several_servers(self.presence.count, self.name)
@@ -144,7 +147,6 @@ class TopicEndpoint(_ComparedEndpoint):
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        self.name = transport.resolve(mapping.name)
         self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
         self.user: object | None = None
         """The goal that published last: only its end takes back what was said."""
@@ -160,20 +162,10 @@ class TopicEndpoint(_ComparedEndpoint):
             _LOG.warning("nothing can be published on %s: %s", self.name, error)
 
     @property
-    def is_ready(self) -> bool:
-        return self.is_usable
-
-    @property
-    def fault(self) -> Fault:
-        return "unfit" if self.comparison.unusable else "" if self.is_usable else "missing"
-
-    @property
     def trouble(self) -> str:
-        if self.comparison.unusable:
-            return compatibility.describe_misfits(self.comparison.unusable)
-        if not self.presence.count:
-            return compatibility.describe_absence(self.comparison, self._mapping, self.name)
-        return f"what listens to {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
+        return super().trouble or (
+            f"what listens to {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
+        )
 
     def close(self) -> None:
         self.publisher.close()
@@ -183,12 +175,9 @@ Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:
-    """Let go of them; whoever owns the transport may have closed it before."""
+    """Let go of them; whoever owns the transport may have closed it, and so them, before."""
     for endpoint in endpoints:
-        try:
-            endpoint.close()
-        except Exception:
-            _LOG.debug("%s could not be let go of", endpoint.name, exc_info=True)
+        endpoint.close()
 
 
 def short_labels(robot: str, names: list[str]) -> dict[str, str]:

@@ -42,8 +42,8 @@ class ServerPresence:
             self.was_seen = True
             self.appeared_at = now
             self.appeared_twice = count > 1
-            losses = self.losses
-            self._settled_at = now + min(SETTLING * 2 ** (losses - 1), SETTLING_MOST) if losses else now
+            seconds = min(SETTLING * 2 ** (losses - 1), SETTLING_MOST) if (losses := self.losses) else 0.0
+            self._settled_at = now + seconds
         elif before and not count:
             self._losses.append(now)
             return True
@@ -60,6 +60,6 @@ class ServerPresence:
         return len(self._losses)
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """It is there, and has been long enough."""
         return self.count > 0 and self._clock.now() >= self._settled_at

@@ -10,8 +10,6 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from itertools import cycle
 from math import inf
-from typing import TypeAlias
-
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.mapping import ActionMapping
@@ -28,9 +26,6 @@ from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopRepo
 from rise_engine.ports.robot import Clock, ReportCallback, RobotReport, Timer
 from rise_engine.scenario.durations import limit_seconds
 from rise_engine.scenario.model import RobotProfile
-
-RosName: TypeAlias = tuple[str, str]
-"""The name of an action or a topic, as a profile writes it, and its type."""
 
 POLL_RUNNING = 0.25
 """Seconds between two polls of the servers while something runs ..."""
@@ -73,20 +68,21 @@ class Ros2Robot:
         self._uncompared: set[str] = set()
         """Names of endpoints that do not say what their types are, which was noted already."""
         self._closed = False
-        self._use(transport)
+        self._open_endpoints(transport)
 
-    def _use(self, transport: Transport) -> None:
+    def _open_endpoints(self, transport: Transport) -> None:
         self._transport = transport
-        self._by_name: dict[RosName, Endpoint] = {}
-        made: dict[RosName, Endpoint] = {}
-        mappings = self._mappings.values()
-        names = list(dict.fromkeys(transport.resolve(mapping.name) for mapping in mappings))
-        label = short_labels(self._profile.name, names)
-        for mapping in mappings:
-            name = transport.resolve(mapping.name)
-            if (name, mapping.type) not in made:
-                made[name, mapping.type] = self._make_endpoint(mapping, label[name])
-            self._by_name[mapping.name, mapping.type] = made[name, mapping.type]
+        names = {action: transport.resolve(mapping.name) for action, mapping in self._mappings.items()}
+        labels = short_labels(self._profile.name, list(dict.fromkeys(names.values())))
+        endpoint_of: dict[str, Endpoint] = {}
+        made: dict[tuple[str, str], Endpoint] = {}
+        for action, mapping in self._mappings.items():
+            key = names[action], mapping.type
+            if key not in made:
+                made[key] = self._make_endpoint(mapping, labels[names[action]])
+            endpoint_of[action] = made[key]
+        self._endpoint_of = endpoint_of
+        """By the action's name in the profile; actions may share one."""
         self._endpoints = tuple(made.values())
         self._turn = cycle(self._endpoints)
 
@@ -105,14 +101,6 @@ class Ros2Robot:
         client.on_feedback = self._take_feedback
         client.on_status = partial(self._take_status, endpoint)
         return endpoint
-
-    def _endpoint_of(self, mapping: ActionMapping) -> Endpoint:
-        return self._by_name[mapping.name, mapping.type]
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """What is asked when everything is to stop: `pepper/speech`."""
-        return tuple(sorted(endpoint.label for endpoint in self._endpoints))
 
     # --- the port -----------------------------------------------------------------------------------------------
 
@@ -143,7 +131,7 @@ class Ros2Robot:
         """Raises PortError and ValueError for what cannot be sent."""
         node, frame = self._transport.node, self._frame
         message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
-        endpoint = self._endpoint_of(mapping)
+        endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
             reset = mapping.make_reset(node=node, goal=goal.action, frame=frame)
             return TopicGoal(self, endpoint, goal.action, mapping, message, reset, goal.expected)
@@ -165,8 +153,8 @@ class Ros2Robot:
         idle = [each for each in self._endpoints if isinstance(each, TopicEndpoint) and each.user is None]
         for goal in tuple(self._goals.values()):
             goal.cancel()
-        for mapping in self._mappings.values():
-            endpoint = self._endpoint_of(mapping)
+        for action, mapping in self._mappings.items():
+            endpoint = self._endpoint_of[action]
             if isinstance(endpoint, TopicEndpoint) and endpoint in idle:  # whatever others have published there
                 reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
@@ -174,7 +162,7 @@ class Ros2Robot:
         self._stop = stop = StopAll(self.clock, self._endpoints, self._own_goals, self._report_stop)
         stop.begin()
 
-    def seen(self) -> float | None:
+    def last_seen(self) -> float | None:
         """The middleware renews its word that a server is there within each server's lease; more ROS does not say."""
         if any(endpoint.presence.count for endpoint in self._endpoints):
             self._seen_at = self.clock.now()
@@ -202,12 +190,12 @@ class Ros2Robot:
         """
         if self._reported is None or self._reported.status != "lost":
             self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
-        names = {endpoint: name for name, endpoint in self._by_name.items()}
+        actions = {endpoint: action for action, endpoint in self._endpoint_of.items()}
         before = self._endpoints
-        self._use(transport)
+        self._open_endpoints(transport)
         close_all(before)
         for goal in self._by_id.values():
-            moved = self._by_name[names[goal.endpoint]]
+            moved = self._endpoint_of[actions[goal.endpoint]]
             assert isinstance(moved, ActionEndpoint)
             goal.move_to(moved)
         self._poll()
@@ -309,7 +297,7 @@ class Ros2Robot:
     def _compare(self, endpoint: Endpoint) -> None:
         endpoint.compare()
         unknown = endpoint.comparison.unannounced or not endpoint.comparison.complete
-        is_there = endpoint.presence.settled and endpoint.is_compared
+        is_there = endpoint.presence.is_settled and endpoint.is_compared
         if unknown and is_there and endpoint.name not in self._uncompared:
             self._uncompared.add(endpoint.name)
             self.report_note(endpoint, describe_uncompared(endpoint.name))

@@ -15,6 +15,7 @@ from functools import partial
 from typing import TypeAlias
 
 from rise_adapters.ros2.actions.client import (
+    ALL_GOALS,
     CANCEL_NONE,
     CANCEL_REJECTED,
     CANCEL_UNKNOWN,
@@ -68,7 +69,7 @@ class CancelAll:
         own = self._own_goals(self.endpoint)
         for goal in answer.goals:
             if goal in own:
-                own[goal].confirm_cancel()
+                own[goal].cancellation.confirm()
 
     def still_running(self) -> set[bytes]:
         """Goals that may be running there."""
@@ -89,7 +90,7 @@ class CancelAll:
         running = self.still_running()  # also notes what is listed, so it is asked first
         return not running and self.answer is not None and self.endpoint.presence.count == 1
 
-    def why_not(self) -> str:
+    def why_unconfirmed(self) -> str:
         """Why it has not confirmed, for a person."""
         count = self.endpoint.presence.count
         if count != 1:
@@ -105,7 +106,9 @@ class CancelAll:
         """Whether it has said of all these that it stops them."""
         statuses, own = self.endpoint.client.statuses, self._own_goals(self.endpoint)
         return all(
-            goal in self._stopping or statuses.get(goal) == CANCELING or (goal in own and own[goal].is_stopping)
+            goal in self._stopping
+            or statuses.get(goal) == CANCELING
+            or (goal in own and own[goal].cancellation.confirmed)
             for goal in goals
         )
 
@@ -161,7 +164,7 @@ class StopAll:
                 self._unasked.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
 
     def begin(self) -> None:
-        self._ask()
+        self._ask_servers()
         self.poll()
 
     def poll(self) -> None:
@@ -176,18 +179,17 @@ class StopAll:
         if self._timer is not None:
             self._timer.cancel()
 
-    def _ask(self) -> None:
+    def _ask_servers(self) -> None:
+        """Ask those that have not answered, and again a while later."""
         for cancel in self._cancels:
-            if cancel.answer is None and not self._is_over:
+            if cancel.answer is None:
                 try:
-                    cancel.endpoint.client.cancel_all(partial(self._take_answer, cancel))
+                    cancel.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, cancel))
                 except PortError as error:
                     _LOG.warning("%s could not be asked to stop: %s", cancel.endpoint.name, error)
         again = self._clock.now() + REPEAT_SECONDS
-        if self._is_over:
-            return
         if again < self._until:
-            self._timer = self._clock.call_at(again, self._ask)
+            self._timer = self._clock.call_at(again, self._ask_servers)
         else:
             self._timer = self._clock.call_at(self._until, self._finish)
 
@@ -197,13 +199,11 @@ class StopAll:
         self.poll()
 
     def _finish(self) -> None:
-        if self._is_over:
-            return
         self.abandon()
         confirmed, unconfirmed = [], self._unasked
         for cancel in self._cancels:
             if cancel.is_confirmed():
                 confirmed.append(cancel.endpoint.label)
             else:
-                unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_not()})")
+                unconfirmed.append(f"{cancel.endpoint.label} ({cancel.why_unconfirmed()})")
         self._report(StopReport(confirmed=tuple(sorted(confirmed)), unconfirmed=tuple(sorted(unconfirmed))))

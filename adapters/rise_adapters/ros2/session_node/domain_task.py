@@ -188,16 +188,16 @@ class DomainTaskServer:
 
     def _submit(self, goal: ServerGoal, submit: Submit, member: AttachedClient) -> None:
         goal.data = _GoalTask(source=member.source)
-        self._submitted[goal.id_hex] = goal
+        self._submitted[goal.id.hex()] = goal
         try:
             self._hub.submit(member, submit, partial(self._take_reply, goal))
         except Exception as error:  # the engine's own failure, which ends the session
-            if self._submitted.pop(goal.id_hex, None) is not None:
+            if self._submitted.pop(goal.id.hex(), None) is not None:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
 
     def _take_reply(self, goal: ServerGoal, reply: link.Reply) -> None:
         """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
-        self._submitted.pop(goal.id_hex, None)
+        self._submitted.pop(goal.id.hex(), None)
         task = _task_of(goal)
         if not reply.accepted:
             if task.records:  # which say why
@@ -247,7 +247,7 @@ class DomainTaskServer:
         action = self._transport.resolve(DOMAIN_TASK)
         if who in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
             member = self._hub.attach("node", "node", f"ros:{who}")
-            self._submit(goal, Submit(function="releaseStop", ref=goal.id_hex), member)
+            self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), member)
             self._loop.call_soon(self._hub.detach, member)
         elif self._loop.time() < until and not self._gone and len(self._releasing) < RELEASING:
             self._releasing.add(goal.id)
@@ -353,7 +353,7 @@ def _submit_of(goal: ServerGoal) -> Submit:
         function=message["function_type"],
         behavior=message["domain_task_behavior"],
         calling_type=message["calling_type"],
-        ref=goal.id_hex,
+        ref=goal.id.hex(),
     )
 
 
