@@ -12,6 +12,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from rise_adapters.ros2.actions.client import ALL_GOALS
 from rise_adapters.ros2.session_node.record_topics import RECORDS_LATCHED
 from rise_adapters.ros2.transport.port import STATUS, QoS
 

@@ -1,8 +1,8 @@
 """The client's side of a ROS 2 action, from the three services and two topics that make it up.
 
-There is no policy in here: no deadline, no retry, no opinion (that is `robot.action_goal`). What the ready-made clients
-cannot do is possible because the parts are used directly: goal ids of our own, cancelling by id without having been
-accepted, cancelling everything that a server does, asking for a result again. Source: https://design.ros2.org/articles/actions.html,
+No policy is in here: no deadline, no retry, no opinion (`robot` has them). What the ready-made clients cannot do is
+possible because the parts are used directly: goal ids of our own, cancelling by id without having been accepted,
+cancelling everything that a server does, asking for a result again. Source: https://design.ros2.org/articles/actions.html,
 and measurements against rclpy 7.1 (docs/explanation/ros2.md).
 """
 
@@ -31,6 +31,8 @@ from rise_adapters.ros2.transport.port import (
 
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
 """What a goal is (action_msgs/msg/GoalStatus). UNKNOWN is also the answer about a goal that the server never had."""
+STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
+"""The same for a person."""
 FINAL_STATUSES = frozenset((SUCCEEDED, CANCELED, ABORTED))
 
 CANCEL_NONE, CANCEL_REJECTED, CANCEL_UNKNOWN, CANCEL_TERMINATED = range(4)
@@ -62,7 +64,7 @@ class ActionClient:
         feedback: QoS = RELIABLE,
         status: QoS = STATUS,
     ) -> None:
-        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`; `feedback` and `status`:
+        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`; `feedback`, `status`:
         how these topics are listened to. Raises PortError."""
         self.name = transport.resolve(name)
         """The full name."""

@@ -25,6 +25,7 @@ from rise_adapters.ros2.actions.client import (
     CANCELED,
     CANCELING,
     FINAL_STATUSES,
+    STATUS_NAMES,
     UNKNOWN,
     CancelResponse,
 )
@@ -37,9 +38,6 @@ from rise_adapters.ros2.robot.result_query import ResultQuery
 from rise_adapters.ros2.transport.port import Message, PortError
 
 _LOG = logging.getLogger(__name__)
-
-STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
-"""Of a goal's status, for a person."""
 
 MAX_SENDS = 3
 """How often a goal is sent at most, when its server goes away before it has answered. It keeps its id, so that a server
@@ -105,7 +103,7 @@ class ActionGoal:
             self._end("canceled", "its server had gone before taking it" if self._sends else "it had not been sent yet")
         elif self.phase == "running":
             self._ask_cancel()
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def is_live(self) -> bool:
         return self.phase != "ended" or self.cancellation.next_try < inf
@@ -145,14 +143,14 @@ class ActionGoal:
             self._end(*endings.of_missing_server(endpoint, self._sends))
 
     def _poll_sent(self, now: float) -> None:
-        name = self.endpoint.name
+        if now < min(self._deadline, self.cancellation.deadline):
+            return
+        name, seconds = self.endpoint.name, self._mapping.deadlines.acceptance
+        what = f"it was to be stopped, and {name} has not even taken it"
         if now >= self._deadline:
-            self.endpoint.mark_unanswered()
-            seconds = self._mapping.deadlines.acceptance
-            self._end("timed-out", f"no-accept: {name} did not say within {seconds:g} s whether it takes it")
-        elif now >= self.cancellation.deadline:
-            self.endpoint.mark_unanswered()
-            self._end("timed-out", f"no-accept: it was to be stopped, and {name} has not even taken it")
+            what = f"{name} did not say within {seconds:g} s whether it takes it"
+        self.endpoint.mark_unanswered()
+        self._end("timed-out", f"no-accept: {what}")
 
     def _poll_running(self, now: float) -> None:
         endpoint, deadlines, result = self.endpoint, self._mapping.deadlines, self._result
@@ -186,7 +184,7 @@ class ActionGoal:
 
     # --- from the robot as a whole ------------------------------------------------------------------------------
 
-    def server_gone(self) -> None:
+    def on_server_gone(self) -> None:
         """Nothing offers the action any more. What runs there, nobody knows."""
         name = self.endpoint.name
         if self.phase == "sent":
@@ -194,21 +192,21 @@ class ActionGoal:
             may_send = self._sends < MAX_SENDS and not self.cancellation.wanted
             if may_send and self._now() < self._server_by:
                 self.phase = "waiting"
-                self._host.goal_changed(self)
+                self._host.on_goal_changed(self)
             else:
                 self._end(*endings.of_missing_server(self.endpoint, self._sends))
         elif self.phase == "running":
             self._end("lost", f"server-gone: what offered {name} has gone away in the middle of it")
 
-    def server_changed(self) -> None:
+    def on_server_changed(self) -> None:
         """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
         if self.phase == "running":
             self._ask_result()
         elif self.phase == "ended" and self.may_be_running:
             self.cancellation.next_try = self._now()
-            self._host.goal_changed(self)
+            self._host.on_goal_changed(self)
 
-    def robot_lost(self, reason: str) -> None:
+    def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting" or self._sends > 0))
 
@@ -227,31 +225,29 @@ class ActionGoal:
         """The server has said how its goals stand."""
         status = statuses.get(self.id)
         now = self._now()
-        if status is not None:
-            self._heard_at = now
-        if status == CANCELING:
-            self.cancellation.confirm()
         if status is None:
             if self.phase == "running" and self._result.may_doubt(now):
                 self._ask_result()
-        elif status in FINAL_STATUSES:
-            self._take_terminal_status(status, now)
-        elif status and self._is_unanswered():
+            return
+        self._heard_at = now
+        if status == CANCELING:
+            self.cancellation.confirm()
+        if status and self._is_unanswered():
             self._accept()
+        if status in FINAL_STATUSES:
+            self._take_terminal_status(status, now)
         elif status and self.phase == "ended" and self._accepted is None:
             self._accept_late()
 
     def _take_terminal_status(self, status: int, now: float) -> None:
         result = self._result
-        if self._is_unanswered():
-            self._accept()
         if self.phase == "running" and result.finished_as == UNKNOWN:
             result.finish(now, status)
             if result.discarded_at < inf:
                 self._end_discarded()
             elif result.may_doubt(now):
                 self._ask_result()
-            self._host.goal_changed(self)
+            self._host.on_goal_changed(self)
         elif self.phase == "ended":
             self._mark_over()
 
@@ -328,7 +324,7 @@ class ActionGoal:
             self.endpoint.client.get_result(self.id, partial(self._take_result, self.endpoint.presence.changes))
         except PortError as error:
             _LOG.debug("the result of %s could not be asked for: %s", self.action, error)
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def _take_result(self, servers: int, status: int, message: Message) -> None:
         """`servers`: those that there were when it was asked for (`ServerPresence.changes`)."""
@@ -377,7 +373,7 @@ class ActionGoal:
             self._end(*endings.of_restart(self.endpoint.name))  # another one may have it, and is told to stop
         elif self._result.discarded_at == inf:
             self._result.disown(self._now())
-            self._host.goal_changed(self)
+            self._host.on_goal_changed(self)
 
     def _end_discarded(self) -> None:
         """It is over there, and nobody has its result."""
@@ -400,7 +396,7 @@ class ActionGoal:
         presence, cancellation = self.endpoint.presence, self.cancellation
         cancellation.start_over_for(presence.changes)
         if not presence.count:
-            cancellation.pause()  # `server_changed` comes when it is back
+            cancellation.pause()  # `on_server_changed` comes when it is back
         elif self.phase == "ended" and cancellation.tries >= MAX_TRIES:
             cancellation.pause()
             self._note_once(
@@ -414,7 +410,7 @@ class ActionGoal:
                 self.endpoint.client.cancel(self.id, partial(self._take_cancel_answer, presence.changes))
             except PortError as error:
                 _LOG.debug("%s could not be cancelled: %s", self.action, error)
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def _take_cancel_answer(self, servers: int, answer: CancelResponse) -> None:
         """`servers`: those that there were when it was asked (`ServerPresence.changes`)."""
@@ -435,11 +431,11 @@ class ActionGoal:
             elif self._was_only_server(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers:
-                self.cancellation.pause()  # one of several; `server_changed` comes when only one is left
+                self.cancellation.pause()  # one of several; `on_server_changed` comes when only one is left
         elif self.phase == "running":
             self.cancellation.pause()
             self._ask_result()  # it has ended, or the server has forgotten it: both come as a result
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     # --- the end ------------------------------------------------------------------------------------------------
 
@@ -458,14 +454,14 @@ class ActionGoal:
             self._note_once(
                 "late", f"{self.action} {status}{f' ({reason})' if reason else ''}, after its time was over"
             )
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
         """Nothing of it runs on the robot any more."""
         self.may_be_running = False
         self.cancellation.pause()
-        self._host.goal_changed(self)
+        self._host.on_goal_changed(self)
 
     def _since_end(self) -> str:
         return f"{self._now() - self._ended_at:.1f} s"

@@ -94,11 +94,13 @@ class _ComparedEndpoint:
 class ActionEndpoint(_ComparedEndpoint):
     """One action server of the robot."""
 
-    def __init__(
-        self, label: str, client: ActionClient, transport: Transport, mapping: ActionMapping, clock: Clock
-    ) -> None:
+    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        self.client = client
+        feedback, status = mapping.feedback_qos, mapping.status_qos
+        self.client = ActionClient(
+            transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
+        )
         self._unanswered_at: float | None = None
 
     def poll(self, count: int | None = None) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from itertools import cycle
 from math import inf
-from rise_adapters.ros2.actions.client import ActionClient
+
 from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import standing
@@ -89,17 +89,9 @@ class Ros2Robot:
     def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
             return TopicEndpoint(label, self._transport, mapping, self.clock)
-        client = ActionClient(
-            self._transport,
-            mapping.name,
-            mapping.type,
-            now=self.clock.now,
-            feedback=mapping.feedback_qos,
-            status=mapping.status_qos,
-        )
-        endpoint = ActionEndpoint(label, client, self._transport, mapping, self.clock)
-        client.on_feedback = self._take_feedback
-        client.on_status = partial(self._take_status, endpoint)
+        endpoint = ActionEndpoint(label, self._transport, mapping, self.clock)
+        endpoint.client.on_feedback = self._take_feedback
+        endpoint.client.on_status = partial(self._take_status, endpoint)
         return endpoint
 
     # --- the port -----------------------------------------------------------------------------------------------
@@ -125,7 +117,7 @@ class Ros2Robot:
         self._forget_oldest()
         self._poll_endpoints((made.endpoint,))
         made.poll()
-        self.goal_changed(made)
+        self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping) -> Goal:
         """Raises PortError and ValueError for what cannot be sent."""
@@ -211,7 +203,7 @@ class Ros2Robot:
     def report_note(self, endpoint: Endpoint, text: str) -> None:
         self._report(Note(text=text, source=f"ros:{endpoint.name}"))
 
-    def goal_changed(self, goal: Goal) -> None:
+    def on_goal_changed(self, goal: Goal) -> None:
         if self._closed:
             return
         if goal.is_live():
@@ -288,9 +280,9 @@ class Ros2Robot:
             for goal in tuple(self._goals.values()):
                 if goal.endpoint is endpoint:
                     if gone:
-                        goal.server_gone()
+                        goal.on_server_gone()
                     elif endpoint.presence.count:
-                        goal.server_changed()
+                        goal.on_server_changed()
         if self._stop is not None:
             self._stop.poll()
 
@@ -334,10 +326,10 @@ class Ros2Robot:
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
         for goal in goals:
             if goal.phase == "waiting":
-                goal.robot_lost(detail)
+                goal.on_robot_lost(detail)
         self._report(RobotChanged(status="lost", detail=detail))
         for goal in goals:
-            goal.robot_lost(detail)
+            goal.on_robot_lost(detail)
 
     # --- from the wire ------------------------------------------------------------------------------------------
 
