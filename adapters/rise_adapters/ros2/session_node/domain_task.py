@@ -115,15 +115,19 @@ class DomainTaskServer:
 
     def work(self) -> bool:
         """Do one piece of each kind of what waits; false when nothing did."""
-        did = False
-        for kind in (self._answer_next, self._cancel_next, self._submit_next):
-            did = kind() or did
+        did = bool(self._answers or self._cancels or self._goals)
+        if self._answers:
+            self._send_answer(self._answers.popleft())
+        if self._cancels:
+            self._cancel_task(*self._cancels.popleft())
+        if self._goals:
+            self._begin_task(self._goals.popleft())
         return did
 
     def end_all(self, reason: str) -> None:
         """No goal waits for what never comes."""
         while self._answers:
-            self._answer_next()
+            self._send_answer(self._answers.popleft())
         while self._goals:
             self._refuse(self._goals.popleft(), reason)
         while self._cancels:
@@ -173,18 +177,14 @@ class DomainTaskServer:
                 self._goals.append(goal)
             self._wake()
 
-    def _submit_next(self) -> bool:
-        if not self._goals:
-            return False
-        goal = self._goals.popleft()
-        submit = _submit_of(goal)
+    def _begin_task(self, goal: ServerGoal) -> None:
+        submit = _make_submit(goal)
         if submit.function == "releaseStop":
             self._release(goal, self._loop.time() + KNOWN_SECONDS)
         elif submit.function.startswith("start") and len(self._running) >= OPEN:
             self._refuse(goal, f"{OPEN:,} tasks that came as goals are running or waiting already")
         else:
             self._submit(goal, submit, self._member)
-        return True
 
     def _submit(self, goal: ServerGoal, submit: Submit, member: AttachedClient) -> None:
         goal.data = _GoalTask(source=member.source)
@@ -213,7 +213,7 @@ class DomainTaskServer:
 
     def _refuse(self, goal: ServerGoal, reason: str) -> None:
         """Reject what has not come to the record; the topic says why, because the wire cannot."""
-        submit = _submit_of(goal)
+        submit = _make_submit(goal)
         self.refused += 1
         goal.reject()
         self._topics.enqueue_refusal(submit, reason)
@@ -286,14 +286,11 @@ class DomainTaskServer:
         self._answers.append(answer)
         self._wake()
 
-    def _answer_next(self) -> bool:
-        if not self._answers:
-            return False
+    def _send_answer(self, answer: Callable[[], object]) -> None:
         try:
-            self._answers.popleft()()
+            answer()
         except PortError as error:
             _LOG.warning("a client could not be told about its goal: %s", error)
-        return True
 
     # --- cancelling ---------------------------------------------------------------------------------------------
 
@@ -301,17 +298,13 @@ class DomainTaskServer:
         self._cancels.append((goal, decide))
         self._wake()
 
-    def _cancel_next(self) -> bool:
-        if not self._cancels:
-            return False
-        goal, decide = self._cancels.popleft()
+    def _cancel_task(self, goal: ServerGoal, decide: Decide) -> None:
         task = _task_of(goal).id
         if task not in self._running:  # it has ended, and its client is about to be told
             self._answer_later(partial(decide, False))
-            return True
+            return
         submit = Submit(function="cancelTask", behavior=str(task))
         self._hub.submit(self._member, submit, partial(self._take_cancel_reply, submit, decide))
-        return True
 
     def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: link.Reply) -> None:
         if not reply.accepted and reply.task is None:
@@ -347,7 +340,7 @@ def _why_not_released(who: str, named: tuple[str, ...]) -> str:
     return reason + f", and not by {who}"
 
 
-def _submit_of(goal: ServerGoal) -> Submit:
+def _make_submit(goal: ServerGoal) -> Submit:
     message = goal.message
     return Submit(
         function=message["function_type"],

@@ -21,7 +21,7 @@ from rise_adapters.ros2.session_node import diagnostics
 from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
 from rise_adapters.ros2.session_node.memory_service import MemoryService
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
-from rise_adapters.ros2.session_node.record_topics import RecordTopics
+from rise_adapters.ros2.session_node.record_topics import RecordTopics, make_header
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
@@ -130,9 +130,8 @@ class RosSessionInterface:
 
     def _publish_diagnostics(self) -> None:
         statuses = diagnostics.session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status())
-        seconds, rest = divmod(time_ns(), 1_000_000_000)
         try:
-            self._diagnostics.publish({"header": {"stamp": {"sec": seconds, "nanosec": rest}}, "status": statuses})
+            self._diagnostics.publish({"header": make_header(time_ns()), "status": statuses})
         except PortError as error:
             _LOG.debug("no diagnostics: %s", error)
 
