@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.server.hub import SessionHub
+from rise_engine.text import escape_surrogates
 
 TOPIC = "/diagnostics"
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"
@@ -32,9 +33,9 @@ def make_status(hub: SessionHub, name: str, level: int, message: str, values: Ma
     return {
         "level": level,
         "name": f"rise: {name}",
-        "message": _text(message),
+        "message": escape_surrogates(message),
         "hardware_id": hub.engine.scenario.robot.name,
-        "values": [{"key": key, "value": _text(value)} for key, value in values.items()],
+        "values": [{"key": key, "value": escape_surrogates(str(value))} for key, value in values.items()],
     }
 
 
@@ -45,10 +46,7 @@ def _session(hub: SessionHub) -> Message:
     if engine.failure is not None:
         level, message = ERROR, f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
     elif view.ended or engine.ended:
-        level, message = (
-            STALE,
-            f"the session has ended: {view.end_reason}" if view.end_reason else "the session has ended",
-        )
+        level, message = STALE, f"the session has ended: {view.end_reason}".removesuffix(": ")
     elif view.session is None:
         level, message = STALE, "the session has not begun yet"
     elif view.stop.latched:
@@ -105,7 +103,3 @@ def _lag(hub: SessionHub, recent: float, most: float) -> Message:
     level = OK if recent < LAG_WARN else WARN if recent < LAG_ERROR else ERROR
     message = "in time" if level == OK else f"the engine was up to {recent:.2f} s late in the last seconds"
     return make_status(hub, "loop lag", level, message, {"recent (s)": f"{recent:.4f}", "most (s)": f"{most:.4f}"})
-
-
-def _text(value: object) -> str:
-    return str(value).encode("utf-8", "backslashreplace").decode()
