@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
 from rise_adapters.ros2.session_node.neighbours import (
     NeighbourSessions,
-    SessionAnnouncement,
     describe_other_session,
     describe_refusal,
 )
@@ -88,11 +88,8 @@ class Ros2Bridge:
         self._neighbours = neighbours
         self._interface = RosSessionInterface(self._transport, self._hub, neighbours, rosout=self._rosout)
         ParameterServices(self._transport, partial(session_parameters, self._hub))
-        neighbours.on_other_session = self._note_other_session
+        neighbours.on_other_session = lambda other: self._record_note(describe_other_session(other))
         neighbours.announce_serving(self._hub.engine.scenario.title, Path(self._hub.folder).name)
-
-    def _note_other_session(self, other: SessionAnnouncement) -> None:
-        self._note(describe_other_session(other))
 
     async def close(self) -> None:
         """End the goals of other nodes, publish what is still to be said, and leave ROS."""
@@ -111,14 +108,14 @@ class Ros2Bridge:
             if not why:
                 continue
             if not said:
-                self._note(f"the connection to ROS is lost: {why}")
+                self._record_note(f"the connection to ROS is lost: {why}")
                 said = why
             try:
                 fresh = await self._reconnect()
             except BridgeError as error:
                 if str(error) != said:
                     said = str(error)
-                    self._note(f"the connection to ROS cannot be made anew yet: {said}")
+                    self._record_note(f"the connection to ROS cannot be made anew yet: {said}")
                 continue
             said = ""
             interface, self._interface = self._interface, None
@@ -130,12 +127,12 @@ class Ros2Bridge:
                     self._robot.use(fresh)
                 if self._hub is not None and not self._hub.engine.ended:
                     self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
-                self._note("the connection to ROS was made anew")
+                self._record_note("the connection to ROS was made anew")
             except PortError as error:  # it may have gone again already
-                self._note(f"the new connection to ROS cannot be used: {error}")
+                self._record_note(f"the new connection to ROS cannot be used: {error}")
             before.close()
 
-    def _note(self, text: str) -> None:
+    def _record_note(self, text: str) -> None:
         _LOG.warning("%s", text)
         if self._hub is not None and not self._hub.engine.ended:
             self._hub.engine.post(Note(text=text))
@@ -143,40 +140,35 @@ class Ros2Bridge:
 
 async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.ports.bridge.BridgeOpener`)."""
-    try:
-        _, arguments = parameters_as_options(
-            wire.arguments, DEFAULT_NODE_NAME, {}
-        )  # the command line has taken its own
+    try:  # the command line has taken its own parameters
+        _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})
     except PortError as error:
         raise BridgeError([str(error)]) from None
-    try:
-        share = [Path(each) for each in read_options(profile).share] if profile is not None else []
-    except MappingError:
-        assert profile is not None
-        raise BridgeError(mapping_problems(profile)) from None  # also what is wrong elsewhere in it
+    share: list[Path] = []
+    if profile is not None:
+        try:
+            share = [Path(each) for each in read_options(profile).share]
+        except MappingError:
+            raise BridgeError(mapping_problems(profile)) from None  # also what is wrong elsewhere in it
 
-    def connect() -> Awaitable[Transport]:
-        return open_transport(wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
-
+    connect = partial(open_transport, wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
     transport = await connect()
-    try:
-        neighbours = NeighbourSessions(transport)
-        for type in INTERFACE_TYPES:
-            transport.fields(type)
-        mappings = read_mappings(profile, transport.fields) if profile is not None else {}
-        other = await neighbours.find_earlier()
+    with ExitStack() as unless_opened:
+        unless_opened.callback(transport.close)
+        try:
+            neighbours = NeighbourSessions(transport)
+            for type in INTERFACE_TYPES:
+                transport.fields(type)
+            mappings = read_mappings(profile, transport.fields) if profile is not None else {}
+            other = await neighbours.find_earlier()
+        except MappingError as errors:
+            raise BridgeError(errors.findings) from None
+        except PortError as error:
+            raise BridgeError([str(error)]) from None
         if other is not None:
             neighbours.close()
             raise BridgeError(describe_refusal(other, transport))
-    except MappingError as errors:
-        transport.close()
-        raise BridgeError(errors.findings) from None
-    except PortError as error:
-        transport.close()
-        raise BridgeError([str(error)]) from None
-    except BaseException:
-        transport.close()
-        raise
+        unless_opened.pop_all()
     rosout = "--disable-rosout-logs" not in arguments
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
 
