@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.actions import server as action_server
-from rise_adapters.ros2.actions.cancel_request import MOST_WAITING
+from rise_adapters.ros2.actions.cancel_request import MAX_WAITING_REPLIES
 from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
@@ -206,11 +206,11 @@ def test_a_result_can_be_asked_for_before_the_acceptance_and_for_a_while_after_t
 def test_who_asks_for_a_result_again_and_again_is_not_remembered_for_ever() -> None:
     pair = Pair()
     goal = pair.send()
-    for _ in range(MOST_WAITING + 10):
+    for _ in range(MAX_WAITING_REPLIES + 10):
         pair.ask_result()
     goal.succeed()
     pair.run()
-    assert len(pair.results) == MOST_WAITING
+    assert len(pair.results) == MAX_WAITING_REPLIES
 
 
 def test_a_result_that_does_not_fit_leaves_nobody_waiting(caplog: pytest.LogCaptureFixture) -> None:
@@ -371,12 +371,12 @@ def test_cancelling_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_requests_to_cancel_that_nobody_decides_have_a_bound() -> None:
     pair = Pair()
     goal = pair.send()
-    for _ in range(MOST_WAITING + 5):
+    for _ in range(MAX_WAITING_REPLIES + 5):
         pair.cancel(goal.id)
     assert pair.canceled == [CancelResponse(CANCEL_REJECTED, ())] * 5
     pair.server.close()
     pair.run()
-    assert pair.canceled[5:] == [CancelResponse(CANCEL_UNKNOWN, ())] * MOST_WAITING, "it was never accepted"
+    assert pair.canceled[5:] == [CancelResponse(CANCEL_UNKNOWN, ())] * MAX_WAITING_REPLIES, "it was never accepted"
 
 
 # --- many, and for long -------------------------------------------------------------------------------------------

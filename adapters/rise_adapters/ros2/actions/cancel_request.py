@@ -13,7 +13,7 @@ from rise_adapters.ros2.actions.client import CANCEL_NONE, CANCEL_REJECTED
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.transport.port import Message
 
-MOST_WAITING = 64
+MAX_WAITING_REPLIES = 64
 """Requests to cancel one goal, or for its result, that wait at most."""
 
 
@@ -28,7 +28,7 @@ class CancelRequest:
         self._codes: list[int] = []
         self._canceling: list[Message] = []
         for goal in goals:
-            if len(goal.cancel_requests) < MOST_WAITING:
+            if len(goal.cancel_requests) < MAX_WAITING_REPLIES:
                 goal.cancel_requests.append(partial(self._take_decision, goal))
             else:
                 self._take_decision(goal, CANCEL_REJECTED)

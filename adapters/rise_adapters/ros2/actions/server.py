@@ -29,7 +29,7 @@ from functools import partial
 from itertools import islice
 from typing import TypeAlias
 
-from rise_adapters.ros2.actions.cancel_request import MOST_WAITING, CancelRequest
+from rise_adapters.ros2.actions.cancel_request import MAX_WAITING_REPLIES, CancelRequest
 from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
@@ -276,7 +276,7 @@ class ActionServer:
     def _take_result_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
         if (goal := self._goals.get(id)) is not None:
-            if len(goal.result_requests) == MOST_WAITING:
+            if len(goal.result_requests) == MAX_WAITING_REPLIES:
                 del goal.result_requests[0]  # who asks again and again for the same
             goal.result_requests.append(reply)
         elif (goal := self._ended.get(id)) is not None:

@@ -22,7 +22,7 @@ Fault: TypeAlias = Literal["", "unfit", "missing", "double", "silent", "unheard"
 """What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
 unheard: what is sent reaches it, and some of what it says does not arrive."""
 
-UNLISTED = 1.0
+UNLISTED_SECONDS = 1.0
 """Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
 anything. What the middleware has not listed by then it does not list."""
 
@@ -57,7 +57,7 @@ class _ComparedEndpoint:
     @property
     def is_compared(self) -> bool:
         """Everything of it has been compared, or what is missing will not be listed any more."""
-        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED
+        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED_SECONDS
 
     @property
     def is_ready(self) -> bool:

@@ -34,9 +34,9 @@ POLL_WAITING = 0.05
 POLL_IDLE = 0.5
 """... and while nothing does, and all are there."""
 POLL_SOONEST = 0.001
-REMEMBERED = 200
+MAX_REMEMBERED = 200
 """Goals that are kept, to recognise what comes after their end."""
-FAREWELL = 0.5
+FAREWELL_SECONDS = 0.5
 """Seconds for which a client that has just cancelled something stays open after `close`."""
 
 
@@ -173,7 +173,7 @@ class Ros2Robot:
         if self._timer is not None:
             self._timer.cancel()
         # A request that has only just been sent could be lost with its client.
-        self.clock.call_at(self.clock.now() + FAREWELL, partial(close_all, self._endpoints))
+        self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
     def use(self, transport: Transport) -> None:
         """Go on over another transport, because the one before is gone: what ran is lost. The owner closes both.
@@ -349,7 +349,7 @@ class Ros2Robot:
 
     def _forget_oldest(self) -> None:
         """Keep what is remembered within bounds."""
-        if len(self._goals) <= REMEMBERED:
+        if len(self._goals) <= MAX_REMEMBERED:
             return
         for action, goal in tuple(self._goals.items()):
             if not goal.is_live() and action not in self._live:

@@ -31,12 +31,12 @@ from rise_engine.ports.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
 
-ANSWER_WITHIN = 2.5
+ANSWER_SECONDS = 2.5
 """Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
 """After which a server that has not answered is asked once more."""
 
-MOST_BY_ID = 20
+MAX_BY_ID = 20
 """Goals of others that one server is asked about by id at most, in one stop."""
 
 OwnGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
@@ -118,7 +118,7 @@ class CancelAll:
         if self.answer is None:
             return
         unclear = self.still_running() - self._stopping - self._asked_by_id - self._own_goals(self.endpoint).keys()
-        for goal in sorted(unclear)[: max(MOST_BY_ID - len(self._asked_by_id), 0)]:
+        for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
             self._asked_by_id.add(goal)
             servers = self.endpoint.presence.changes
             try:
@@ -148,7 +148,7 @@ class StopAll:
         self._clock = clock
         self._report = report
         self._is_over = False
-        self._until = clock.now() + ANSWER_WITHIN
+        self._until = clock.now() + ANSWER_SECONDS
         self._timer: Timer | None = None
         self._cancels: list[CancelAll] = []
         self._unasked: list[str] = []

@@ -30,13 +30,13 @@ _LOG = logging.getLogger(__name__)
 
 DOMAIN_TASK, DOMAIN_TASK_TYPE = "rise/domain_task", "rise_interfaces/action/DomainTask"
 
-UNDECIDED = 1000
+MAX_UNDECIDED = 1000
 """Goals that wait to be taken, or for the disk, at most."""
-OPEN = 1000
+MAX_OPEN = 1000
 """Acts and rules that goals have started and that have not ended, at most."""
-RELEASING = 10
+MAX_RELEASING = 10
 """Goals to release a stop that wait for that at most."""
-REFUSALS_NOTED = 100
+MAX_REFUSALS_NOTED = 100
 """Different refusals to release a stop that come to the record at most."""
 KNOWN_SECONDS, KNOWN_POLL = 1.0, 0.05
 """For which a node that releases a stop may still be unknown: its goal can be here before word of its name is."""
@@ -158,17 +158,15 @@ class DomainTaskServer:
     # --- goals in -----------------------------------------------------------------------------------------------
 
     def _take_goal(self, goal: ServerGoal) -> None:
-        message = goal.message
-        function, behavior, calling_type = (
-            message[name] for name in ("function_type", "domain_task_behavior", "calling_type")
-        )
-        is_stop = function == "stopAll"
+        submit = _make_submit(goal)
+        is_stop = submit.function == "stopAll"
         if self._gone:
             self._refuse(goal, self._gone)
-        elif len(function) + len(behavior) + len(calling_type) > MAX_MESSAGE_BYTES:
-            message.update(function_type=function[:100], domain_task_behavior=behavior[:100], calling_type="")
+        elif len(submit.function) + len(submit.behavior) + len(submit.calling_type) > MAX_MESSAGE_BYTES:
+            beginning = {"function_type": submit.function[:100], "domain_task_behavior": submit.behavior[:100]}
+            goal.message.update(beginning, calling_type="")
             self._refuse(goal, f"a task may have {MAX_MESSAGE_BYTES:,} characters at most")
-        elif self.waiting >= (2 * UNDECIDED if is_stop else UNDECIDED):
+        elif self.waiting >= (2 * MAX_UNDECIDED if is_stop else MAX_UNDECIDED):
             self._refuse(goal, f"{self.waiting:,} goals are waiting already; send the next when one has been accepted")
         else:
             if is_stop:
@@ -180,9 +178,9 @@ class DomainTaskServer:
     def _begin_task(self, goal: ServerGoal) -> None:
         submit = _make_submit(goal)
         if submit.function == "releaseStop":
-            self._release(goal, self._loop.time() + KNOWN_SECONDS)
-        elif submit.function.startswith("start") and len(self._running) >= OPEN:
-            self._refuse(goal, f"{OPEN:,} tasks that came as goals are running or waiting already")
+            self._release_stop(goal, self._loop.time() + KNOWN_SECONDS)
+        elif submit.function.startswith("start") and len(self._running) >= MAX_OPEN:
+            self._refuse(goal, f"{MAX_OPEN:,} tasks that came as goals are running or waiting already")
         else:
             self._submit(goal, submit, self._member)
 
@@ -199,11 +197,8 @@ class DomainTaskServer:
         """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
         self._submitted.pop(goal.id.hex(), None)
         task = _task_of(goal)
-        if not reply.accepted:
-            if task.records:  # which say why
-                self._answer_later(goal.reject)
-            else:
-                self._answer_later(partial(self._refuse, goal, reply.reason))
+        if not reply.accepted:  # its records say why, if it has any
+            self._answer_later(goal.reject if task.records else partial(self._refuse, goal, reply.reason))
             return
         task.accepted = True
         self._answer_later(goal.accept)
@@ -233,7 +228,7 @@ class DomainTaskServer:
 
     # --- releasing a stop ---------------------------------------------------------------------------------------
 
-    def _release(self, goal: ServerGoal, until: float) -> None:
+    def _release_stop(self, goal: ServerGoal, until: float) -> None:
         """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
         says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
         self._releasing.discard(goal.id)
@@ -249,16 +244,16 @@ class DomainTaskServer:
             member = self._hub.attach("node", "node", f"ros:{who}")
             self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), member)
             self._loop.call_soon(self._hub.detach, member)
-        elif self._loop.time() < until and not self._gone and len(self._releasing) < RELEASING:
+        elif self._loop.time() < until and not self._gone and len(self._releasing) < MAX_RELEASING:
             self._releasing.add(goal.id)
-            self._loop.call_later(KNOWN_POLL, self._release, goal, until)
+            self._loop.call_later(KNOWN_POLL, self._release_stop, goal, until)
         else:
             self._refuse_release(goal, f"it says that it is {who}, and no node of that name uses {action}")
 
     def _refuse_release(self, goal: ServerGoal, reason: str) -> None:
         self._refuse(goal, reason)
         text = f"a node asked to release the stop and may not: {reason}"
-        if text not in self._refused_releases and len(self._refused_releases) < REFUSALS_NOTED:
+        if text not in self._refused_releases and len(self._refused_releases) < MAX_REFUSALS_NOTED:
             self._refused_releases.add(text)
             self._hub.submit(self._member, Note(text=text), _ignore)
 

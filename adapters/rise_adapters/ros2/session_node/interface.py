@@ -39,7 +39,7 @@ SLICE_SECONDS = 0.0005
 """For which work is done in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
 GOODBYE_SECONDS = 1.0
 """For what is still to be published at the end."""
-GONE = "the session is not on ROS any more"
+GONE_REASON = "the session is not on ROS any more"
 
 
 class RosSessionInterface:
@@ -87,7 +87,7 @@ class RosSessionInterface:
         self._slicer.cancel()
         self._slicer.run_slice(GOODBYE_SECONDS)
         self._publish_diagnostics()
-        await self._tasks.close(GONE)
+        await self._tasks.close(GONE_REASON)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
         self._hub.detach(self._member)
@@ -114,7 +114,7 @@ class RosSessionInterface:
         elif engine.ended:
             reason = f"the session has ended: {self._hub.end_reason}".removesuffix(": ")
         else:
-            reason = GONE
+            reason = GONE_REASON
         self._tasks.end_all(reason)
 
     # --- how it is ----------------------------------------------------------------------------------------------
