@@ -70,7 +70,7 @@ class Ros2Bridge:
         self._robot: Ros2Robot | None = None
         self._hub: SessionHub | None = None
         self._interface: RosSessionInterface | None = None
-        self._watching = asyncio.get_running_loop().create_task(self._watch_connection())
+        self._watcher = asyncio.get_running_loop().create_task(self._watch_connection())
 
     def robot(self, clock: Clock) -> Robot:
         """The robot of the profile that the bridge was opened with, by the session's `clock`."""
@@ -93,7 +93,7 @@ class Ros2Bridge:
 
     async def close(self) -> None:
         """End the goals of other nodes, publish what is still to be said, and leave ROS."""
-        self._watching.cancel()
+        self._watcher.cancel()
         self._neighbours.close()
         if self._interface is not None:
             await self._interface.close()
@@ -101,30 +101,30 @@ class Ros2Bridge:
 
     async def _watch_connection(self) -> None:
         """A middleware that was shut down under the session is started again; the robot has noticed by itself."""
-        said = ""
+        reported = ""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
             why = self._transport.failure()
             if not why:
                 continue
-            if not said:
+            if not reported:
                 self._record_note(f"the connection to ROS is lost: {why}")
-                said = why
+                reported = why
             try:
                 fresh = await self._reconnect()
             except BridgeError as error:
-                if str(error) != said:
-                    said = str(error)
-                    self._record_note(f"the connection to ROS cannot be made anew yet: {said}")
+                if str(error) != reported:
+                    reported = str(error)
+                    self._record_note(f"the connection to ROS cannot be made anew yet: {reported}")
                 continue
-            said = ""
+            reported = ""
             interface, self._interface = self._interface, None
             if interface is not None:
                 await interface.close()
             before, self._transport = self._transport, fresh
             try:
                 if self._robot is not None:
-                    self._robot.use(fresh)
+                    self._robot.switch_transport(fresh)
                 if self._hub is not None and not self._hub.engine.ended:
                     self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
                 self._record_note("the connection to ROS was made anew")

@@ -89,11 +89,11 @@ def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
 def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, full: str) -> str:
     """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
     if comparison.seen:
-        return f"{full} is seen at {_join(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
+        return f"{full} is seen at {_join_names(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
     return f"nothing {'offers' if mapping.kind == 'action' else 'listens to'} {full}"
 
 
-def several_servers(count: int, full: str) -> str:
+def describe_several_servers(count: int, full: str) -> str:
     """The sentence about an action that is offered more than once."""
     return f"{count} nodes offer {full}, so the robot would do everything {count} times"
 
@@ -109,8 +109,8 @@ def describe_misfits(misfits: Iterable[Misfit]) -> str:
     for misfit in misfits:
         names.setdefault((misfit.statement, misfit.remedy), []).append(misfit.name)
     return "; ".join(
-        f"{first} {says}{f' (and so with {_join(more)})' if more else ''}; {remedy}"
-        for (says, remedy), (first, *more) in names.items()
+        f"{first} {statement}{f' (and so with {_join_names(more)})' if more else ''}; {remedy}"
+        for (statement, remedy), (first, *more) in names.items()
     )
 
 
@@ -131,8 +131,10 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
             wanted_type = answered if answers else asked
             misfit = _middleware_misfit(transport, full, end)
             misfit = misfit or _type_misfit(transport, mapping, end, wanted_type, found)
-            if misfit is None and (lacks := qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)):
-                does = f"answers {lacks[0]}" if answers else f"wants goals {lacks[1]}"
+            if misfit is None and (
+                conflict := qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
+            ):
+                does = f"answers {conflict[0]}" if answers else f"wants goals {conflict[1]}"
                 misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no service of ROS is", "correct it in the wrapper")
             if misfit is not None:
                 found.unusable.append(misfit)
@@ -143,9 +145,9 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
             misfit = _type_misfit(transport, mapping, end, types[part], found)
             if misfit is not None:
                 found.unusable.append(misfit)
-            elif lacks := qos_conflict(end.qos, wanted):
-                says = f"publishes its {part} {lacks[0]}, and here it is wanted {lacks[1]}"
-                found.unheard.append(_qos_misfit(full, says, f"qos.{part}", lacks[2]))
+            elif conflict := qos_conflict(end.qos, wanted):
+                statement = f"publishes its {part} {conflict[0]}, and here it is wanted {conflict[1]}"
+                found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict[2]))
     return found
 
 
@@ -157,9 +159,9 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
     for end in transport.subscriber_endpoints(full):
         found.seen.append(describe_node(end.node))
         misfit = _type_misfit(transport, mapping, end, mapping.type, found)
-        if misfit is None and (lacks := qos_conflict(mapping.topic_qos, end.qos)):
-            says = f"is wanted {lacks[1]}{_owner(end)}, and is published here {lacks[0]}"
-            misfit = _qos_misfit(full, says, "qos", lacks[3])
+        if misfit is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
+            statement = f"is wanted {conflict[1]}{_describe_owner(end)}, and is published here {conflict[0]}"
+            misfit = _qos_misfit(full, statement, "qos", conflict[3])
         if misfit is None:
             fits = True
         elif misfit.kind == OTHER_VERSION:
@@ -175,11 +177,11 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
 def _middleware_misfit(transport: Transport, full: str, end: RemoteEndpoint) -> Misfit | None:
     if vendors.services_cross(transport.vendor, end.vendor) != "no":
         return None
-    says = (
-        f"is offered{_owner(end)} over {vendors.vendor_name(end.vendor)}, and this program uses "
+    statement = (
+        f"is offered{_describe_owner(end)} over {vendors.vendor_name(end.vendor)}, and this program uses "
         f"{vendors.vendor_name(transport.vendor)}: services and actions do not cross from one to the other"
     )
-    return Misfit(OTHER_MIDDLEWARE, full, says, same_middleware_remedy(transport, end.vendor))
+    return Misfit(OTHER_MIDDLEWARE, full, statement, same_middleware_remedy(transport, end.vendor))
 
 
 def same_middleware_remedy(transport: Transport, other: str) -> str:
@@ -207,8 +209,8 @@ def _type_misfit(
         found.unannounced = True
     elif end.hash not in (own, transport.type_hash(_service_of(wanted))):  # some middleware announces the service's
         what = mapping.type if wanted.startswith(mapping.type) else ros_type(wanted)
-        says = f"is {verb}{_owner(end)} with another version of {what}"
-        return Misfit(OTHER_VERSION, full, says, SAME_RELEASE)
+        statement = f"is {verb}{_describe_owner(end)} with another version of {what}"
+        return Misfit(OTHER_VERSION, full, statement, SAME_RELEASE)
     return None
 
 
@@ -262,11 +264,11 @@ def describe_node(name: str) -> str:
     return f"a program {name or 'whose node is not known'}"
 
 
-def _owner(end: RemoteEndpoint) -> str:
+def _describe_owner(end: RemoteEndpoint) -> str:
     """Whose it is. (That is announced separately, and may come later or never.)"""
     return f" by {describe_node(end.node)}" if end.node else ""
 
 
-def _join(names: Iterable[str]) -> str:
+def _join_names(names: Iterable[str]) -> str:
     *others, last = names
     return f"{', '.join(others)} and {last}" if others else last

@@ -164,7 +164,7 @@ def _read_file(path: Path, full: str) -> Iterator[GivenParameter]:
     found = list(_find_sections(read, "", str(path)))
     # What is said of this node counts more than what is said of all.
     for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
-        if _matches(pattern, full):
+        if _matches_node(pattern, full):
             for name, value in _flatten(section, ""):
                 yield GivenParameter(name, value, for_all_nodes="*" in pattern)
 
@@ -181,7 +181,7 @@ def _find_sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dic
             yield from _find_sections(value, f"{where}/{str(key).strip('/')}", path)
 
 
-def _matches(pattern: str, full: str) -> bool:
+def _matches_node(pattern: str, full: str) -> bool:
     """`*` is one part of a name, `**` any number of parts."""
     parts = ["(/[^/]+)*" if part == "**" else "/[^/]+" if part == "*" else re.escape(f"/{part}")
              for part in pattern.strip("/").split("/")]  # fmt: skip

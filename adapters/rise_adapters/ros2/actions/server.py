@@ -1,16 +1,17 @@
 """Serving a ROS 2 action, on the three services and two topics that one is made of (https://design.ros2.org/articles/actions.html).
 
-    def wanted(goal: ServerGoal) -> None:        # at once or later: accept or reject, then exactly one ending
+    def take_goal(goal: ServerGoal) -> None:        # at once or later: accept or reject, then exactly one ending
         goal.accept()
         goal.execute()
-        goal.feedback({"progress": 0.5})
+        goal.publish_feedback({"progress": 0.5})
         goal.succeed({"reason": ""})
 
-    def cancel(goal: ServerGoal, decide: Decide) -> None:        # at once or later
+    def take_cancel(goal: ServerGoal, decide: Decide) -> None:        # at once or later
         decide(True)
         goal.cancel({"reason": "cancelled"})
 
-    server = ActionServer(transport, "rise/robot/speech", "rise_interfaces/action/Speech", wanted, cancel, clock=clock)
+    type = "rise_interfaces/action/Speech"
+    server = ActionServer(transport, "rise/robot/speech", type, take_goal, take_cancel, clock=clock)
 
 Several goals at once, one at a time, the latest wins: that is the caller's policy. What the server sees to, whatever
 the caller and the clients do:
@@ -26,7 +27,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import partial
-from itertools import islice
+from itertools import islice, takewhile
 from typing import TypeAlias
 
 from rise_adapters.ros2.actions.cancel_request import MAX_WAITING_REPLIES, CancelRequest
@@ -242,15 +243,11 @@ class ActionServer:
 
     def _expire(self) -> None:
         self._expiry = None
-        now, ended = self._clock.now(), self._ended
-        over = 0
-        for goal in ended.values():
-            if goal.expires_at > now + 0.001:
-                self._expiry = self._clock.call_at(goal.expires_at, self._expire)
-                break
-            over += 1
-        for id in list(islice(ended, over)):
-            del ended[id]
+        until = self._clock.now() + 0.001
+        for goal in list(takewhile(lambda goal: goal.expires_at <= until, self._ended.values())):
+            del self._ended[goal.id]
+        if self._ended:
+            self._expiry = self._clock.call_at(next(iter(self._ended.values())).expires_at, self._expire)
         self._status.publish_soon()
 
     def _listed_goals(self) -> list[ServerGoal]:

@@ -335,7 +335,7 @@ class ActionGoal:
         if self.phase == "ended":
             self._take_late_result(servers, status)
         elif status not in FINAL_STATUSES:  # UNKNOWN, or what no result can have: never a success by itself
-            self._take_unknown(servers)
+            self._take_unknown_goal(servers)
         else:
             self._result.taken = True
             self.may_be_running = False
@@ -360,7 +360,7 @@ class ActionGoal:
         presence = self.endpoint.presence
         return presence.count == 1 and presence.changes == servers
 
-    def _take_unknown(self, servers: int) -> None:
+    def _take_unknown_goal(self, servers: int) -> None:
         """The server does not know it: one that was restarted, or that keeps no results. The latter's status topic says
         how it ended, perhaps a moment later."""
         presence = self.endpoint.presence

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
-from rise_adapters.ros2.compatibility import MISFIT_KINDS, several_servers
+from rise_adapters.ros2.compatibility import MISFIT_KINDS, describe_several_servers
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.cancellation import Cancellation
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint
@@ -33,10 +33,10 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
-        why = _read(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
+        why = _read_reason(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
         return "failed", f"aborted: {why}"
-    if wrong := _read(mapping.failure, result, name):
-        return "failed", f"robot-error: {wrong}"
+    if failure := _read_reason(mapping.failure, result, name):
+        return "failed", f"robot-error: {failure}"
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
     return "succeeded", ""
@@ -84,16 +84,16 @@ def of_missing_server(endpoint: ActionEndpoint, sends: int) -> Outcome:
     """Nothing took it in time. `sends`: how often it was sent nevertheless."""
     presence = endpoint.presence
     if sends:
-        why = f"what offers {endpoint.name} went away {times(sends)} before it took it"
+        why = f"what offers {endpoint.name} went away {times_in_words(sends)} before it took it"
     elif presence.count and not presence.is_settled:
-        why = f"{endpoint.name} comes and goes, {times(presence.losses)} lately"
+        why = f"{endpoint.name} comes and goes, {times_in_words(presence.recent_losses)} lately"
     else:
-        why = trouble_of_missing(endpoint)
+        why = describe_missing(endpoint)
     return "failed", f"server-missing: {why}"
 
 
 def of_two_servers(endpoint: ActionEndpoint) -> Outcome:
-    return "failed", f"two-servers: {several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
+    return "failed", f"two-servers: {describe_several_servers(endpoint.presence.count, endpoint.name)}; end all but one"
 
 
 def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
@@ -103,16 +103,16 @@ def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
     return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"
 
 
-def trouble_of_missing(endpoint: Endpoint) -> str:
+def describe_missing(endpoint: Endpoint) -> str:
     """Why an endpoint cannot be reached, with a hint where nothing of it is seen."""
     return endpoint.trouble + ("" if endpoint.comparison.seen else "; is the robot's wrapper running?")
 
 
-def times(number: int) -> str:
+def times_in_words(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _read(read: Callable[[Message], str], result: Message, name: str) -> str:
+def _read_reason(read: Callable[[Message], str], result: Message, name: str) -> str:
     try:
         return read(result)
     except Exception as error:

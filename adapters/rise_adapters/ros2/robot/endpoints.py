@@ -136,7 +136,7 @@ class ActionEndpoint(_ComparedEndpoint):
         if not self.presence.is_settled:
             return f"{self.name} comes and goes"
         if self.presence.count > 1:
-            return compatibility.several_servers(self.presence.count, self.name)
+            return compatibility.describe_several_servers(self.presence.count, self.name)
         return f"{self.name} does not answer" if self.is_compared else f"{self.name} has only just been found"
 
     def close(self) -> None:

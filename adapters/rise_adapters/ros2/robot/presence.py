@@ -42,9 +42,8 @@ class ServerPresence:
             self.was_seen = True
             self.appeared_at = now
             self.appeared_twice = count > 1
-            seconds = (
-                min(SETTLING_SECONDS * 2 ** (losses - 1), MAX_SETTLING_SECONDS) if (losses := self.losses) else 0.0
-            )
+            losses = self.recent_losses
+            seconds = min(SETTLING_SECONDS * 2 ** (losses - 1), MAX_SETTLING_SECONDS) if losses else 0.0
             self._settled_at = now + seconds
         elif before and not count:
             self._losses.append(now)
@@ -54,7 +53,7 @@ class ServerPresence:
         return False
 
     @property
-    def losses(self) -> int:
+    def recent_losses(self) -> int:
         """How often it has gone lately."""
         since = self._clock.now() - UNSTEADY_SECONDS
         while self._losses and self._losses[0] < since:

@@ -175,7 +175,7 @@ class Ros2Robot:
         # A request that has only just been sent could be lost with its client.
         self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
-    def use(self, transport: Transport) -> None:
+    def switch_transport(self, transport: Transport) -> None:
         """Go on over another transport, because the one before is gone: what ran is lost. The owner closes both.
 
         Raises PortError when a type cannot be had there.
@@ -271,10 +271,10 @@ class Ros2Robot:
             if endpoint.presence.count != before:
                 changed.append((endpoint, gone))
             if not lost and (endpoint is turn or endpoint.presence.count != before or not endpoint.comparison.complete):
-                self._compare(endpoint)
+                self._compare_endpoint(endpoint)
         if not changed:
             return
-        if self._reported is not None and self._standing().status == "lost":
+        if self._reported is not None and self._assess_standing().status == "lost":
             self._report_standing()  # first that the robot is lost: then nothing new is begun in answer to its losses
         for endpoint, gone in changed:
             for goal in tuple(self._goals.values()):
@@ -286,7 +286,7 @@ class Ros2Robot:
         if self._stop is not None:
             self._stop.poll()
 
-    def _compare(self, endpoint: Endpoint) -> None:
+    def _compare_endpoint(self, endpoint: Endpoint) -> None:
         endpoint.compare()
         unknown = endpoint.comparison.unannounced or not endpoint.comparison.complete
         is_there = endpoint.presence.is_settled and endpoint.is_compared
@@ -296,13 +296,13 @@ class Ros2Robot:
 
     # --- how the robot stands -----------------------------------------------------------------------------------
 
-    def _standing(self) -> Standing:
+    def _assess_standing(self) -> Standing:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
         return standing.assess(self._transport, self._endpoints, busy)
 
     def _report_standing(self) -> None:
         """Report how the robot stands, when that has changed."""
-        now = self._standing()
+        now = self._assess_standing()
         if self._reported is None:
             if now.status != "connected" and not self._transport.failure() and self._is_discovering():
                 return
@@ -322,7 +322,7 @@ class Ros2Robot:
 
     def _report_lost(self, detail: str) -> None:
         """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""
-        self._reported = Standing("lost", self._standing().faults)
+        self._reported = Standing("lost", self._assess_standing().faults)
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
         for goal in goals:
             if goal.phase == "waiting":

@@ -71,7 +71,7 @@ class CancelAll:
             if goal in own:
                 own[goal].cancellation.confirm()
 
-    def still_running(self) -> set[bytes]:
+    def find_running(self) -> set[bytes]:
         """Goals that may be running there."""
         statuses = self.endpoint.client.statuses
         self._known |= self.endpoint.client.unfinished_goals()
@@ -87,7 +87,7 @@ class CancelAll:
 
     def is_confirmed(self) -> bool:
         """Whether the one server that there is has answered, and nothing runs there."""
-        running = self.still_running()  # also notes what is listed, so it is asked first
+        running = self.find_running()  # also notes what is listed, so it is asked first
         return not running and self.answer is not None and self.endpoint.presence.count == 1
 
     def why_unconfirmed(self) -> str:
@@ -98,7 +98,7 @@ class CancelAll:
         if self.answer is None:
             self.endpoint.mark_unanswered()
             return "no answer"
-        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.still_running()):
+        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.find_running()):
             return "it refused"
         return "still running"
 
@@ -112,12 +112,12 @@ class CancelAll:
             for goal in goals
         )
 
-    def ask_by_id(self, changed: Callable[[], None]) -> None:
+    def ask_about_others(self, changed: Callable[[], None]) -> None:
         """About goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
         `changed` is called with each answer."""
         if self.answer is None:
             return
-        unclear = self.still_running() - self._stopping - self._asked_by_id - self._own_goals(self.endpoint).keys()
+        unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals(self.endpoint).keys()
         for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
             self._asked_by_id.add(goal)
             servers = self.endpoint.presence.changes
@@ -169,7 +169,7 @@ class StopAll:
 
     def poll(self) -> None:
         """Something has changed: have all confirmed?"""
-        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `still_running`
+        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `find_running`
         if not self._is_over and all(confirmed):
             self._finish()
 
@@ -195,7 +195,7 @@ class StopAll:
 
     def _take_answer(self, cancel: CancelAll, answer: CancelResponse) -> None:
         cancel.take_answer(answer)
-        cancel.ask_by_id(self.poll)
+        cancel.ask_about_others(self.poll)
         self.poll()
 
     def _finish(self) -> None:

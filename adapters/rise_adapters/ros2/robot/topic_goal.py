@@ -56,7 +56,7 @@ class TopicGoal:
             elif self.endpoint.is_ready:
                 self._publish()
             elif now >= self._deadline:
-                self._end("failed", f"server-missing: {endings.trouble_of_missing(self.endpoint)}")
+                self._end("failed", f"server-missing: {endings.describe_missing(self.endpoint)}")
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
 

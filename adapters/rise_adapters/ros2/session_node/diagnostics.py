@@ -25,7 +25,7 @@ def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message) ->
 
     `lag`: seconds that the loop was late at most, lately and ever. `ros`: the status of the connection to ROS itself.
     """
-    return [_session(hub), _robot(hub), _journal(hub), _lag(hub, *lag), ros]
+    return [_session_status(hub), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
 
 
 def make_status(hub: SessionHub, name: str, level: int, message: str, values: Mapping[str, object]) -> Message:
@@ -39,7 +39,7 @@ def make_status(hub: SessionHub, name: str, level: int, message: str, values: Ma
     }
 
 
-def _session(hub: SessionHub) -> Message:
+def _session_status(hub: SessionHub) -> Message:
     engine, view = hub.engine, hub.view
     scenario = engine.scenario
     level, message = OK, "running" if view.running else "idle"
@@ -72,7 +72,7 @@ def _session(hub: SessionHub) -> Message:
     return make_status(hub, "session", level, message, values)
 
 
-def _robot(hub: SessionHub) -> Message:
+def _robot_status(hub: SessionHub) -> Message:
     robot = hub.view.robot
     if robot is None:
         level, message = STALE, "no word from the robot yet"
@@ -85,7 +85,7 @@ def _robot(hub: SessionHub) -> Message:
     return make_status(hub, "robot link", level, message, {"robot": profile.title, "driver": driver, **since})
 
 
-def _journal(hub: SessionHub) -> Message:
+def _journal_status(hub: SessionHub) -> Message:
     journaling = hub.engine.journal_status
     if journaling.trouble:
         level, message = ERROR, f"nothing can be recorded, so the session is paused: {journaling.trouble}"
@@ -99,7 +99,7 @@ def _journal(hub: SessionHub) -> Message:
     return make_status(hub, "journal", level, message, values)
 
 
-def _lag(hub: SessionHub, recent: float, most: float) -> Message:
+def _lag_status(hub: SessionHub, recent: float, most: float) -> Message:
     level = OK if recent < LAG_WARN else WARN if recent < LAG_ERROR else ERROR
     message = "in time" if level == OK else f"the engine was up to {recent:.2f} s late in the last seconds"
     return make_status(hub, "loop lag", level, message, {"recent (s)": f"{recent:.4f}", "most (s)": f"{most:.4f}"})

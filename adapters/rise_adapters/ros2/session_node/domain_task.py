@@ -203,7 +203,7 @@ class DomainTaskServer:
         task.accepted = True
         self._answer_later(goal.accept)
         for record in task.records:
-            self._answer_later(partial(_apply, goal, record))
+            self._answer_later(partial(_update_goal, goal, record))
         task.records = []
 
     def _refuse(self, goal: ServerGoal, reason: str) -> None:
@@ -234,21 +234,21 @@ class DomainTaskServer:
         self._releasing.discard(goal.id)
         if goal.is_decided:
             return
-        who = str(goal.message["domain_task_behavior"]).strip()
-        named = self._hub.engine.scenario.may_release
-        if not who.startswith("/") or who not in named:
-            self._refuse_release(goal, _why_not_released(who, named))
+        node = str(goal.message["domain_task_behavior"]).strip()
+        allowed = self._hub.engine.scenario.may_release
+        if not node.startswith("/") or node not in allowed:
+            self._refuse_release(goal, _why_not_released(node, allowed))
             return
         action = self._transport.resolve(DOMAIN_TASK)
-        if who in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
-            member = self._hub.attach("node", "node", f"ros:{who}")
+        if node in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
+            member = self._hub.attach("node", "node", f"ros:{node}")
             self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), member)
             self._loop.call_soon(self._hub.detach, member)
         elif self._loop.time() < until and not self._gone and len(self._releasing) < MAX_RELEASING:
             self._releasing.add(goal.id)
             self._loop.call_later(KNOWN_POLL, self._release_stop, goal, until)
         else:
-            self._refuse_release(goal, f"it says that it is {who}, and no node of that name uses {action}")
+            self._refuse_release(goal, f"it says that it is {node}, and no node of that name uses {action}")
 
     def _refuse_release(self, goal: ServerGoal, reason: str) -> None:
         self._refuse(goal, reason)
@@ -272,7 +272,7 @@ class DomainTaskServer:
         else:
             self._running[record.id] = goal
         if _task_of(goal).accepted:
-            self._answer_later(partial(_apply, goal, record))
+            self._answer_later(partial(_update_goal, goal, record))
         else:
             _task_of(goal).records.append(record)
 
@@ -307,7 +307,7 @@ class DomainTaskServer:
         self._answer_later(partial(decide, reply.accepted))
 
 
-def _apply(goal: ServerGoal, record: TaskRecord) -> None:
+def _update_goal(goal: ServerGoal, record: TaskRecord) -> None:
     """Bring a goal to where its task is."""
     result = {"status": record.status, "reason": record.reason, "task": record.id}
     match record.status:
@@ -324,15 +324,15 @@ def _apply(goal: ServerGoal, record: TaskRecord) -> None:
             goal.publish_feedback({"status": status, "reason": record.reason, "position": position})
 
 
-def _why_not_released(who: str, named: tuple[str, ...]) -> str:
-    """`who`: what the node says that it is; `named`: those that the scenario allows to."""
+def _why_not_released(node: str, allowed: tuple[str, ...]) -> str:
+    """`node`: what the node says that it is; `allowed`: those that the scenario allows to."""
     reason = "a stop is released by who holds control, "
-    reason += f"or by {', '.join(named)}" if named else "or by a node that scenario.toml names"
-    if not who:
+    reason += f"or by {', '.join(allowed)}" if allowed else "or by a node that scenario.toml names"
+    if not node:
         return reason + "; a node says who it is: domain_task_behavior is its full name"
-    if not named:
-        return reason + f': [control] may_release = ["{who if who.startswith("/") else f"/{who}"}"]'
-    return reason + f", and not by {who}"
+    if not allowed:
+        return reason + f': [control] may_release = ["{node if node.startswith("/") else f"/{node}"}"]'
+    return reason + f", and not by {node}"
 
 
 def _make_submit(goal: ServerGoal) -> Submit:

@@ -52,7 +52,7 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
     pid: int = 0
 
     def __str__(self) -> str:
-        title, folder, node, host = map(_printable, (self.title, self.folder, self.node, self.host))
+        title, folder, node, host = map(_keep_printable, (self.title, self.folder, self.node, self.host))
         what = " ".join(filter(None, [title and f"“{title}”", folder and f"({folder})"]))
         return f"{what or 'a session'}, node {node} on {host}, process {self.pid}"
 
@@ -152,7 +152,7 @@ def describe_other_session(other: SessionAnnouncement) -> str:
     )
 
 
-def _printable(text: str) -> str:
+def _keep_printable(text: str) -> str:
     """What others say of themselves, fit for a line on a screen."""
     return "".join(letter for letter in text if letter.isprintable())[:_MAX_CHARACTERS]
 

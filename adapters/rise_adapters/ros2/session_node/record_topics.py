@@ -96,7 +96,7 @@ class RecordTopics:
 
     def _publish_record(self, record: AnyRecord) -> None:
         header = make_header(wall_to_nanoseconds(record.wall))
-        self._log(rosout_topic.log_line_for_record(record), header)
+        self._publish_log_line(rosout_topic.log_line_for_record(record), header)
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
@@ -129,7 +129,7 @@ class RecordTopics:
                 },
             )
 
-    def _log(self, line: rosout_topic.LogLine | None, header: Message) -> None:
+    def _publish_log_line(self, line: rosout_topic.LogLine | None, header: Message) -> None:
         if line is None or self._rosout is None:
             return
         level, text = line
