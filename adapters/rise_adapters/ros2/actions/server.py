@@ -39,10 +39,8 @@ from rise_adapters.ros2.actions.client import (
     CANCEL_REJECTED,
     CANCEL_TERMINATED,
     CANCEL_UNKNOWN,
-    CANCELED,
     CANCELING,
     EXECUTING,
-    SUCCEEDED,
     UNKNOWN,
 )
 from rise_adapters.ros2.actions.server_goal import ServerGoal
@@ -150,9 +148,9 @@ class ActionServer:
         self._closed = True
         for goal in self.goals:
             if goal.is_decided:
-                self.end(goal, ABORTED, result)
+                goal.abort(result)
             else:
-                self.reject(goal)
+                goal.reject()
         self._status.close()
         self._release()
 
@@ -175,71 +173,37 @@ class ActionServer:
         for handle in (*self._services, self._feedback):
             handle.close()
 
-    # --- the life of a goal (`GoalServer`) ----------------------------------------------------------------------
+    # --- what goals need (`GoalServer`) ---------------------------------------------------------------------------
 
-    def accept(self, goal: ServerGoal) -> bool:
-        """As `ServerGoal.accept`."""
-        reply, goal.reply = goal.reply, None
-        if reply is None:
+    def send_reply(self, reply: SendReply, message: Message) -> bool:
+        try:
+            reply(message)
+        except PortError as error:
+            _LOG.warning("an answer of %s could not be sent: %s", self.name, error)
             return False
-        goal.status = ACCEPTED
-        self._send_reply(reply, {"accepted": True, "stamp": goal.info["stamp"]})
-        if goal.cancel_requests:
+        return True
+
+    def send_feedback(self, goal: ServerGoal, message: Message) -> None:
+        self._feedback.publish({"goal_id": goal.info["goal_id"], "feedback": message})
+
+    def on_status_changed(self, goal: ServerGoal) -> None:
+        if goal.has_ended:
+            del self._goals[goal.id]
+            if goal.status == UNKNOWN:
+                return
+            self._keep(goal)
+        elif goal.status == ACCEPTED and goal.cancel_requests:
             self._clock.call_at(self._clock.now(), partial(self._request_cancel, goal))
         self._status.publish_soon()
-        return True
 
-    def reject(self, goal: ServerGoal) -> bool:
-        """As `ServerGoal.reject`."""
-        reply, goal.reply = goal.reply, None
-        if reply is None:
-            return False
-        self._goals.pop(goal.id, None)
-        goal.message = {}
-        self._send_reply(reply, {"accepted": False})
-        for each in goal.result_requests:
-            self._send_reply(each, {"status": UNKNOWN})
-        goal.result_requests.clear()
-        _reply_to_cancels(goal, CANCEL_UNKNOWN)
-        return True
-
-    def execute(self, goal: ServerGoal) -> bool:
-        """As `ServerGoal.execute`."""
-        if goal.status == UNKNOWN and not self.accept(goal):
-            return False
-        if goal.status != ACCEPTED:
-            return goal.status == CANCELING
-        goal.status = EXECUTING
-        self._status.publish_soon()
-        return True
-
-    def publish_feedback(self, goal: ServerGoal, message: Message) -> bool:
-        """As `ServerGoal.publish_feedback`."""
-        if goal.status not in (ACCEPTED, EXECUTING, CANCELING):
-            return False
-        self._feedback.publish({"goal_id": goal.info["goal_id"], "feedback": message})
-        return True
-
-    def end(self, goal: ServerGoal, status: int, result: Message | None) -> bool:
-        """End it with `status` (SUCCEEDED, ABORTED or CANCELED) and the fields of its result; True when it counted."""
-        if goal.status >= SUCCEEDED or (goal.status == UNKNOWN and not self.accept(goal)):
-            return False
-        del self._goals[goal.id]
-        goal.status = status
-        goal.message = {}
-        goal.result = {"status": status, "result": result or {}}
-        for reply in goal.result_requests:
-            self._send_result(goal, reply)
-        goal.result_requests.clear()
-        _reply_to_cancels(goal, CANCEL_NONE if status == CANCELED else CANCEL_TERMINATED)
+    def _keep(self, goal: ServerGoal) -> None:
+        """Its result can be asked for a while."""
         goal.expires_at = self._clock.now() + self._timeout
         self._ended[goal.id] = goal
         if len(self._ended) > MAX_ENDED:
             del self._ended[next(iter(self._ended))]
         if self._expiry is None and not self._closed:
             self._expiry = self._clock.call_at(goal.expires_at, self._expire)
-        self._status.publish_soon()
-        return True
 
     def _expire(self) -> None:
         self._expiry = None
@@ -260,15 +224,15 @@ class ActionServer:
     def _take_goal_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
         if self._closed or id == ALL_GOALS or id in self._goals or id in self._ended:
-            self._send_reply(reply, {"accepted": False})
+            self.send_reply(reply, {"accepted": False})
             return
         goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
         try:
             self._take_goal(goal)
         except Exception:  # without an answer the client would wait for ever
             _LOG.exception("a goal of %s could not be handled", self.name)
-            if not self.reject(goal):
-                self.end(goal, ABORTED, None)
+            if not goal.reject():
+                goal.abort()
 
     def _take_result_request(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
@@ -277,9 +241,9 @@ class ActionServer:
                 del goal.result_requests[0]  # who asks again and again for the same
             goal.result_requests.append(reply)
         elif (goal := self._ended.get(id)) is not None:
-            self._send_result(goal, reply)
+            goal.send_result(reply)
         else:
-            self._send_reply(reply, {"status": UNKNOWN})
+            self.send_reply(reply, {"status": UNKNOWN})
 
     def _take_cancel_request(self, request: Message, reply: SendReply) -> None:
         info = request["goal_info"]
@@ -288,20 +252,20 @@ class ActionServer:
         is_about_one = id != ALL_GOALS and not until
         if is_about_one and id not in self._goals:
             code = CANCEL_TERMINATED if id in self._ended else CANCEL_UNKNOWN
-            self._send_reply(reply, {"return_code": code})
+            self.send_reply(reply, {"return_code": code})
             return
         if is_about_one:
             goals = [self._goals[id]]
         else:
             goals = [goal for goal in self.goals if not until or goal.received_at_ns <= until or goal.id == id]
-        CancelRequest(goals, partial(self._send_reply, reply), is_about_one=is_about_one)
+        CancelRequest(goals, partial(self.send_reply, reply), is_about_one=is_about_one)
         for goal in goals:
             if goal.is_decided:
                 self._request_cancel(goal)
 
     def _request_cancel(self, goal: ServerGoal) -> None:
         if goal.status == CANCELING:
-            _reply_to_cancels(goal, CANCEL_NONE)
+            goal.answer_cancels(CANCEL_NONE)
         if goal.is_asked_to_cancel or not goal.cancel_requests:
             return
         goal.is_asked_to_cancel = True
@@ -317,29 +281,4 @@ class ActionServer:
         if agreed and not goal.has_ended:
             goal.status = CANCELING
             self._status.publish_soon()
-        _reply_to_cancels(goal, CANCEL_NONE if agreed else CANCEL_REJECTED)
-
-    # --- answers ------------------------------------------------------------------------------------------------
-
-    def _send_result(self, goal: ServerGoal, reply: SendReply) -> None:
-        goal.is_result_fetched = True
-        if not self._send_reply(reply, goal.result) and goal.result["result"]:
-            # A result that does not fit its type would leave the client waiting; what happened is not known then.
-            goal.status = ABORTED
-            goal.result = {"status": ABORTED, "result": {}}
-            self._send_reply(reply, goal.result)
-
-    def _send_reply(self, reply: SendReply, message: Message) -> bool:
-        try:
-            reply(message)
-        except PortError as error:
-            _LOG.warning("an answer of %s could not be sent: %s", self.name, error)
-            return False
-        return True
-
-
-def _reply_to_cancels(goal: ServerGoal, code: int) -> None:
-    goal.is_asked_to_cancel = False
-    requests, goal.cancel_requests = goal.cancel_requests, []
-    for answer in requests:
-        answer(code)
+        goal.answer_cancels(CANCEL_NONE if agreed else CANCEL_REJECTED)
