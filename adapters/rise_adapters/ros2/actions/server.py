@@ -131,12 +131,12 @@ class ActionServer:
         """Those that have not ended, the oldest first; also those that are still to be accepted or rejected."""
         return list(self._goals.values())
 
-    def adopt(self, id: bytes, message: Message | None = None) -> ServerGoal:
+    def adopt(self, id: bytes) -> ServerGoal:
         """Take up a goal that a server of this name had accepted before it went down, so that its client can still
         cancel it and get its result. Raises ValueError when there is one of that id."""
         if len(id) != 16 or id == ALL_GOALS or id in self._goals or id in self._ended:
             raise ValueError(f"a goal of the id {id.hex()} cannot be taken up")
-        goal = self._goals[id] = ServerGoal(self, id, message or {}, None)
+        goal = self._goals[id] = ServerGoal(self, id, {}, None)
         goal.status = EXECUTING
         self._status.publish_soon()
         return goal
@@ -271,7 +271,7 @@ class ActionServer:
         goal.is_asked_to_cancel = True
         try:
             self._take_cancel(goal, partial(self._decide_cancel, goal))
-        except Exception:
+        except Exception:  # without a decision the client would wait for ever
             _LOG.exception("a goal of %s could not be cancelled", self.name)
             self._decide_cancel(goal, False)
 

@@ -277,9 +277,8 @@ class ActionGoal:
                 # The server that had gone away before may be the same one, which has the goal and refuses it twice.
                 self._end("failed", f"rejected: {name} refused it when it was sent once more")
             else:
-                self.may_be_running = False
                 self._accepted = False
-                self._end("failed", f"rejected: {name} refused it")
+                self._end("failed", f"rejected: {name} refused it", is_over=True)
         elif self._accepted is None and self.phase == "ended":
             if accepted:
                 self._accept_late()
@@ -338,9 +337,8 @@ class ActionGoal:
             self._take_unknown_goal(servers)
         else:
             self._result.taken = True
-            self.may_be_running = False
             wanted, name = self.cancellation.wanted, self.endpoint.name
-            self._end(*endings.of_result(status, message, self._mapping, name, cancel_wanted=wanted))
+            self._end(*endings.of_result(status, message, self._mapping, name, cancel_wanted=wanted), is_over=True)
 
     def _take_late_result(self, servers: int, status: int) -> None:
         ended = status in FINAL_STATUSES
@@ -378,17 +376,14 @@ class ActionGoal:
     def _end_discarded(self) -> None:
         """It is over there, and nobody has its result."""
         self._result.taken = True
-        self.may_be_running = False
         status, wanted = self._result.finished_as, self.cancellation.wanted
-        self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted))
+        self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted), is_over=True)
 
     def _end_without_result(self) -> None:
         """The status topic has said how it ended, and the result does not come."""
         status = self.endpoint.client.statuses.get(self.id)
         ending = endings.of_missing_result(status, self.endpoint.name, cancel_wanted=self.cancellation.wanted)
-        if ending[0] != "timed-out":
-            self.may_be_running = False
-        self._end(*ending)
+        self._end(*ending, is_over=ending[0] != "timed-out")
 
     # --- cancelling ---------------------------------------------------------------------------------------------
 
@@ -439,9 +434,10 @@ class ActionGoal:
 
     # --- the end ------------------------------------------------------------------------------------------------
 
-    def _end(self, status: Ending, reason: str) -> None:
-        """The one place where a goal ends."""
+    def _end(self, status: Ending, reason: str, *, is_over: bool = False) -> None:
+        """The one place where a goal ends. `is_over`: it is known that nothing of it runs on the robot any more."""
         assert self.phase != "ended"
+        self.may_be_running = self.may_be_running and not is_over
         self.phase = "ended"
         self._ending = status
         self._ended_at = self._now()

@@ -115,6 +115,6 @@ def times_in_words(number: int) -> str:
 def _read_reason(read: Callable[[Message], str], result: Message, name: str) -> str:
     try:
         return read(result)
-    except Exception as error:
+    except Exception as error:  # a rule of the profile, on whatever another program has sent
         _LOG.exception("a result of %s cannot be read", name)
         return f"its result cannot be read ({error})"

@@ -46,12 +46,7 @@ class RosSessionInterface:
     """One session on ROS. All methods belong to the engine's loop."""
 
     def __init__(
-        self,
-        transport: Transport,
-        hub: SessionHub,
-        neighbours: NeighbourSessions | None = None,
-        *,
-        rosout: bool = True,
+        self, transport: Transport, hub: SessionHub, neighbours: NeighbourSessions, *, rosout: bool = True
     ) -> None:
         """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
         sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
@@ -138,7 +133,7 @@ class RosSessionInterface:
     def status(self) -> Message:
         """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
         topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
-        others = self._neighbours.others if self._neighbours is not None else []
+        others = self._neighbours.others
         level, message = diagnostics.OK, self._transport.about
         if lost:
             level, message = diagnostics.ERROR, lost
