@@ -151,7 +151,7 @@ class Ros2Robot:
                 reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     endpoint.publish(reset)
-        self._stop = stop = StopAll(self.clock, self._endpoints, self._own_goals, self._report_stop)
+        self._stop = stop = StopAll(self.clock, self._endpoints, self._find_goals, self._report_stop)
         stop.begin()
 
     def last_seen(self) -> float | None:
@@ -216,7 +216,7 @@ class Ros2Robot:
 
     # --- stopping everything ------------------------------------------------------------------------------------
 
-    def _own_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
+    def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
         return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
 
     def _report_stop(self, report: StopReport) -> None:

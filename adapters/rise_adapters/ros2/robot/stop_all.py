@@ -39,17 +39,17 @@ REPEAT_SECONDS = 0.8
 MAX_BY_ID = 20
 """Goals of others that one server is asked about by id at most, in one stop."""
 
-OwnGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
+FindGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
 """Our goals at a server that are remembered, by id."""
 
 
 class CancelAll:
     """One action server that was asked to cancel everything."""
 
-    def __init__(self, endpoint: ActionEndpoint, own_goals: OwnGoals) -> None:
+    def __init__(self, endpoint: ActionEndpoint, find_goals: FindGoals) -> None:
         self.endpoint = endpoint
         self.answer: CancelResponse | None = None
-        self._own_goals = own_goals
+        self._own_goals = partial(find_goals, endpoint)
         self._known: set[bytes] = set()
         """Goals that it is cancelling, or that it called unfinished."""
         self._stopping: set[bytes] = set()
@@ -66,7 +66,7 @@ class CancelAll:
             self.answer = answer
         self._known.update(answer.goals)
         self._stopping.update(answer.goals)
-        own = self._own_goals(self.endpoint)
+        own = self._own_goals()
         for goal in answer.goals:
             if goal in own:
                 own[goal].cancellation.confirm()
@@ -76,7 +76,7 @@ class CancelAll:
         statuses = self.endpoint.client.statuses
         self._known |= self.endpoint.client.unfinished_goals()
         self._listed |= self._known & statuses.keys()
-        own = self._own_goals(self.endpoint)
+        own = self._own_goals()
         over = {
             goal
             for goal in self._known
@@ -104,7 +104,7 @@ class CancelAll:
 
     def _is_stopping(self, goals: set[bytes]) -> bool:
         """Whether it has said of all these that it stops them."""
-        statuses, own = self.endpoint.client.statuses, self._own_goals(self.endpoint)
+        statuses, own = self.endpoint.client.statuses, self._own_goals()
         return all(
             goal in self._stopping
             or statuses.get(goal) == CANCELING
@@ -115,9 +115,7 @@ class CancelAll:
     def ask_about_others(self, changed: Callable[[], None]) -> None:
         """About goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
         `changed` is called with each answer."""
-        if self.answer is None:
-            return
-        unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals(self.endpoint).keys()
+        unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals().keys()
         for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
             self._asked_by_id.add(goal)
             servers = self.endpoint.presence.changes
@@ -142,7 +140,7 @@ class StopAll:
         self,
         clock: Clock,
         endpoints: Iterable[Endpoint],
-        own_goals: OwnGoals,
+        find_goals: FindGoals,
         report: Callable[[StopReport], None],
     ) -> None:
         self._clock = clock
@@ -159,7 +157,7 @@ class StopAll:
                 why = endpoint.misfit_kind or ("not there" if presence.was_seen else "never seen")
                 self._unasked.append(f"{endpoint.label} ({why})")
             elif isinstance(endpoint, ActionEndpoint):
-                self._cancels.append(CancelAll(endpoint, own_goals))
+                self._cancels.append(CancelAll(endpoint, find_goals))
             else:
                 self._unasked.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
 
