@@ -339,24 +339,19 @@ class Ros2Robot:
             goal.take_feedback()
 
     def _take_status(self, endpoint: ActionEndpoint, statuses: Mapping[bytes, int]) -> None:
-        named = [self._by_id[id] for id in statuses if id in self._by_id]
-        missed = [goal for goal in self._live.values() if goal.endpoint is endpoint and goal not in named]
-        for goal in (*named, *missed):
-            if isinstance(goal, ActionGoal):
+        for goal in tuple(self._by_id.values()):
+            if goal.id in statuses or (goal.endpoint is endpoint and goal.is_live()):
                 goal.take_status(statuses)
         if self._stop is not None:
             self._stop.poll()
 
     def _forget_oldest(self) -> None:
         """Keep what is remembered within bounds."""
-        if len(self._goals) <= MAX_REMEMBERED:
-            return
-        for action, goal in tuple(self._goals.items()):
-            if not goal.is_live() and action not in self._live:
-                del self._goals[action]
-                if isinstance(goal, ActionGoal):
-                    del self._by_id[goal.id]
-                return
+        oldest = next((goal for goal in self._goals.values() if not goal.is_live()), None)
+        if len(self._goals) > MAX_REMEMBERED and oldest is not None:
+            del self._goals[oldest.action]
+            if isinstance(oldest, ActionGoal):
+                del self._by_id[oldest.id]
 
 
 def _ignore(report: RobotReport) -> None:
