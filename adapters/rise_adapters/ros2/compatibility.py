@@ -131,10 +131,9 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
             wanted_type = answered if answers else asked
             misfit = _middleware_misfit(transport, full, end)
             misfit = misfit or _type_misfit(transport, mapping, end, wanted_type, found)
-            if misfit is None and (
-                conflict := qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
-            ):
-                does = f"answers {conflict[0]}" if answers else f"wants goals {conflict[1]}"
+            conflict = qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
+            if misfit is None and conflict is not None:
+                does = f"answers {conflict.offered}" if answers else f"wants goals {conflict.wanted}"
                 misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no service of ROS is", "correct it in the wrapper")
             if misfit is not None:
                 found.unusable.append(misfit)
@@ -146,8 +145,8 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
             if misfit is not None:
                 found.unusable.append(misfit)
             elif conflict := qos_conflict(end.qos, wanted):
-                statement = f"publishes its {part} {conflict[0]}, and here it is wanted {conflict[1]}"
-                found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict[2]))
+                statement = f"publishes its {part} {conflict.offered}, and here it is wanted {conflict.wanted}"
+                found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict.for_reader))
     return found
 
 
@@ -160,8 +159,8 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
         found.seen.append(describe_node(end.node))
         misfit = _type_misfit(transport, mapping, end, mapping.type, found)
         if misfit is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
-            statement = f"is wanted {conflict[1]}{_describe_owner(end)}, and is published here {conflict[0]}"
-            misfit = _qos_misfit(full, statement, "qos", conflict[3])
+            statement = f"is wanted {conflict.wanted}{_describe_owner(end)}, and is published here {conflict.offered}"
+            misfit = _qos_misfit(full, statement, "qos", conflict.for_writer)
         if misfit is None:
             fits = True
         elif misfit.kind == OTHER_VERSION:
@@ -227,21 +226,32 @@ def ros_type(type: str) -> str:
     return type
 
 
-def qos_conflict(offered: QoS | None, wanted: QoS | None) -> tuple[str, str, str, str] | None:
-    """Why a reader that wants `wanted` hears nothing of a writer that offers `offered`: how the one offers it and how
-    the other wants it, in words; and what to write on the reader's and on the writer's side. None: it hears."""
+class QosConflict(Struct, frozen=True):
+    """Why a reader hears nothing of a writer."""
+
+    offered: str
+    """How the writer offers it, in words ..."""
+    wanted: str
+    """... and how the reader wants it."""
+    for_reader: str
+    """What to write on the reader's side, or ..."""
+    for_writer: str
+    """... on the writer's."""
+
+
+_BEST_EFFORT = QosConflict("as best effort", "reliably", 'reliability = "best_effort"', 'reliability = "reliable"')
+_LATCHED = "with what was said before (transient local)"
+_VOLATILE = QosConflict("as volatile", _LATCHED, 'durability = "volatile"', 'durability = "transient_local"')
+
+
+def qos_conflict(offered: QoS | None, wanted: QoS | None) -> QosConflict | None:
+    """Why a reader that wants `wanted` hears nothing of a writer that offers `offered`; None: it hears, or that is not
+    known."""
     if offered is None or wanted is None:
         return None
     if wanted.reliable and not offered.reliable:
-        return "as best effort", "reliably", 'reliability = "best_effort"', 'reliability = "reliable"'
-    if wanted.latched and not offered.latched:
-        return (
-            "as volatile",
-            "with what was said before (transient local)",
-            'durability = "volatile"',
-            'durability = "transient_local"',
-        )
-    return None
+        return _BEST_EFFORT
+    return _VOLATILE if wanted.latched and not offered.latched else None
 
 
 def _qos_misfit(full: str, statement: str, key: str, setting: str) -> Misfit:

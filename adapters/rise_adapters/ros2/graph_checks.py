@@ -67,7 +67,6 @@ def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
                 what = f"{who} publishes {topic} with another version of {publisher.type} than {whom} listens for"
                 found[f"{what}: what arrives is garbage"] = None
             elif conflict := qos_conflict(publisher.qos, listener.qos):
-                found[f"{who} publishes {topic} {conflict[0]}, and {whom} wants it {conflict[1]}: nothing arrives"] = (
-                    None
-                )
+                what = f"{who} publishes {topic} {conflict.offered}, and {whom} wants it {conflict.wanted}"
+                found[f"{what}: nothing arrives"] = None
     return list(found)
