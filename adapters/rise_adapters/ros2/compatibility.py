@@ -123,12 +123,11 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
     services = (SEND_GOAL, GET_RESULT, CANCEL_GOAL)
     seen: set[tuple[str, bool]] = set()
     for part in services:
-        asked, answered = f"{types[part]}_Request", f"{types[part]}_Response"
         for end in transport.server_endpoints(action_topic(full, part)):
             found.seen.append(describe_node(end.node))
             answers = end.type.endswith("_Response")
             seen.add((part, answers))
-            wanted_type = answered if answers else asked
+            wanted_type = f"{types[part]}_{'Response' if answers else 'Request'}"
             misfit = _middleware_misfit(transport, full, end)
             misfit = misfit or _type_misfit(transport, mapping, end, wanted_type, found)
             conflict = qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
