@@ -33,10 +33,10 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
-        why = _read_reason(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
+        why = _read(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
         return "failed", f"aborted: {why}"
-    if failure := _read_reason(mapping.failure, result, name):
-        return "failed", f"robot-error: {failure}"
+    if wrong := _read(mapping.failure, result, name):
+        return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
     return "succeeded", ""
@@ -112,7 +112,8 @@ def times_in_words(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _read_reason(read: Callable[[Message], str], result: Message, name: str) -> str:
+def _read(read: Callable[[Message], str], result: Message, name: str) -> str:
+    """What a rule of the profile reads in a result; or that it cannot."""
     try:
         return read(result)
     except Exception as error:  # a rule of the profile, on whatever another program has sent
