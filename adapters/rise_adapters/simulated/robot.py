@@ -76,8 +76,7 @@ class SimulatedRobot:
             self._timers.append(self._clock.call_at(vanish.at, partial(self._cut_link, vanish)))
             if vanish.back is not None:
                 self._timers.append(self._clock.call_at(vanish.back, self._restore_link))
-        if not self._links_down:
-            report(RobotChanged(status="connected", detail=self._describe_link()))
+        report(RobotChanged(status="connected", detail=self._describe_link()))
 
     def start(self, goal: StartAction) -> None:
         self._counts[goal.type] += 1

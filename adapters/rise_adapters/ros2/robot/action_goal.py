@@ -145,12 +145,9 @@ class ActionGoal:
     def _poll_sent(self, now: float) -> None:
         if now < min(self._deadline, self.cancellation.deadline):
             return
-        name, seconds = self.endpoint.name, self._mapping.deadlines.acceptance
-        what = f"it was to be stopped, and {name} has not even taken it"
-        if now >= self._deadline:
-            what = f"{name} did not say within {seconds:g} s whether it takes it"
         self.endpoint.mark_unanswered()
-        self._end("timed-out", f"no-accept: {what}")
+        seconds = self._mapping.deadlines.acceptance if now >= self._deadline else None
+        self._end(*endings.of_missing_answer(self.endpoint.name, seconds))
 
     def _poll_running(self, now: float) -> None:
         endpoint, deadlines, result = self.endpoint, self._mapping.deadlines, self._result
@@ -161,14 +158,10 @@ class ActionGoal:
                 endpoint.mark_unanswered()
             self._end(*endings.of_failed_cancel(self.cancellation, endpoint.name))
         elif now >= self._deadline:
-            self._end(
-                "timed-out",
-                f"no-result: it was to take {self._expected:.1f} s, and {endpoint.name} had not ended it "
-                f"{deadlines.result:g} s later",
-            )
+            self._end(*endings.of_overdue_result(endpoint.name, self._expected, deadlines.result))
         elif now >= self._silent_at():
             endpoint.mark_unanswered()
-            self._end("lost", f"silent: {endpoint.name} has sent no feedback for {deadlines.feedback:g} s")
+            self._end(*endings.of_silence(endpoint.name, deadlines.feedback))
         elif now >= result.missing_at:
             self._end_without_result()
         else:

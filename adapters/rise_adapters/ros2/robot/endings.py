@@ -42,6 +42,24 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     return "succeeded", ""
 
 
+def of_missing_answer(name: str, seconds: float | None) -> Outcome:
+    """The server did not say whether it takes it within `seconds`; None: it was to be stopped before that."""
+    what = f"it was to be stopped, and {name} has not even taken it"
+    if seconds is not None:
+        what = f"{name} did not say within {seconds:g} s whether it takes it"
+    return "timed-out", f"no-accept: {what}"
+
+
+def of_silence(name: str, seconds: float) -> Outcome:
+    return "lost", f"silent: {name} has sent no feedback for {seconds:g} s"
+
+
+def of_overdue_result(name: str, expected: float, grace: float) -> Outcome:
+    """It takes longer than it may. `expected` and `grace` in seconds."""
+    what = f"it was to take {expected:.1f} s, and {name} had not ended it {grace:g} s later"
+    return "timed-out", f"no-result: {what}"
+
+
 def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> Outcome:
     """The status topic has said that it is over (as `status`), and the result does not come."""
     if status == CANCELED:
