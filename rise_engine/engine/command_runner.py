@@ -42,7 +42,7 @@ class CommandRunner:
     def robot_seen(self) -> float | None:
         """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
         try:
-            return self._robot.seen()
+            return self._robot.last_seen()
         except Exception:  # an adapter of others, perhaps older than this question
             return None
 

@@ -12,6 +12,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from rise_adapters.ros2.actions.client import ALL_GOALS
 from rise_adapters.ros2.session_node.record_topics import RECORDS_LATCHED
 from rise_adapters.ros2.transport.port import STATUS, QoS
 
@@ -84,7 +85,7 @@ async def test_the_whole_face_over_dds() -> None:
         node.cancel(waiting)
         assert (await waiting.ended())[0] == "CANCELED"
         answers: list[object] = []
-        node.client.cancel_all(answers.append)
+        node.client.cancel(ALL_GOALS, answers.append)
         assert (await story.ended())[0] == "CANCELED"
         await until(lambda: answers)
 

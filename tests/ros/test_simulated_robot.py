@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_adapters.ros2.actions.client import ABORTED, CANCEL_NONE, CANCELED, SUCCEEDED, ActionClient, CancelResponse
+from rise_adapters.ros2.actions.client import (
+    ABORTED,
+    ALL_GOALS,
+    CANCEL_NONE,
+    CANCELED,
+    SUCCEEDED,
+    ActionClient,
+    CancelResponse,
+)
 from rise_adapters.ros2.examples.goal_reader import GoalReader
 from rise_adapters.ros2.examples.run_node import NodeError
 from rise_adapters.ros2.examples.simulated_robot import RobotOnWire, find_robot
@@ -182,7 +190,7 @@ def test_cancel_what_runs_and_what_waits() -> None:
     rig.client("Speech").cancel(second.id, answers.append)
     rig.run(0.01)
     assert (answers[0].code, answers[0].goals, second.status) == (CANCEL_NONE, (second.id,), CANCELED)
-    rig.client("Speech").cancel_all(answers.append)
+    rig.client("Speech").cancel(ALL_GOALS, answers.append)
     rig.run(0.1)
     assert (answers[1].goals, first.status, first.result) == ((first.id,), CANCELED, {"reason": "canceled"})
     third = rig.send("Speech", message="z")

@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 from rise_adapters.ros2 import compatibility
-from rise_adapters.ros2.actions.client import ActionClient
+from rise_adapters.ros2.actions.client import ALL_GOALS, ActionClient
 from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.examples.topic_listener import hear
@@ -192,7 +192,9 @@ class Peer:
         )
 
     def cancel_all(self, key: str) -> None:
-        self._things[key].cancel_all(lambda answer: say("canceling", key=key, code=answer.code, goals=[*answer.goals]))
+        self._things[key].cancel(
+            ALL_GOALS, lambda answer: say("canceling", key=key, code=answer.code, goals=[*answer.goals])
+        )
 
     def status(self, key: str, goal: bytes) -> int | None:
         statuses: dict[bytes, int] = self._things[key].statuses

@@ -119,9 +119,8 @@ class _ExpectedEndpoint:
         for misfit in found.misfits:
             yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
         if number > 1 and action:
-            yield DoctorFinding(
-                "problem", "robot", f"{name}: {compatibility.several_servers(number, full)}", "end all but one of them"
-            )
+            several = compatibility.describe_several_servers(number, full)
+            yield DoctorFinding("problem", "robot", f"{name}: {several}", "end all but one of them")
         elif number and not found.misfits:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield DoctorFinding(

@@ -21,7 +21,7 @@ from rise_adapters.ros2.session_node import diagnostics
 from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
 from rise_adapters.ros2.session_node.memory_service import MemoryService
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
-from rise_adapters.ros2.session_node.record_topics import RecordTopics
+from rise_adapters.ros2.session_node.record_topics import RecordTopics, make_header
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
@@ -39,19 +39,14 @@ SLICE_SECONDS = 0.0005
 """For which work is done in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
 GOODBYE_SECONDS = 1.0
 """For what is still to be published at the end."""
-GONE = "the session is not on ROS any more"
+GONE_REASON = "the session is not on ROS any more"
 
 
 class RosSessionInterface:
     """One session on ROS. All methods belong to the engine's loop."""
 
     def __init__(
-        self,
-        transport: Transport,
-        hub: SessionHub,
-        neighbours: NeighbourSessions | None = None,
-        *,
-        rosout: bool = True,
+        self, transport: Transport, hub: SessionHub, neighbours: NeighbourSessions, *, rosout: bool = True
     ) -> None:
         """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
         sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
@@ -87,7 +82,7 @@ class RosSessionInterface:
         self._slicer.cancel()
         self._slicer.run_slice(GOODBYE_SECONDS)
         self._publish_diagnostics()
-        await self._tasks.close(GONE)
+        await self._tasks.close(GONE_REASON)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
         self._hub.detach(self._member)
@@ -114,7 +109,7 @@ class RosSessionInterface:
         elif engine.ended:
             reason = f"the session has ended: {self._hub.view.end_reason}".removesuffix(": ")
         else:
-            reason = GONE
+            reason = GONE_REASON
         self._tasks.end_all(reason)
 
     # --- how it is ----------------------------------------------------------------------------------------------
@@ -130,16 +125,15 @@ class RosSessionInterface:
 
     def _publish_diagnostics(self) -> None:
         statuses = diagnostics.session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status())
-        seconds, rest = divmod(time_ns(), 1_000_000_000)
         try:
-            self._diagnostics.publish({"header": {"stamp": {"sec": seconds, "nanosec": rest}}, "status": statuses})
+            self._diagnostics.publish({"header": make_header(time_ns()), "status": statuses})
         except PortError as error:
             _LOG.debug("no diagnostics: %s", error)
 
     def status(self) -> Message:
         """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
         topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
-        others = self._neighbours.others if self._neighbours is not None else []
+        others = self._neighbours.others
         level, message = diagnostics.OK, self._transport.about
         if lost:
             level, message = diagnostics.ERROR, lost
