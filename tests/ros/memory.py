@@ -215,7 +215,7 @@ class _Subscription:
         if self.open and self.home.wire.reaches(source, self.home):
             self.taken(deepcopy(message))
 
-    def publishers(self) -> int:
+    def count_publishers(self) -> int:
         wire, home = self.home.wire, self.home
         return sum(p.matches(self) for t in wire.transports if wire.sees(home, t) for p in t.publishers)
 
@@ -415,9 +415,6 @@ class MemoryTransport:
 
     def type_hash(self, type: str) -> str:
         return self.hashes.get(type, self.wire.types.hash(type))
-
-    def graph_version(self) -> None:
-        return None
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         full = self.resolve(topic)

@@ -112,7 +112,7 @@ class Peer:
         )
 
     def publishers(self, key: str) -> int:
-        return int(self._things[key].publishers())
+        return int(self._things[key].count_publishers())
 
     def hear(self, key: str, topic: str, type: str) -> None:
         """As feature nodes do."""

@@ -87,7 +87,7 @@ class TopicListener:
             return
         published = [end.type for end in self._transport.publisher_endpoints(self._topic)]
         mine = published.count(self._type)
-        unmatched = mine > self._subscription.publishers()
+        unmatched = mine > self._subscription.count_publishers()
         if unmatched and self._unmatched and not self._best_effort:
             self._best_effort = True
             self._subscription.close()
