@@ -16,7 +16,6 @@ from rise_adapters.ros2.doctor.environment import (
 )
 from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
 from rise_adapters.ros2.transport import selection
-from rise_adapters.ros2.transport.rclpy import rclpy_missing
 from rise_engine.ports.bridge import BridgeError
 
 _INSTALLED = Path("/opt/ros")
@@ -63,7 +62,7 @@ def check_installation(
                 f"AMENT_PREFIX_PATH names {prefix}, which is not there",
                 "open a new terminal and source again",
             )
-    missing = selection.why_unavailable()["rclpy"] or rclpy_missing()
+    missing = selection.why_unavailable()["rclpy"]
     if not missing:
         yield DoctorFinding(
             "ok", "ros", f"rclpy {installed_version('rclpy') or 'of an unknown version'} can be used from this Python"

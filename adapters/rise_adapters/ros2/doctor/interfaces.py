@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
 from rise_adapters.ros2.doctor.environment import Environment, sourced_prefixes
 from rise_adapters.ros2.doctor.finding import DoctorFinding
 from rise_adapters.ros2.transport import selection
+from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
+from rise_adapters.ros2.transport.interfaces.hashes import read_built_hashes
 from rise_adapters.ros2.transport.port import PortError
 
 INTERFACES = "rise_interfaces"
@@ -68,10 +68,6 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
 
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     """Of the types that this program speaks, by name; empty when that cannot be told here."""
-    try:
-        from rise_adapters.ros2.transport.interfaces import SHARE_FOLDER, InterfaceCatalog
-    except ImportError:
-        return {}
     types = InterfaceCatalog([SHARE_FOLDER], environment)  # ours first; ROS has the standard ones that they are made of
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
@@ -88,9 +84,7 @@ def built_hashes(folder: Path) -> dict[str, str]:
     """Those that were computed when an interface package was built, `PREFIX/share/PACKAGE`."""
     found: dict[str, str] = {}
     for file in (*folder.glob("msg/*.json"), *folder.glob("srv/*.json"), *folder.glob("action/*.json")):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            for each in json.loads(file.read_text("utf-8"))["type_hashes"]:
-                found[each["type_name"]] = each["hash_string"]
+        found |= read_built_hashes(file)
     return found
 
 

@@ -61,9 +61,9 @@ class AnswerNode:
         if self.thinking is not None:
             self.thinking.cancel()  # the rule has gone on: an answer would come too late
         if message["status"] == "entered" and message["state"] == self.options.state:
-            self.thinking = asyncio.get_running_loop().create_task(self.answer())
+            self.thinking = asyncio.get_running_loop().create_task(self.ask_and_say())
 
-    async def answer(self) -> None:
+    async def ask_and_say(self) -> None:
         options, session = self.options, self.session
         try:
             question = str(await session.memory(options.question_key, ""))

@@ -16,7 +16,7 @@ from math import dist, inf
 
 from rise_adapters.ros2.examples.run_node import node_parser, run_node
 from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
-from rise_adapters.ros2.examples.topic_listener import hear
+from rise_adapters.ros2.examples.topic_listener import TopicListener
 from rise_adapters.ros2.transport.port import Message, Transport
 
 NOTHING = "nothing"
@@ -39,7 +39,7 @@ class Region:
     def __str__(self) -> str:
         return self.text
 
-    def holds(self, point: Message) -> bool:
+    def contains(self, point: Message) -> bool:
         return dist(self.centre, (point["x"], point["y"], point["z"])) <= self.radius
 
 
@@ -100,7 +100,7 @@ class GazeTrigger:
         self.take_target(message["data"].strip().strip("/") or NOTHING)
 
     def take_point(self, message: Message) -> None:
-        self.take_target(next((region.name for region in self.regions if region.holds(message["point"])), NOTHING))
+        self.take_target(next((region.name for region in self.regions if region.contains(message["point"])), NOTHING))
 
     def take_target(self, target: str) -> None:
         self.dwell.update(target, asyncio.get_running_loop().time())
@@ -123,9 +123,9 @@ async def work(transport: Transport, options: Namespace) -> None:
     dwell = Dwell(options.dwell, options.gap, options.away)
     trigger = GazeTrigger(SessionClient(transport), dwell, options.region)
     if options.region:
-        hear(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
+        TopicListener(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
     else:
-        hear(transport, options.topic, "std_msgs/msg/String", trigger.take_name)
+        TopicListener(transport, options.topic, "std_msgs/msg/String", trigger.take_name)
     print(f"watching {transport.resolve(options.topic)} ({transport.about})")
     await trigger.work()
 

@@ -14,7 +14,7 @@ import asyncio
 import json
 from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 from uuid import uuid4
 
 from msgspec import Struct
@@ -22,8 +22,6 @@ from msgspec import Struct
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.port import Message, Transport
 from rise_engine.errors import RiseError
-
-T = TypeVar("T")
 
 _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}
 """Of an action's goal (action_msgs/msg/GoalStatus), for a server that says nothing more."""
@@ -66,11 +64,7 @@ class SessionClient:
         """
         await self._wait_until(self._tasks.count_servers, "no session offers rise/domain_task")
         goal = uuid4().bytes
-        task: Message = {
-            "function_type": function,
-            "domain_task_behavior": behavior,
-            "calling_type": calling_type,
-        }
+        task: Message = {"function_type": function, "domain_task_behavior": behavior, "calling_type": calling_type}
         accepted = await self._wait_for_answer(partial(self._tasks.send, goal, task), "the session did not take a task")
         if not accepted[0]:
             return TaskResult("REJECTED", "the session refused it; rise/task_state and its record say why")
@@ -109,10 +103,10 @@ class SessionClient:
         (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")
         return json.loads(answer["value"]) if answer["found"] else otherwise
 
-    def rule_states(self, heard: Callable[[Message], None]) -> None:
-        """Call `heard` with each `rise_interfaces/msg/RuleState` from now on: rule, status (started, entered, stayed,
+    def rule_states(self, on_state: Callable[[Message], None]) -> None:
+        """Call `on_state` with each `rise_interfaces/msg/RuleState` from now on: rule, status (started, entered, stayed,
         ended, stopped, faulted), state, previous_state, trigger, priority."""
-        self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", heard)
+        self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", on_state)
 
     async def _wait_until(self, there: Callable[[], int], missing: str) -> None:
         """Wait until somebody answers. A request that is sent earlier is lost without a word."""

@@ -19,6 +19,7 @@ from rise_adapters.ros2.mapping.field_types import (
     fit_value,
 )
 from rise_adapters.ros2.mapping.templates import seconds_per_unit
+from rise_adapters.ros2.transport.port import Message
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.template import spoken_text
 
@@ -40,11 +41,11 @@ NO_VALUE = _NoValue()
 
 class FieldSource(Protocol):
     def fill(self, filling: FillContext) -> Any:
-        """The value of a field, or NOTHING. Raises ValueError with a sentence when the field cannot take it."""
+        """The value of a field, or NO_VALUE. Raises ValueError with a sentence when the field cannot take it."""
         ...
 
 
-# --- makers ---------------------------------------------------------------------------------------------------------
+# --- fields ---------------------------------------------------------------------------------------------------------
 
 
 class FixedSource(Struct, frozen=True):
@@ -59,7 +60,7 @@ class MessageSource(Struct, frozen=True):
 
     fields: dict[str, FieldSource]
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, filling: FillContext) -> Message:
         made = {name: maker.fill(filling) for name, maker in self.fields.items()}
         return {name: value for name, value in made.items() if value is not NO_VALUE}
 
@@ -69,7 +70,7 @@ class ListSource(Struct, frozen=True):
 
     items: tuple[FieldSource, ...]
     zero: Any = NO_VALUE
-    """What stands for an item without a value; NOTHING: it is left out."""
+    """What stands for an item without a value; NO_VALUE: it is left out."""
     as_bytes: bool = False
 
     def fill(self, filling: FillContext) -> Any:
@@ -109,11 +110,7 @@ class SpecialSource(Struct, frozen=True):
     type: MessageFieldType | None
 
     def fill(self, filling: FillContext) -> Any:
-        value = filling.specials[self.name]
-        try:
-            return value if self.type is None else fit_value(value, self.type)
-        except ValueError as error:
-            raise ValueError(f"`{self.field}` {error} (@{self.name})") from None
+        return _fit_text(filling.specials[self.name], self.type, self.field, f" (@{self.name})")
 
 
 class AllParametersSource(Struct, frozen=True):
@@ -129,10 +126,7 @@ class AllParametersSource(Struct, frozen=True):
             for each in self.all
         }
         text = json.dumps({name: value for name, value in values.items() if value is not None}, ensure_ascii=False)
-        try:
-            return text if self.type is None else fit_value(text, self.type)
-        except ValueError as error:
-            raise ValueError(f"`{self.field}` {error} (@parameters)") from None
+        return _fit_text(text, self.type, self.field, " (@parameters)")
 
 
 class JoinedTextSource(Struct, frozen=True):
@@ -145,10 +139,14 @@ class JoinedTextSource(Struct, frozen=True):
     def fill(self, filling: FillContext) -> Any:
         made = [piece.fill(filling) for piece in self.pieces]
         text = "".join(spoken_text(value) for value in made if value is not NO_VALUE)
-        try:
-            return text if self.type is None else fit_value(text, self.type)
-        except ValueError as error:
-            raise ValueError(f"`{self.field}` {error}") from None
+        return _fit_text(text, self.type, self.field)
+
+
+def _fit_text(text: str, type: MessageFieldType | None, field: str, name: str = "") -> Any:
+    try:
+        return literal_value(text, type)
+    except ValueError as error:
+        raise ValueError(f"`{field}` {error}{name}") from None
 
 
 # --- one parameter --------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from rise_adapters.ros2.transport.port import PortError
 
 FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
 ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
-"""`RosTransport.fields`: the fields of a message type. Raises PortError where the type is not known."""
+"""`Transport.fields`: the fields of a message type. Raises PortError where the type is not known."""
 
 DURATION = "builtin_interfaces/msg/Duration"
 

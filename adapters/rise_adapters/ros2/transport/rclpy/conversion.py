@@ -6,7 +6,6 @@ of it is checked here, and what does not fit is said with the path of the field:
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, TypeAlias
@@ -29,10 +28,12 @@ class FieldConverter(NamedTuple):
     type: str
     """As ROS writes it."""
     write: Write
+    zero: Callable[[], Any]
+    """Makes the zero value."""
     read: Read | None = None
     """None: as it is."""
-    zero: Callable[[], Any] | None = None
-    """Makes the zero value where rclpy would not have it by itself."""
+    has_default: bool = False
+    """Whether a new message of rclpy holds something else than zero there."""
 
 
 class MessageConverter:
@@ -49,13 +50,11 @@ class MessageConverter:
         self._read = [(name, converter.read) for name, converter in converters.items()]
         self._write = {name: converter.write for name, converter in converters.items()}
         self._zero = {
-            name: converter.zero or _zero(converter.type)
-            for name, converter in converters.items()
-            if name in defaults or converter.zero is not None
+            name: converter.zero for name, converter in converters.items() if name in defaults or converter.has_default
         }
 
     @property
-    def defaults(self) -> bool:
+    def has_defaults(self) -> bool:
         """Whether a new message of rclpy holds something else than zero."""
         return bool(self._zero)
 
@@ -89,18 +88,20 @@ def number_converter(name: str) -> FieldConverter:
     if name in _INTEGERS:
         bits = int(name.removeprefix("u").removeprefix("int"))
         low, high = (0, 2**bits - 1) if name.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-        return FieldConverter(name, _integer(name, low, high))
+        return FieldConverter(name, _integer_writer(name, low, high), int)
     if name in _FLOATS:
-        return FieldConverter(_FLOATS[name], _float(_FLOATS[name]))
+        return FieldConverter(_FLOATS[name], _float_writer(_FLOATS[name]), float)
     if name == "boolean":
-        return FieldConverter("bool", _boolean)
+        return FieldConverter("bool", _write_boolean, bool)
     if name == "octet":  # rclpy keeps it as `bytes` of length one
-        check = _integer("byte", 0, 255)
-        return FieldConverter("byte", lambda value, path: bytes((check(value, path),)), lambda value: value[0])
+        check = _integer_writer("byte", 0, 255)
+        return FieldConverter(
+            "byte", lambda value, path: bytes((check(value, path),)), lambda: b"\0", lambda value: value[0]
+        )
     raise PortError(f"a field of the type {name} cannot be used here")
 
 
-def _integer(name: str, low: int, high: int) -> Write:
+def _integer_writer(name: str, low: int, high: int) -> Write:
     def write(value: Any, path: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise _misfit(path, f"{name} needs a whole number, not {_shown(value)}")
@@ -111,7 +112,7 @@ def _integer(name: str, low: int, high: int) -> Write:
     return write
 
 
-def _float(name: str) -> Write:
+def _float_writer(name: str) -> Write:
     def write(value: Any, path: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise _misfit(path, f"{name} needs a number, not {_shown(value)}")
@@ -126,7 +127,7 @@ def _float(name: str) -> Write:
     return write
 
 
-def _boolean(value: Any, path: str) -> bool:
+def _write_boolean(value: Any, path: str) -> bool:
     if not isinstance(value, bool):
         raise _misfit(path, f"bool needs true or false, not {_shown(value)}")
     return value
@@ -148,7 +149,7 @@ def text_converter(name: str, most: int | None) -> FieldConverter:
             raise _misfit(path, f"the text has {size} bytes; {text} takes {most}")
         return value
 
-    return FieldConverter(text, write)
+    return FieldConverter(text, write, str)
 
 
 def list_converter(
@@ -175,40 +176,27 @@ def list_converter(
         check(len(given), path)
         return [element.write(one, f"{path}[{number}]") for number, one in enumerate(given)]
 
-    zero_element = element.zero
-    zero = None if zero_element is None or fixed is None else lambda: [zero_element() for _ in range(fixed)]
+    def zeros() -> list[Any]:
+        return [element.zero() for _ in range(fixed or 0)]
+
+    def read(held: Any) -> Any:
+        if element.read is not None:
+            return [element.read(one) for one in held]
+        return held.tolist() if hasattr(held, "tolist") else list(held)  # an array.array, a numpy array, or a list
+
+    made = FieldConverter(text, elements, zeros, read, element.has_default and bool(fixed))
     if element.type == "uint8":  # an array.array or a numpy array in rclpy; both take a bytearray
-        return FieldConverter(
-            text, lambda given, path: bytearray(octets(given, path)), lambda held: held.tobytes(), zero
-        )
+        return made._replace(write=lambda given, path: bytearray(octets(given, path)), read=lambda held: held.tobytes())
     if element.type == "byte":
-        return FieldConverter(text, lambda given, path: [bytes((one,)) for one in octets(given, path)], b"".join, zero)
-    read_element = element.read
-    if read_element is not None:
-        return FieldConverter(text, elements, lambda held: [read_element(one) for one in held], zero)
-    # An array.array or a numpy array, or else a list already.
-    return FieldConverter(text, elements, lambda held: held.tolist() if hasattr(held, "tolist") else list(held), zero)
+        return made._replace(write=lambda given, path: [bytes((one,)) for one in octets(given, path)], read=b"".join)
+    return made
 
 
 def _numbers(given: Any, path: str, text: str) -> list[int]:
     if not isinstance(given, Sequence) or isinstance(given, str):
         raise _misfit(path, f"{text} needs bytes, not {_shown(given)}")
-    check = _integer("uint8", 0, 255)
+    check = _integer_writer("uint8", 0, 255)
     return [check(one, f"{path}[{number}]") for number, one in enumerate(given)]
-
-
-def _zero(text: str) -> Callable[[], Any]:
-    """Makes the zero value of a field that has a default: a number, a text, a truth value or an array of those."""
-    array = re.search(r"\[(<=)?(\d*)\]$", text)
-    if array is not None:
-        element = _zero(text[: array.start()])()
-        count = 0 if array[1] or not array[2] else int(array[2])
-        return lambda: [element] * count
-    if text.startswith(("string", "wstring")):
-        return str
-    if text == "byte":
-        return lambda: b"\0"
-    return {"bool": bool, "float32": float, "float64": float}.get(text, int)
 
 
 def _misfit(path: str, why: str) -> PortError:

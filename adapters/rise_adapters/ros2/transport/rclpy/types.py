@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from rise_adapters.ros2.transport.interfaces.hashes import read_built_hashes
 from rise_adapters.ros2.transport.port import PortError
 from rise_adapters.ros2.transport.rclpy.conversion import (
     FieldConverter,
@@ -84,7 +84,7 @@ class InstalledTypes:
         try:
             found = getattr(import_module(f"{package}.{kind}"), base, None)
         except ImportError as error:
-            raise PortError(_missing(type, package, kind, error)) from None
+            raise PortError(_describe_missing(type, package, kind, error)) from None
         path = _PARTS.get((kind, part), "?") if part else ""
         for name in path.split(".") if path else ():
             found = getattr(found, name, None)
@@ -110,7 +110,7 @@ class InstalledTypes:
         if kind in ("BoundedString", "BoundedWString"):
             return text_converter("string" if kind == "BoundedString" else "wstring", slot.maximum_size)
         if kind == "NamespacedType":
-            return self._nested("/".join((*slot.namespaces, slot.name)))
+            return self._nested_converter("/".join((*slot.namespaces, slot.name)))
         if kind == "Array":
             return list_converter(self._field_converter(slot.value_type), f"[{slot.size}]", fixed=slot.size)
         if kind == "BoundedSequence":
@@ -121,17 +121,17 @@ class InstalledTypes:
             return list_converter(self._field_converter(slot.value_type), "[]")
         raise PortError(f"a field of the type {slot} cannot be used here")
 
-    def _nested(self, type: str) -> FieldConverter:
+    def _nested_converter(self, type: str) -> FieldConverter:
         _, converter = self.message(type)
         return FieldConverter(
-            type, converter.write, converter.read, (lambda: converter.write({})) if converter.defaults else None
+            type, converter.write, lambda: converter.write({}), converter.read, converter.has_defaults
         )
 
 
 # --- what is not there ------------------------------------------------------------------------------------------------
 
 
-def _missing(type: str, package: str, kind: str, error: ImportError) -> str:
+def _describe_missing(type: str, package: str, kind: str, error: ImportError) -> str:
     name = getattr(error, "name", None)
     if name == f"{package}.{kind}":
         return f"The ROS package {package} that is installed here has no {type}."
@@ -147,7 +147,6 @@ def _missing(type: str, package: str, kind: str, error: ImportError) -> str:
 def _read_hashes(package: str, file: str) -> dict[str, str]:
     try:
         share = import_module("ament_index_python.packages").get_package_share_directory(package)
-        content = json.loads((Path(share) / file).read_text("utf-8"))
-        return {entry["type_name"]: entry["hash_string"] for entry in content["type_hashes"]}
-    except (ImportError, LookupError, OSError, ValueError, TypeError):
+    except (ImportError, LookupError):
         return {}
+    return read_built_hashes(Path(share, file))
