@@ -450,10 +450,10 @@ def test_endpoints_of_others_come_and_go() -> None:
     end = graph.DdsEndpoint(key, "rt/a", TEXT, {"typehash": "RIHS01_1"})
     seen.update_writer(end)
     seen.update_writer(graph.DdsEndpoint(own, "rt/a", TEXT, {}))
-    assert seen.writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
+    assert seen.find_writers("rt/a") == [RemoteEndpoint("", TEXT, "RIHS01_1", "0110")]
     seen.set_nodes(key, [("/camera", [key])])
-    assert [end.node for end in seen.writers("rt/a")] == ["/camera"]
+    assert [end.node for end in seen.find_writers("rt/a")] == ["/camera"]
     assert seen.topics() == ["/a"]
-    assert seen.readers("rt/a") == seen.writers("rt/b") == []
+    assert seen.find_readers("rt/a") == seen.find_writers("rt/b") == []
     seen.update_writer(graph.DdsEndpoint(key, alive=False))
-    assert seen.writers("rt/a") == []
+    assert seen.find_writers("rt/a") == []

@@ -104,9 +104,9 @@ async def test_tasks_and_memory(tmp_path: Path) -> None:
         done = await it.client.assign("who", {"name": "Ägypt", "age": [1, None]})
         assert (done.succeeded, done.status, done.reason) == (True, "SUCCEEDED", "")
         assert done.task > 0
-        assert await it.client.memory("who") == {"name": "Ägypt", "age": [1, None]}
-        assert await it.client.memory("who.name") == "Ägypt"
-        assert await it.client.memory("nobody", "x") == "x"
+        assert await it.client.read_memory("who") == {"name": "Ägypt", "age": [1, None]}
+        assert await it.client.read_memory("who.name") == "Ägypt"
+        assert await it.client.read_memory("nobody", "x") == "x"
         assert (await it.client.start_act("R_LookAhead")).succeeded
         assert (await it.client.start_act("R_Nonsense")).status in ("REJECTED", "ABORTED")
 
@@ -117,7 +117,7 @@ async def test_without_a_session_a_node_hears_so_in_time() -> None:
     with pytest.raises(SessionGoneError, match="no session offers rise/domain_task"):
         await client.raise_event("/x")
     with pytest.raises(SessionGoneError, match="no session offers rise/get_memory"):
-        await client.memory("x")
+        await client.read_memory("x")
 
 
 async def test_a_session_that_dies_leaves_nobody_waiting(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ async def test_a_session_that_does_not_answer_leaves_nobody_waiting(tmp_path: Pa
         with pytest.raises(SessionGoneError, match="did not take a task"):
             await client.raise_event("/x")
         with pytest.raises(SessionGoneError, match="did not say"):
-            await client.memory("x")
+            await client.read_memory("x")
 
 
 # --- keyword spotter --------------------------------------------------------------------------------------------------
@@ -280,7 +280,7 @@ class Eyes:
     def pass_time(self, seconds: float) -> None:
         for _ in range(round(seconds * 50)):
             self.now = round(self.now + 0.02, 6)
-            if target := self.dwell.completed_look(self.now):
+            if target := self.dwell.take_completed_look(self.now):
                 self.raised.append((round(self.now, 1), target))
 
 
@@ -433,7 +433,7 @@ def answer_node(it: Lab, server: ModelServer, **more: Any) -> AnswerNode:
     }  # fmt: skip
     session = SessionClient(it.transport("/answer_node"))
     made = AnswerNode(session, Namespace(**{**options, **more}), SYSTEM, "secret")
-    session.rule_states(made.take_rule_state)
+    session.watch_rule_states(made.take_rule_state)
     return made
 
 

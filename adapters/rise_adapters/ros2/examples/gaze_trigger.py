@@ -77,7 +77,7 @@ class Dwell:
         if self.target != NOTHING and now - self._seen_at > self.away:
             self._turn_to(NOTHING, self._seen_at)
 
-    def completed_look(self, now: float) -> str:
+    def take_completed_look(self, now: float) -> str:
         """What has been looked at for long enough just now, once for each look; else empty."""
         self.advance_to(now)
         needed = self.away if self.target == NOTHING else self.dwell
@@ -109,7 +109,7 @@ class GazeTrigger:
         while True:
             await asyncio.sleep(_POLL_SECONDS)
             now = asyncio.get_running_loop().time()
-            target = self.dwell.completed_look(now)
+            target = self.dwell.take_completed_look(now)
             if not target:
                 continue
             print(f"/gaze/{target}, after {now - self.dwell.since:.1f} s")
@@ -130,7 +130,7 @@ async def work(transport: Transport, options: Namespace) -> None:
     await trigger.work()
 
 
-def _seconds(text: str) -> float:
+def _parse_seconds(text: str) -> float:
     seconds = float(text)
     if not 0 <= seconds < inf:
         raise ValueError
@@ -143,11 +143,15 @@ def main() -> None:
     parser.add_argument(
         "--region", type=Region, action="append", default=[], metavar="NAME=X,Y,Z,RADIUS", help="metres; repeatable"
     )
-    parser.add_argument("--dwell", type=_seconds, default=0.8, help="seconds that a look lasts (default: %(default)s)")
     parser.add_argument(
-        "--gap", type=_seconds, default=0.3, help="seconds of a blink, which ends no look (default: %(default)s)"
+        "--dwell", type=_parse_seconds, default=0.8, help="seconds that a look lasts (default: %(default)s)"
     )
-    parser.add_argument("--away", type=_seconds, default=10.0, help="seconds until nobody looks (default: %(default)s)")
+    parser.add_argument(
+        "--gap", type=_parse_seconds, default=0.3, help="seconds of a blink, which ends no look (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--away", type=_parse_seconds, default=10.0, help="seconds until nobody looks (default: %(default)s)"
+    )
     run_node(parser, work)
 
 

@@ -61,11 +61,11 @@ class KeywordSpotter:
             if not utterance:
                 continue
             try:
-                await self.handle(utterance)
+                await self.handle_utterance(utterance)
             except SessionGoneError as error:
                 print(f'"{utterance}" went unheard: {error}')
 
-    async def handle(self, utterance: str) -> None:
+    async def handle_utterance(self, utterance: str) -> None:
         # First the memory, then the event: the rule that the event wakes can rely on what the memory says.
         await self.session.assign(self.key, utterance)
         event, why = self.otherwise, "no key word"

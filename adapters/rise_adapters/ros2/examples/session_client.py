@@ -4,8 +4,8 @@ needs to know about RISE; the names and types are those of docs/reference/rise1-
     session = SessionClient(transport)
     await session.assign("RecognizedSpeech", "hello")
     await session.raise_event("/H_greets")
-    name = await session.memory("person_name")
-    session.rule_states(lambda state: print(state["rule"], state["state"]))
+    name = await session.read_memory("person_name")
+    session.watch_rule_states(lambda state: print(state["rule"], state["state"]))
 """
 
 from __future__ import annotations
@@ -96,16 +96,16 @@ class SessionClient:
         refused."""
         return await self.submit("releaseStop", self._transport.node)
 
-    async def memory(self, key: str, otherwise: Any = None) -> Any:
+    async def read_memory(self, key: str, otherwise: Any = None) -> Any:
         """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""
         await self._wait_until(self._memory.count_servers, "no session offers rise/get_memory")
         ask = partial(self._memory.call, {"request_by_key": key})
         (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")
         return json.loads(answer["value"]) if answer["found"] else otherwise
 
-    def rule_states(self, on_state: Callable[[Message], None]) -> None:
-        """Call `on_state` with each `rise_interfaces/msg/RuleState` from now on: rule, status (started, entered, stayed,
-        ended, stopped, faulted), state, previous_state, trigger, priority."""
+    def watch_rule_states(self, on_state: Callable[[Message], None]) -> None:
+        """Call `on_state` with each `rise_interfaces/msg/RuleState` from now on: rule, status (started, entered,
+        stayed, ended, stopped, faulted), state, previous_state, trigger, priority."""
         self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", on_state)
 
     async def _wait_until(self, there: Callable[[], int], missing: str) -> None:

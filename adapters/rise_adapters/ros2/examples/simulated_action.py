@@ -50,7 +50,7 @@ class SimulatedAction:
         self._clock, self._print, self._next_fault, self._busy = clock, print_line, next_fault, busy
         self._reader = GoalReader(specs)
         self._results = _ResultMaker(transport, mapping.type, specs[0].carrier.get("error", {}))
-        self._progress = _progress_feedback(transport, mapping.type)
+        self._progress = _make_progress_feedback(transport, mapping.type)
         self._waiting: deque[_RunningGoal] = deque()
         self._running: _RunningGoal | None = None
         self._server = ActionServer(
@@ -205,7 +205,7 @@ class _ResultMaker:
         return result
 
 
-def _progress_feedback(transport: Transport, type: str) -> Callable[[float], Message] | None:
+def _make_progress_feedback(transport: Transport, type: str) -> Callable[[float], Message] | None:
     """How this action's feedback tells what part is done, from 0 to 1; None: it has no field for that."""
     fields = transport.fields(f"{type}_Feedback")
     if fields.get("progress") in ("float32", "float64"):

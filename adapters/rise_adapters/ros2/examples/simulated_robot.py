@@ -168,7 +168,7 @@ async def work(transport: Transport, options: Namespace) -> None:
         robot.close()
 
 
-def _speed(text: str) -> float:
+def _parse_speed(text: str) -> float:
     speed = float(text)
     if not 0 < speed < inf:
         raise ValueError
@@ -179,7 +179,7 @@ def main() -> None:
     parser = node_parser("simulated_robot", "A robot that is not there, on the wire.")
     parser.add_argument("--robot", metavar="NAME|FILE", help="which robot: a profile's name, or a profile")
     parser.add_argument("--config", type=Path, metavar="DIR", help="a scenario: its robot, and its own actions")
-    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N", help="how many times faster than real")
+    parser.add_argument("--speed", type=_parse_speed, default=1.0, metavar="N", help="how many times faster than real")
     parser.add_argument("--fault", action="append", default=[], metavar="SPEC", help="what it does wrong; repeatable")
     parser.add_argument(
         "--busy",

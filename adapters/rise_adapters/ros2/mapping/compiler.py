@@ -19,7 +19,7 @@ from rise_adapters.ros2.mapping.field_sources import (
     ParameterConversion,
     ParameterSource,
     SpecialSource,
-    literal_value,
+    fit_literal,
 )
 from rise_adapters.ros2.mapping.field_types import (
     DURATION,
@@ -99,7 +99,7 @@ class MessageCompiler:
                 raise ValueError(
                     f"cannot be {describe_value(value)}; write a text, a number, true, false, a list or a table"
                 )
-            return FixedSource(literal_value(value, type))
+            return FixedSource(fit_literal(value, type))
         except ValueError as error:
             self._mistakes.add(where, f"{error}{self._advise_fields(type)}")
         return None
@@ -122,7 +122,7 @@ class MessageCompiler:
         if len(pieces) == 1 and isinstance(pieces[0], Placeholder):
             return self._compile_slot(pieces[0], type, where)
         if len(pieces) == 1:
-            return FixedSource(literal_value(pieces[0], type))
+            return FixedSource(fit_literal(pieces[0], type))
         if type is not None and type.kind != "text":
             raise ValueError(
                 f"takes {describe_field_type(type)}; only a single {{parameter}} can fill it, with nothing around it"
@@ -190,7 +190,7 @@ class MessageCompiler:
 
     def _convert(self, made: ParameterConversion, value: Any, what: str) -> Any:
         try:
-            return made.field_value(value)
+            return made.to_field_value(value)
         except ValueError as error:
             raise ValueError(f"{error} (the {what} of `{made.parameter.name}`)") from None
 
@@ -226,7 +226,7 @@ def _check_can_fill(made: ParameterConversion, type: MessageFieldType) -> None:
             f"takes {describe_field_type(type)}, and `{parameter.name}` may be any name, also one without a number"
         )
     for name in listed_names(parameter):
-        made.field_value(name)
+        made.to_field_value(name)
 
 
 def nest_dotted_keys(table: Mapping[str, Any], where: str, mistakes: ProfileMistakes) -> dict[str, Any]:

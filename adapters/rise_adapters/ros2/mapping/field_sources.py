@@ -96,10 +96,8 @@ class ParameterSource(Struct, frozen=True):
         value = filling.parameters.get(conversion.parameter.name)
         try:
             if value is not None:
-                return conversion.field_value(value)
-            return (
-                self.absent if self.special is None else literal_value(filling.specials[self.special], conversion.type)
-            )
+                return conversion.to_field_value(value)
+            return self.absent if self.special is None else fit_literal(filling.specials[self.special], conversion.type)
         except ValueError as error:
             raise ValueError(f"`{self.field}` {error} (parameter `{conversion.parameter.name}`)") from None
 
@@ -122,7 +120,9 @@ class AllParametersSource(Struct, frozen=True):
 
     def fill(self, filling: FillContext) -> Any:
         values = {
-            each.parameter.name: each.named_value(filling.parameters.get(each.parameter.name, each.parameter.default))
+            each.parameter.name: each.to_named_value(
+                filling.parameters.get(each.parameter.name, each.parameter.default)
+            )
             for each in self.all
         }
         text = json.dumps({name: value for name, value in values.items() if value is not None}, ensure_ascii=False)
@@ -144,7 +144,7 @@ class JoinedTextSource(Struct, frozen=True):
 
 def _fit_text(text: str, type: MessageFieldType | None, field: str, name: str = "") -> Any:
     try:
-        return literal_value(text, type)
+        return fit_literal(text, type)
     except ValueError as error:
         raise ValueError(f"`{field}` {error}{name}") from None
 
@@ -163,16 +163,16 @@ class ParameterConversion(Struct, frozen=True):
     factor: float = 1.0
     divisor: float = 1.0
 
-    def named_value(self, value: Any) -> Any:
+    def to_named_value(self, value: Any) -> Any:
         """The value by its name, not by its number, and by the robot's own word if it has one."""
-        value = self._by_name(value)
+        value = self._to_name(value)
         return self.values.get(spoken_text(value), value) if self.values and value is not None else value
 
-    def field_value(self, value: Any) -> Any:
+    def to_field_value(self, value: Any) -> Any:
         """The field's value. Raises ValueError: what the field takes instead."""
-        value = self._by_name(value)
+        value = self._to_name(value)
         if self.values and (word := spoken_text(value)) in self.values:
-            return literal_value(self.values[word], self.type)
+            return fit_literal(self.values[word], self.type)
         if (self.factor, self.divisor) != (1.0, 1.0):
             value = value * self.factor / self.divisor
         if self.type is None:
@@ -190,13 +190,13 @@ class ParameterConversion(Struct, frozen=True):
             value = int(value)
         return fit_value(value, self.type)
 
-    def _by_name(self, value: Any) -> Any:
+    def _to_name(self, value: Any) -> Any:
         if self.parameter.type == "name" and isinstance(value, int) and not isinstance(value, bool):
             return next((name for name, code in self.parameter.codes.items() if code == value), value)
         return value
 
 
-def literal_value(value: Any, type: MessageFieldType | None) -> Any:
+def fit_literal(value: Any, type: MessageFieldType | None) -> Any:
     """A plain value of the profile in a field. Raises ValueError: what the field takes."""
     if type is None:
         return value

@@ -133,11 +133,11 @@ def fit_value(value: Any, field: MessageFieldType) -> Any:
     fitted: Any
     match field.kind:
         case "integer":
-            fitted = _integer(value, field.name)
+            fitted = _fit_integer(value, field.name)
         case "float":
-            fitted = _float(value, field.name)
+            fitted = _fit_float(value, field.name)
         case "text":
-            fitted = _text(value, field)
+            fitted = _fit_text(value, field)
         case _:
             fitted = value if isinstance(value, bool) else None
     if fitted is None:
@@ -182,7 +182,7 @@ def describe_value(value: Any) -> str:
     return "a list" if isinstance(value, list) else "a table" if isinstance(value, dict) else f"`{value}`"
 
 
-def _integer(value: Any, name: str) -> int | None:
+def _fit_integer(value: Any, name: str) -> int | None:
     if isinstance(value, float):
         if not math.isfinite(value) or abs(value - round(value)) > _NEARLY * max(1.0, abs(value)):
             return None
@@ -193,7 +193,7 @@ def _integer(value: Any, name: str) -> int | None:
     return int(value) if least <= value <= most else None
 
 
-def _float(value: Any, name: str) -> float | None:
+def _fit_float(value: Any, name: str) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -203,7 +203,7 @@ def _float(value: Any, name: str) -> float | None:
     return number if math.isfinite(number) and abs(number) <= _FLOATS[name] else None
 
 
-def _text(value: Any, field: MessageFieldType) -> str | None:
+def _fit_text(value: Any, field: MessageFieldType) -> str | None:
     if not isinstance(value, str):
         return None
     if "\0" in value:

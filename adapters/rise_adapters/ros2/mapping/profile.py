@@ -45,7 +45,7 @@ def read_mappings(
     for name, spec in profile.actions.items():
         if not _is_done_by_itself(spec) or (actions is not None and name not in actions):
             continue
-        mapping = ActionReader(_written_out(spec, options), options, types, mistakes).read()
+        mapping = ActionReader(_write_out_carrier(spec, options), options, types, mistakes).read()
         if mapping is not None:
             mappings[name] = mapping
             _check_qos(name, mappings, mistakes)
@@ -66,7 +66,7 @@ def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) ->
 def with_all_carriers(profile: RobotProfile) -> RobotProfile:
     """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
     options = parse_options(profile, ProfileMistakes())
-    return replace(profile, actions={name: _written_out(spec, options) for name, spec in profile.actions.items()})
+    return replace(profile, actions={name: _write_out_carrier(spec, options) for name, spec in profile.actions.items()})
 
 
 def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
@@ -90,7 +90,7 @@ def _standard_carriers() -> Mapping[str, Mapping[str, Any]]:
     return {name: table["carrier"] for name, table in profile["actions"].items()}
 
 
-def _written_out(spec: ActionSpec, options: RosOptions) -> ActionSpec:
+def _write_out_carrier(spec: ActionSpec, options: RosOptions) -> ActionSpec:
     """The action with its carrier, also when that is its wrapper's; without one if there is none."""
     carrier = spec.carrier
     standard = _standard_carriers().get(spec.name)

@@ -20,8 +20,8 @@ def parse_result_rule(
     for key in table:
         if key not in _KEYS:
             mistakes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, _KEYS)}")
-    code, code_type = _field(table, "code", type, where, types, mistakes)
-    text, text_type = _field(table, "text", type, where, types, mistakes)
+    code, code_type = _read_field_path(table, "code", type, where, types, mistakes)
+    text, text_type = _read_field_path(table, "text", type, where, types, mistakes)
     if text_type is not None and (text_type.kind != "text" or text_type.is_list):
         mistakes.add(f"{where}.text", f"is the field with the robot's words, and this one is `{text_type}`")
     ok = table.get("ok", 0)
@@ -42,7 +42,7 @@ def parse_result_rule(
     return ResultRule(code, ok, text, codes)
 
 
-def _field(
+def _read_field_path(
     table: Mapping[str, Any], key: str, type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> tuple[tuple[str, ...], MessageFieldType | None]:
     """The path of a field of the result, and its type where that is known."""

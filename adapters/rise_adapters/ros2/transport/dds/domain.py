@@ -42,7 +42,7 @@ def read_domain_id(environment: Mapping[str, str]) -> int:
 def make_configuration(environment: Mapping[str, str]) -> str:
     """The configuration for Cyclone DDS. Raises PortError for a discovery range that does not exist."""
     discovery, general = "", ""
-    reach, peers = _discovery_range(environment)
+    reach, peers = _read_discovery_range(environment)
     if reach in ("LOCALHOST", "OFF"):
         general = "<General><AllowMulticast>false</AllowMulticast></General>"
     if reach == "OFF":
@@ -60,7 +60,7 @@ def make_configuration(environment: Mapping[str, str]) -> str:
     return ",".join(part for part in (own, environment.get("CYCLONEDDS_URI", "")) if part)
 
 
-def _discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
+def _read_discovery_range(environment: Mapping[str, str]) -> tuple[str, list[str]]:
     if environment.get("ROS_LOCALHOST_ONLY") == "1":
         return "LOCALHOST", ["localhost"]
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"

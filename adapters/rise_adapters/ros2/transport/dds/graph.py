@@ -57,7 +57,7 @@ def take_participants(reader: int, most: int) -> Any:
     def make_participant(key: bytes, data: bytes, info: Any) -> DdsParticipant:
         return DdsParticipant(key, info.instance_state == InstanceState.Alive)
 
-    return _clayer.ddspy_take_participant(reader, most, make_participant, _no_qos)
+    return _clayer.ddspy_take_participant(reader, most, make_participant, _read_nothing)
 
 
 def take_endpoints(reader: int, most: int) -> Any:
@@ -115,7 +115,7 @@ def _read_user_data(pointer: int) -> bytes:
     return data
 
 
-def _no_qos(pointer: int) -> bytes:
+def _read_nothing(pointer: int) -> bytes:
     return b""
 
 
@@ -152,9 +152,9 @@ class DdsGraph:
         self._nodes[participant] = [node for node, _ in nodes]
         self._owners[participant[:12]] = {key: node for node, keys in nodes for key in keys}
 
-    def writer_nodes(self, topic: str) -> list[str]:
+    def find_writer_nodes(self, topic: str) -> list[str]:
         """The nodes of others that write a DDS topic, as far as they say so."""
-        return sorted({end.node for end in self.writers(topic) if end.node})
+        return sorted({end.node for end in self.find_writers(topic) if end.node})
 
     def nodes(self) -> list[str]:
         """Full names, each as often as it is there."""
@@ -162,13 +162,13 @@ class DdsGraph:
             node for participant, nodes in self._nodes.items() if participant in self._participants for node in nodes
         )
 
-    def writers(self, topic: str) -> list[RemoteEndpoint]:
+    def find_writers(self, topic: str) -> list[RemoteEndpoint]:
         """Those of others that write a DDS topic."""
-        return self._of_others(self._writers, topic)
+        return self._find_of_others(self._writers, topic)
 
-    def readers(self, topic: str) -> list[RemoteEndpoint]:
+    def find_readers(self, topic: str) -> list[RemoteEndpoint]:
         """Those of others that read a DDS topic."""
-        return self._of_others(self._readers, topic)
+        return self._find_of_others(self._readers, topic)
 
     def topics(self) -> list[str]:
         """The topics of ROS (without those of services) on which others have something."""
@@ -191,7 +191,7 @@ class DdsGraph:
             if key[:2] != CYCLONE
         ]
 
-    def _of_others(self, index: _EndpointIndex, topic: str) -> list[RemoteEndpoint]:
+    def _find_of_others(self, index: _EndpointIndex, topic: str) -> list[RemoteEndpoint]:
         return [
             RemoteEndpoint(
                 self._owners.get(key[:12], _NO_OWNERS).get(key, ""),

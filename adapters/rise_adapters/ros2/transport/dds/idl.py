@@ -34,16 +34,16 @@ class IdlTypes:
         self._types = types
         self._made: dict[tuple[str, bool], type[IdlStruct]] = {}
 
-    def get(self, type: str, headed: bool = False) -> type[IdlStruct]:
+    def find_or_make(self, type: str, headed: bool = False) -> type[IdlStruct]:
         """The description of a message; `headed`: of a request or reply, which begins with whose and which it is."""
         made = self._made.get((type, headed))
         if made is None:
             definition = self._types.message_definition(type)
-            made = self._made[type, headed] = self._make(definition, _HEADER if headed else {})
+            made = self._made[type, headed] = self._make_type(definition, _HEADER if headed else {})
         return made
 
-    def _make(self, definition: InterfaceDefinition, header: dict[str, Any]) -> type[IdlStruct]:
-        fields = {field.name: self._field(field.type) for field in definition.fields}
+    def _make_type(self, definition: InterfaceDefinition, header: dict[str, Any]) -> type[IdlStruct]:
+        fields = {field.name: self._field_type(field.type) for field in definition.fields}
         return make_idl_struct(
             definition.name.replace("/", "_"),
             dds_type(definition.name),
@@ -51,8 +51,8 @@ class IdlTypes:
             dataclassify=False,
         )
 
-    def _field(self, type: InterfaceFieldType) -> Any:
-        element = self.get(type.base) if type.is_nested else _PRIMITIVES[type.base]
+    def _field_type(self, type: InterfaceFieldType) -> Any:
+        element = self.find_or_make(type.base) if type.is_nested else _PRIMITIVES[type.base]
         if type.length:
             element = idl.bounded_str[type.length]  # type: ignore[misc]
         if type.container == "array":

@@ -125,13 +125,13 @@ class ReaderThread:
             count = wait(waitset, triggered, len(triggered), dds_infinity)
             if count < 0:
                 raise RuntimeError(f"waiting failed with code {count}")
-            came: list[partial[None]] = []
+            deliveries: list[partial[None]] = []
             for index in range(min(count, len(triggered))):
                 reader = self._readers.get(triggered[index] or 0)
                 if reader is None:
                     continue
                 taken = reader.take(reader.handle, _MOST_PER_TAKE)
                 if not isinstance(taken, int):
-                    came += [partial(reader.deliver, sample) for sample in taken]
-            if came:
-                self._inbox.put(*came)
+                    deliveries += [partial(reader.deliver, sample) for sample in taken]
+            if deliveries:
+                self._inbox.put(*deliveries)

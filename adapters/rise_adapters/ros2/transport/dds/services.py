@@ -29,7 +29,7 @@ class DdsClient:
     """Implements `port.ServiceClient`."""
 
     def __init__(self, node: DdsNode, name: str, type: str) -> None:
-        """`name`: the full name. Raises PortError as `DdsNode.writer`."""
+        """`name`: the full name. Raises PortError as `DdsNode.open_writer`."""
         self._node = node
         self._request = node.types.codec(f"{type}_Request")
         self._response = node.types.codec(f"{type}_Response")
@@ -39,8 +39,10 @@ class DdsClient:
         """The other ends when they were looked at last, and all of them were known."""
         self._count = 0
         id = {"clientid": node.new_service_id()}
-        self._reader = node.reader(names.reply_topic(name), self._response.type, _QOS, self._on_sample, id, headed=True)
-        self._writer = node.writer(names.request_topic(name), self._request.type, _QOS, id, headed=True)
+        self._reader = node.open_reader(
+            names.reply_topic(name), self._response.type, _QOS, self._on_sample, id, headed=True
+        )
+        self._writer = node.open_writer(names.request_topic(name), self._request.type, _QOS, id, headed=True)
 
     def count_servers(self) -> int:
         handles = taking, answering = self._writer.matched_readers(), self._reader.matched_writers()
@@ -48,7 +50,7 @@ class DdsClient:
             takers = [graph.find_matched_reader(self._writer.handle, handle) for handle in taking]
             answerers = [graph.find_matched_writer(self._reader.handle, handle) for handle in answering]
             self._count = _count_pairs(
-                _service_ids(takers, self._request.type), _service_ids(answerers, self._response.type)
+                _list_service_ids(takers, self._request.type), _list_service_ids(answerers, self._response.type)
             )
             # This is asked before each goal, and seldom changes; but what is not known yet is asked for again.
             self._matched_handles = handles if None not in (*takers, *answerers) else None
@@ -75,7 +77,7 @@ class DdsClient:
             on_response(self._response.unpack(data, _BODY))
 
 
-def _service_ids(ends: list[graph.DdsEndpoint | None], type: str) -> list[str]:
+def _list_service_ids(ends: list[graph.DdsEndpoint | None], type: str) -> list[str]:
     """Of the ends that can be meant: types of one structure match each other whatever their names are."""
     return [end.user_data.get("serviceid", "") for end in ends if end and end.is_cyclone and end.type == type]
 
@@ -98,8 +100,8 @@ class DdsServer:
         self._reachable: set[int] = set()
         """Writers of requests (by handle) whose readers of replies have been seen."""
         id = {"serviceid": node.new_service_id()}
-        self._writer = node.writer(names.reply_topic(name), self._response.type, _QOS, id, headed=True)
-        self._reader = node.reader(
+        self._writer = node.open_writer(names.reply_topic(name), self._response.type, _QOS, id, headed=True)
+        self._reader = node.open_reader(
             names.request_topic(name), self._request.type, _QOS, self._on_sample, id, headed=True
         )
 

@@ -14,10 +14,10 @@ class DdsPublisher:
     """Implements `port.Publisher`."""
 
     def __init__(self, node: DdsNode, topic: str, type: str, qos: QoS) -> None:
-        """`topic`: the full name. Raises PortError as `DdsNode.writer`."""
+        """`topic`: the full name. Raises PortError as `DdsNode.open_writer`."""
         self._node = node
         self._codec = node.types.codec(type)
-        self._writer = node.writer(dds_topic(topic), type, qos)
+        self._writer = node.open_writer(dds_topic(topic), type, qos)
 
     def publish(self, message: Message) -> None:
         self._writer.write(self._codec.pack(message))
@@ -37,7 +37,7 @@ class DdsSubscription:
         self._node = node
         self._codec = node.types.codec(type)
         self._on_message = on_message
-        self._reader = node.reader(dds_topic(topic), type, qos, self._on_sample)
+        self._reader = node.open_reader(dds_topic(topic), type, qos, self._on_sample)
 
     def count_publishers(self) -> int:
         return len(self._reader.matched_writers())

@@ -84,14 +84,17 @@ class DdsTransport:
             return ""
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        return self._dds.graph.writers(names.dds_topic(self.resolve(topic)))
+        return self._dds.graph.find_writers(names.dds_topic(self.resolve(topic)))
 
     def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        return self._dds.graph.readers(names.dds_topic(self.resolve(topic)))
+        return self._dds.graph.find_readers(names.dds_topic(self.resolve(topic)))
 
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
         full = self.resolve(service)
-        return [*self._dds.graph.readers(names.request_topic(full)), *self._dds.graph.writers(names.reply_topic(full))]
+        return [
+            *self._dds.graph.find_readers(names.request_topic(full)),
+            *self._dds.graph.find_writers(names.reply_topic(full)),
+        ]
 
     def topics(self) -> list[str]:
         return self._dds.graph.topics()
@@ -103,7 +106,7 @@ class DdsTransport:
         return self._dds.graph.programs_of_other_vendors()
 
     def client_nodes(self, service: str) -> list[str]:
-        return self._dds.graph.writer_nodes(names.request_topic(self.resolve(service)))
+        return self._dds.graph.find_writer_nodes(names.request_topic(self.resolve(service)))
 
     def failure(self) -> str:
         return "the transport is closed" if self._dds.closed else self._dds.reader_thread.failure

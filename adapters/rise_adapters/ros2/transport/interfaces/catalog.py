@@ -169,17 +169,15 @@ def _standard_definitions() -> dict[str, InterfaceDefinition]:
     except ImportError:
         return {}
     return {
-        name: _definition_of_rosbags(name, fields)
-        for name, (_, fields) in ros2_jazzy.FIELDDEFS.items()
-        if "/msg/" in name
+        name: _convert_definition(name, fields) for name, (_, fields) in ros2_jazzy.FIELDDEFS.items() if "/msg/" in name
     }
 
 
-def _definition_of_rosbags(name: str, fields: Any) -> InterfaceDefinition:
+def _convert_definition(name: str, fields: Any) -> InterfaceDefinition:
     return InterfaceDefinition(
         name,
         tuple(
-            InterfaceField(field, _field_type_of_rosbags(*type))
+            InterfaceField(field, _convert_field_type(*type))
             for field, type in fields
             if field != hashes.PLACEHOLDER_FIELD
         ),
@@ -187,7 +185,7 @@ def _definition_of_rosbags(name: str, fields: Any) -> InterfaceDefinition:
     )
 
 
-def _field_type_of_rosbags(node: int, content: Any) -> InterfaceFieldType:
+def _convert_field_type(node: int, content: Any) -> InterfaceFieldType:
     base, named, array = 1, 2, 3
     if node == base:
         primitive, length = content
@@ -195,6 +193,6 @@ def _field_type_of_rosbags(node: int, content: Any) -> InterfaceFieldType:
     if node == named:
         return InterfaceFieldType(content)
     inner, count = content
-    element = _field_type_of_rosbags(*inner)
+    element = _convert_field_type(*inner)
     many = "array" if node == array else "bounded" if count else "sequence"
     return InterfaceFieldType(element.base, element.length, many, count)

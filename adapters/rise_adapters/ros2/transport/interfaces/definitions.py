@@ -100,7 +100,7 @@ def read_definitions(package: str, kind: str, name: str, text: str, origin: str)
     found = {}
     for part, lines in zip(wanted, parts, strict=True):
         fields: list[InterfaceField] = []
-        for place, content in _contents(lines, origin):
+        for place, content in _strip_comments(lines, origin):
             _read_line(package, place, content, fields)
         found[full + part] = InterfaceDefinition(full + part, tuple(fields), origin)
     if kind == "srv":
@@ -174,7 +174,7 @@ def _field(name: str, base: str) -> InterfaceField:
     return InterfaceField(name, InterfaceFieldType(base))
 
 
-def _contents(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, str]]:
+def _strip_comments(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, str]]:
     """The lines that say something, without comments, and where they are."""
     for number, line in lines:
         content = line.partition("#")[0].strip()
@@ -210,7 +210,7 @@ def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
     if length and base not in ("string", "wstring"):
         raise PortError(f"{place}: only texts can have a largest length, not {base}")
     if base not in PRIMITIVES:
-        base = _full_base(package, place, base)
+        base = _qualify_base(package, place, base)
     if not match["array"]:
         return InterfaceFieldType(base, length)
     if match["most"]:
@@ -220,7 +220,7 @@ def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
     return InterfaceFieldType(base, length, "sequence")
 
 
-def _full_base(package: str, place: str, base: str) -> str:
+def _qualify_base(package: str, place: str, base: str) -> str:
     owner, slash, name = base.rpartition("/")
     owner = owner.removesuffix("/msg") if slash else package
     if not re.fullmatch(_NAME, name):

@@ -67,7 +67,7 @@ class MessageConverter:
     def write(self, message: Any, path: str = "") -> Any:
         """Plain values as a message of rclpy. Raises PortError when they do not fit."""
         if not isinstance(message, Mapping):
-            raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shown(message)}")
+            raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shorten(message)}")
         made = self._maker()
         for name, zero in self._zero.items():
             if name not in message:
@@ -104,7 +104,7 @@ def number_converter(name: str) -> FieldConverter:
 def _integer_writer(name: str, low: int, high: int) -> Write:
     def write(value: Any, path: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise _misfit(path, f"{name} needs a whole number, not {_shown(value)}")
+            raise _misfit(path, f"{name} needs a whole number, not {_shorten(value)}")
         if not low <= value <= high:
             raise _misfit(path, f"{value} is outside of {name}, which goes from {low} to {high}")
         return value
@@ -115,11 +115,11 @@ def _integer_writer(name: str, low: int, high: int) -> Write:
 def _float_writer(name: str) -> Write:
     def write(value: Any, path: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise _misfit(path, f"{name} needs a number, not {_shown(value)}")
+            raise _misfit(path, f"{name} needs a number, not {_shorten(value)}")
         try:
             number = float(value)
         except OverflowError:
-            raise _misfit(path, f"{_shown(value)} is too large for {name}") from None
+            raise _misfit(path, f"{_shorten(value)} is too large for {name}") from None
         if name == "float32" and isfinite(number) and abs(number) >= _LARGEST_FLOAT32:
             raise _misfit(path, f"{number:g} is too large for float32")
         return number
@@ -129,7 +129,7 @@ def _float_writer(name: str) -> Write:
 
 def _write_boolean(value: Any, path: str) -> bool:
     if not isinstance(value, bool):
-        raise _misfit(path, f"bool needs true or false, not {_shown(value)}")
+        raise _misfit(path, f"bool needs true or false, not {_shorten(value)}")
     return value
 
 
@@ -138,7 +138,7 @@ def text_converter(name: str, most: int | None) -> FieldConverter:
 
     def write(value: Any, path: str) -> str:
         if not isinstance(value, str):
-            raise _misfit(path, f"{text} needs a text, not {_shown(value)}")
+            raise _misfit(path, f"{text} needs a text, not {_shorten(value)}")
         if "\0" in value:
             raise _misfit(path, "a text may not hold the character NUL")
         try:
@@ -158,25 +158,25 @@ def list_converter(
     text = element.type + suffix
     whole = fixed if fixed is not None else most
 
-    def check(size: int, path: str) -> None:
+    def check_size(size: int, path: str) -> None:
         if (fixed is not None and size != fixed) or (most is not None and size > most):
             raise _misfit(path, f"{size} elements do not fit into {text}, which takes {whole}")
 
-    def octets(given: Any, path: str) -> bytes:
+    def write_octets(given: Any, path: str) -> bytes:
         if isinstance(given, bytes | bytearray | memoryview):
             found = bytes(given)
         else:
-            found = bytes(_numbers(given, path, text))
-        check(len(found), path)
+            found = bytes(_check_octets(given, path, text))
+        check_size(len(found), path)
         return found
 
-    def elements(given: Any, path: str) -> list[Any]:
+    def write_elements(given: Any, path: str) -> list[Any]:
         if not isinstance(given, Sequence) or isinstance(given, str | bytes | bytearray):
-            raise _misfit(path, f"{text} needs a list, not {_shown(given)}")
-        check(len(given), path)
+            raise _misfit(path, f"{text} needs a list, not {_shorten(given)}")
+        check_size(len(given), path)
         return [element.write(one, f"{path}[{number}]") for number, one in enumerate(given)]
 
-    def zeros() -> list[Any]:
+    def make_zeros() -> list[Any]:
         return [element.zero() for _ in range(fixed or 0)]
 
     def read(held: Any) -> Any:
@@ -184,17 +184,21 @@ def list_converter(
             return [element.read(one) for one in held]
         return held.tolist() if hasattr(held, "tolist") else list(held)  # an array.array, a numpy array, or a list
 
-    made = FieldConverter(text, elements, zeros, read, element.has_default and bool(fixed))
+    made = FieldConverter(text, write_elements, make_zeros, read, element.has_default and bool(fixed))
     if element.type == "uint8":  # an array.array or a numpy array in rclpy; both take a bytearray
-        return made._replace(write=lambda given, path: bytearray(octets(given, path)), read=lambda held: held.tobytes())
+        return made._replace(
+            write=lambda given, path: bytearray(write_octets(given, path)), read=lambda held: held.tobytes()
+        )
     if element.type == "byte":
-        return made._replace(write=lambda given, path: [bytes((one,)) for one in octets(given, path)], read=b"".join)
+        return made._replace(
+            write=lambda given, path: [bytes((one,)) for one in write_octets(given, path)], read=b"".join
+        )
     return made
 
 
-def _numbers(given: Any, path: str, text: str) -> list[int]:
+def _check_octets(given: Any, path: str, text: str) -> list[int]:
     if not isinstance(given, Sequence) or isinstance(given, str):
-        raise _misfit(path, f"{text} needs bytes, not {_shown(given)}")
+        raise _misfit(path, f"{text} needs bytes, not {_shorten(given)}")
     check = _integer_writer("uint8", 0, 255)
     return [check(one, f"{path}[{number}]") for number, one in enumerate(given)]
 
@@ -203,6 +207,6 @@ def _misfit(path: str, why: str) -> PortError:
     return PortError(f"{path}: {why}" if path else why)
 
 
-def _shown(value: Any) -> str:
+def _shorten(value: Any) -> str:
     shown = repr(value)
     return shown if len(shown) <= 60 else shown[:57] + "..."

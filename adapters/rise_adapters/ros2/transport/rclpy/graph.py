@@ -43,15 +43,15 @@ class RclpyGraph:
     def find_clients(self, service: str) -> list[str]:
         """The nodes that call a service."""
         # As in `find_servers`: on DDS, who writes this topic calls the service.
-        infos = self._list(self._node.get_publishers_info_by_topic, f"rq{service}Request", no_mangle=True)
-        return sorted({_node_of(info) for info in infos} - {self._spinning.name})
+        infos = self._look_up(self._node.get_publishers_info_by_topic, f"rq{service}Request", no_mangle=True)
+        return sorted({_full_name(info) for info in infos} - {self._spinning.name})
 
     def topics(self) -> list[str]:
-        names = [name for name, _ in self._list(self._node.get_topic_names_and_types)]
+        names = [name for name, _ in self._look_up(self._node.get_topic_names_and_types)]
         return [name for name in names if self.find_publishers(name) or self.find_subscribers(name)]
 
     def nodes(self) -> list[str]:
-        return self._list(self._node.get_fully_qualified_node_names)
+        return self._look_up(self._node.get_fully_qualified_node_names)
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         """As `port.Transport.programs_of_other_vendors`."""
@@ -60,7 +60,7 @@ class RclpyGraph:
         # By what they have: what a program is carried by is nowhere else to be seen.
         found = {
             (end.node, end.vendor)
-            for name, _ in self._list(self._node.get_topic_names_and_types, no_demangle=True)
+            for name, _ in self._look_up(self._node.get_topic_names_and_types, no_demangle=True)
             for list_infos in (self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic)
             for end in self._find_endpoints(list_infos, name, no_mangle=True)
             if end.vendor != self._vendor
@@ -68,7 +68,7 @@ class RclpyGraph:
         named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
         return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
 
-    def _list(self, question: Callable[..., Any], *about: str, **more: bool) -> list[Any]:
+    def _look_up(self, question: Callable[..., Any], *about: str, **more: bool) -> list[Any]:
         """What rclpy lists; nothing of what it cannot look up, such as a node that has just gone."""
         if self._spinning.failure():
             return []
@@ -80,15 +80,15 @@ class RclpyGraph:
 
     def _find_endpoints(self, list_infos: Callable[..., Any], name: str, **more: bool) -> list[RemoteEndpoint]:
         """What others have under a name."""
-        infos = self._list(list_infos, name, **more)
-        return [self._endpoint_of(info) for info in infos if _node_of(info) != self._spinning.name]
+        infos = self._look_up(list_infos, name, **more)
+        return [self._make_endpoint(info) for info in infos if _full_name(info) != self._spinning.name]
 
-    def _endpoint_of(self, info: Any) -> RemoteEndpoint:
-        node = _node_of(info)
+    def _make_endpoint(self, info: Any) -> RemoteEndpoint:
+        node = _full_name(info)
         return RemoteEndpoint(
             "" if _UNKNOWN in node else node,
-            _plain_type(info.topic_type),
-            _hash_text(info.topic_type_hash),
+            _demangle_type(info.topic_type),
+            _read_hash(info.topic_type_hash),
             bytes(info.endpoint_gid[:2]).hex() if self._vendor else "",
             self._spinning.read_profile(info.qos_profile),
         )
@@ -96,10 +96,10 @@ class RclpyGraph:
     def _find_servers_by_node(self, service: str) -> list[RemoteEndpoint]:
         """The service of that name as far as other nodes, each by itself, are known to offer it."""
         found: list[RemoteEndpoint] = []
-        for name, namespace in self._list(self._node.get_node_names_and_namespaces):
+        for name, namespace in self._look_up(self._node.get_node_names_and_namespaces):
             node = f"{namespace.rstrip('/')}/{name}"
             if node != self._spinning.name:
-                offered = self._list(self._node.get_service_names_and_types_by_node, name, namespace)
+                offered = self._look_up(self._node.get_service_names_and_types_by_node, name, namespace)
                 found += [
                     RemoteEndpoint(node, f"{type}_Request")
                     for full, types in offered
@@ -109,17 +109,17 @@ class RclpyGraph:
         return found
 
 
-def _node_of(info: Any) -> str:
+def _full_name(info: Any) -> str:
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
-def _hash_text(value: Any) -> str:
+def _read_hash(value: Any) -> str:
     """A type hash of an endpoint; `INVALID` when the endpoint does not say."""
     text = "" if value is None else str(value)
     return text if text.startswith("RIHS") else ""
 
 
-def _plain_type(name: str) -> str:
+def _demangle_type(name: str) -> str:
     """`std_srvs::srv::dds_::Trigger_Request_` -> `std_srvs/srv/Trigger_Request`."""
     match = re.fullmatch(r"(\w+)::(\w+)::dds_::(\w+)_", name)
     return "/".join(match.groups()) if match else name

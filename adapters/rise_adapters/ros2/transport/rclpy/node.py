@@ -128,7 +128,7 @@ class SpinningNode:
         if self.spins_on:
             self._executor.shutdown(timeout_sec=_JOIN_SECONDS)
         elif self._context.ok():
-            self._executor.create_task(_nothing)  # wakes the thread, which then sees that it is to end
+            self._executor.create_task(_do_nothing)  # wakes the thread, which then sees that it is to end
         self._thread.join(_JOIN_SECONDS)
         if self._thread.is_alive():
             _log.warning("the thread of the ROS node %s did not end", self.name)
@@ -178,5 +178,5 @@ def _with_ros_args(arguments: Sequence[str]) -> list[str]:
     return ["--ros-args", *given] if given and "--ros-args" not in given else given
 
 
-def _nothing() -> None:
+def _do_nothing() -> None:
     pass

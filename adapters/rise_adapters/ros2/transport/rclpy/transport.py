@@ -47,18 +47,18 @@ class RclpyTransport:
     # --- topics and services --------------------------------------------------------------------------------------
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> RclpyPublisher:
-        return RclpyPublisher(self._node, topic, *self._types.message(type), qos)
+        return RclpyPublisher(self._node, topic, *self._types.find_message(type), qos)
 
     def subscribe(
         self, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS = RELIABLE
     ) -> RclpySubscription:
-        return RclpySubscription(self._node, topic, *self._types.message(type), on_message, qos)
+        return RclpySubscription(self._node, topic, *self._types.find_message(type), on_message, qos)
 
     def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> RclpyServer:
-        return RclpyServer(self._node, name, type, *self._types.service(type), on_request)
+        return RclpyServer(self._node, name, type, *self._types.find_service(type), on_request)
 
     def client(self, name: str, type: str) -> RclpyClient:
-        return RclpyClient(self._node, name, type, *self._types.service(type))
+        return RclpyClient(self._node, name, type, *self._types.find_service(type))
 
     # --- what is known --------------------------------------------------------------------------------------------
 
@@ -77,7 +77,7 @@ class RclpyTransport:
         return self._types.fields(type)
 
     def type_hash(self, type: str) -> str:
-        return self._types.hash(type)
+        return self._types.find_hash(type)
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         return self._graph.find_publishers(self.resolve(topic))
