@@ -70,15 +70,15 @@ class MessageCompiler:
         )
 
     def _compile_message(self, table: Mapping[str, Any], type: MessageFieldType | None, where: str) -> MessageSource:
-        fields = self._types.fields_of(type.name) if type is not None else None
-        if type is not None and fields is None and (missing := self._types.why_unknown(type.name)):
+        fields = self._types.fields_of(type.base) if type is not None else None
+        if type is not None and fields is None and (missing := self._types.why_unknown(type.base)):
             self._mistakes.add(where, f"cannot be checked: {missing}")
         sources: dict[str, FieldSource] = {}
         for name, value in table.items():
             at = f"{where}.{name}"
             if fields is not None and name not in fields:
                 assert type is not None
-                self._mistakes.add(at, f"is no field of {type.name}{did_you_mean(name, fields)}")
+                self._mistakes.add(at, f"is no field of {type.base}{did_you_mean(name, fields)}")
             elif (source := self._compile_field(value, fields[name] if fields is not None else None, at)) is not None:
                 sources[name] = source
         return MessageSource(sources)
@@ -107,14 +107,15 @@ class MessageCompiler:
     def _compile_list(self, values: list[Any], type: MessageFieldType | None, where: str) -> FieldSource | None:
         if type is not None and not type.is_list:
             raise ValueError(f"takes {describe_field_type(type)}, and not a list")
-        if type is not None and not type.min_items <= len(values) <= (
-            type.max_items if type.max_items is not None else len(values)
+        if type is not None and (
+            (type.container == "array" and len(values) != type.count)
+            or (type.container == "bounded" and len(values) > type.count)
         ):
             raise ValueError(f"takes {describe_field_type(type)}, and here are {len(values)}")
         item = type.item if type is not None else None
         made = [self._compile_field(value, item, f"{where}.{number}") for number, value in enumerate(values)]
         sources = tuple(source for source in made if source is not None)
-        zero = type.zero if type is not None and type.min_items else NO_VALUE
+        zero = type.zero if type is not None and type.container == "array" else NO_VALUE
         return ListSource(sources, zero, type is not None and type.travels_as_bytes)
 
     def _compile_text(self, text: str, type: MessageFieldType | None, where: str) -> FieldSource:
@@ -163,7 +164,7 @@ class MessageCompiler:
     def _make_conversion(
         self, parameter: Parameter, type: MessageFieldType | None = None, factor: float = 1.0, divisor: float = 1.0
     ) -> ParameterConversion:
-        if type is not None and type.name == DURATION:
+        if type is not None and type.base == DURATION:
             factor, divisor = 1.0, 1.0  # it is a time in any unit
         return ParameterConversion(parameter, dict(self._values.get(parameter.name, {})), type, factor, divisor)
 
@@ -196,16 +197,16 @@ class MessageCompiler:
 
     def _advise_fields(self, type: MessageFieldType | None) -> str:
         """The end of a message about a field that is a message itself."""
-        if type is None or type.is_list or type.kind != "message" or type.name == DURATION:
+        if type is None or type.is_list or type.kind != "message" or type.base == DURATION:
             return ""
-        fields = self._types.fields_of(type.name)
+        fields = self._types.fields_of(type.base)
         return f"; give its fields: {in_backquotes(fields)}" if fields else ""
 
 
 def _check_can_fill(made: ParameterConversion, type: MessageFieldType) -> None:
     """Raises ValueError when the parameter can never, or not with each of its known names, fill the field."""
     parameter = made.parameter
-    if type.name == DURATION:
+    if type.base == DURATION:
         if seconds_per_unit(parameter) is None:
             raise ValueError(f"takes a time, and `{parameter.name}` is declared neither in `s` nor in `ms`")
         return

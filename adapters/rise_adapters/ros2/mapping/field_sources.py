@@ -177,7 +177,7 @@ class ParameterConversion(Struct, frozen=True):
             value = value * self.factor / self.divisor
         if self.type is None:
             return value
-        if self.type.name == DURATION:
+        if self.type.base == DURATION:
             return duration_message(value * (seconds_per_unit(self.parameter) or 1.0))
         if self.type.kind == "text":
             return fit_value(spoken_text(value), self.type)
@@ -200,7 +200,7 @@ def fit_literal(value: Any, type: MessageFieldType | None) -> Any:
     """A plain value of the profile in a field. Raises ValueError: what the field takes."""
     if type is None:
         return value
-    if type.name == DURATION:
+    if type.base == DURATION:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"takes a time in seconds, and {describe_value(value)} is not")
         return duration_message(value)

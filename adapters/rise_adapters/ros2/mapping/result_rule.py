@@ -57,13 +57,13 @@ def _read_field_path(
         return names, None
     inside = MessageFieldType(f"{type}_Result")
     for name in names:
-        fields = types.fields_of(inside.name)
+        fields = types.fields_of(inside.base)
         if fields is None:
-            if missing := types.why_unknown(inside.name):
+            if missing := types.why_unknown(inside.base):
                 mistakes.add(f"{where}.{key}", f"cannot be checked: {missing}")
             return names, None
         if name not in fields:
-            wrong = f"names `{name}`, which is no field of {inside.name}{did_you_mean(name, fields)}"
+            wrong = f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}"
             mistakes.add(f"{where}.{key}", wrong)
             return names, None
         inside = fields[name]

@@ -2,7 +2,12 @@
 
 from rise_adapters.ros2.transport.interfaces.catalog import SHARE_FOLDER, InterfaceCatalog
 from rise_adapters.ros2.transport.interfaces.cdr import MessageCodec
-from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceField, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import (
+    InterfaceDefinition,
+    InterfaceField,
+    InterfaceFieldType,
+    read_field_type,
+)
 
 __all__ = [
     "SHARE_FOLDER",
@@ -11,4 +16,5 @@ __all__ = [
     "InterfaceField",
     "InterfaceFieldType",
     "MessageCodec",
+    "read_field_type",
 ]

@@ -186,7 +186,7 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
     words = line.split(maxsplit=1)
     if len(words) != 2:
         raise PortError(f"{place}: {line!r} is neither a field nor a constant")
-    type = _read_type(package, place, words[0])
+    type = read_field_type(words[0], place, package)
     name, equals, value = words[1].partition("=")
     if equals and _CONSTANT.fullmatch(name.strip()):
         _check_constant(place, type, value.strip())
@@ -199,7 +199,8 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
     fields.append(InterfaceField(name, type))
 
 
-def _read_type(package: str, place: str, text: str) -> InterfaceFieldType:
+def read_field_type(text: str, place: str, package: str = "") -> InterfaceFieldType:
+    """A type as ROS writes it. `package`: of a message that is named without one. Raises PortError naming the place."""
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
