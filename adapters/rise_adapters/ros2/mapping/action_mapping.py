@@ -60,6 +60,7 @@ class ResultRule(Struct, frozen=True):
     codes: dict[str, str] = {}
 
     def failure(self, result: Message) -> str:
+        """Why this result is a failure, whatever the goal's status says; empty when it is none."""
         said = self.robot_text(result)
         if not self.code:
             return said
@@ -70,6 +71,10 @@ class ResultRule(Struct, frozen=True):
             return said or "the robot says that it did not succeed"
         means = said or self.codes.get(str(code), "")
         return f"{means} (error code {code})" if means else f"error code {code}"
+
+    def why_not_succeeded(self, result: Message) -> str:
+        """What the robot has to say about how a goal ended that did not succeed; empty when it says nothing."""
+        return self.failure(result) or self.robot_text(result)
 
     def robot_text(self, result: Message) -> str:
         text = field_at(result, self.text) if self.text else None
@@ -117,14 +122,6 @@ class ActionMapping(Struct, frozen=True):
         if self.reset is None:
             return None
         return self.reset.fill(FillContext({}, {"node": node, "goal": goal, "frame": frame}))
-
-    def failure(self, result: Message) -> str:
-        """Why this result is a failure, whatever the goal's status says; empty when it is none."""
-        return self.result_rule.failure(result)
-
-    def why_not_succeeded(self, result: Message) -> str:
-        """What the robot has to say about how a goal ended that did not succeed; empty when it says nothing."""
-        return self.result_rule.failure(result) or self.result_rule.robot_text(result)
 
 
 def field_at(message: Any, path: Sequence[str]) -> Any:

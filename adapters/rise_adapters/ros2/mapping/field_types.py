@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec.structs import astuple
 
-from rise_adapters.ros2.transport.interfaces import InterfaceFieldType, read_field_type
+from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES, InterfaceFieldType, read_field_type
 from rise_adapters.ros2.transport.port import PortError
 
 FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
@@ -17,11 +17,7 @@ ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
 
 DURATION = "builtin_interfaces/msg/Duration"
 
-_INTEGERS = {
-    "byte": (0, 255),
-    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
-}
+_INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
 """The largest number of each."""
 _TEXTS = ("string", "wstring")

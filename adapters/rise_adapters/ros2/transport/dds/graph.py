@@ -7,7 +7,7 @@ has.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 from cyclonedds import _clayer
@@ -119,6 +119,10 @@ def _read_nothing(pointer: int) -> bytes:
     return b""
 
 
+_Endpoints: TypeAlias = dict[str, dict[bytes, DdsEndpoint]]
+"""By topic and id, those that read, or those that write."""
+
+
 class DdsGraph:
     """Everybody who is seen, with this process. Belongs to the loop's thread."""
 
@@ -126,8 +130,8 @@ class DdsGraph:
         """`own`: the id of this participant."""
         self._own = own[:12]
         self._participants: set[bytes] = {own}
-        self._readers = _EndpointIndex()
-        self._writers = _EndpointIndex()
+        self._readers: _Endpoints = {}
+        self._writers: _Endpoints = {}
         self._nodes: dict[bytes, list[str]] = {}
         """By participant, the names of its nodes."""
         self._owners: dict[bytes, dict[bytes, str]] = {}
@@ -142,10 +146,10 @@ class DdsGraph:
             self._owners.pop(seen.key[:12], None)
 
     def update_reader(self, seen: DdsEndpoint) -> None:
-        self._readers.update(seen)
+        _update_endpoints(self._readers, seen)
 
     def update_writer(self, seen: DdsEndpoint) -> None:
-        self._writers.update(seen)
+        _update_endpoints(self._writers, seen)
 
     def set_nodes(self, participant: bytes, nodes: Sequence[tuple[str, Iterable[bytes]]]) -> None:
         """A participant says which nodes it has, and the ids of what each of them has."""
@@ -174,8 +178,8 @@ class DdsGraph:
         """The topics of ROS (without those of services) on which others have something."""
         found = {
             topic
-            for index in (self._readers, self._writers)
-            for topic, ends in index.by_topic.items()
+            for endpoints in (self._readers, self._writers)
+            for topic, ends in endpoints.items()
             if any(not key.startswith(self._own) for key in ends)
         }
         return sorted(name for topic in found if (name := names.ros_topic(topic)))
@@ -191,37 +195,22 @@ class DdsGraph:
             if key[:2] != CYCLONE
         ]
 
-    def _find_of_others(self, index: _EndpointIndex, topic: str) -> list[RemoteEndpoint]:
+    def _find_of_others(self, endpoints: _Endpoints, topic: str) -> list[RemoteEndpoint]:
         return [
             RemoteEndpoint(
-                self._owners.get(key[:12], _NO_OWNERS).get(key, ""),
+                self._owners.get(key[:12], {}).get(key, ""),
                 end.type,
                 end.user_data.get("typehash", ""),
                 key[:2].hex(),
                 end.qos,
             )
-            for key, end in index.by_topic.get(topic, {}).items()
+            for key, end in endpoints.get(topic, {}).items()
             if not key.startswith(self._own)
         ]
 
 
-_NO_OWNERS: Mapping[bytes, str] = {}
-
-
-class _EndpointIndex:
-    """Those that read, or those that write."""
-
-    def __init__(self) -> None:
-        self.by_topic: dict[str, dict[bytes, DdsEndpoint]] = {}
-        self._topics: dict[bytes, str] = {}
-
-    def update(self, seen: DdsEndpoint) -> None:
-        before = self._topics.pop(seen.key, None)
-        if before is not None:
-            ends = self.by_topic[before]
-            del ends[seen.key]
-            if not ends:
-                del self.by_topic[before]
-        if seen.alive:
-            self._topics[seen.key] = seen.topic
-            self.by_topic.setdefault(seen.topic, {})[seen.key] = seen
+def _update_endpoints(endpoints: _Endpoints, seen: DdsEndpoint) -> None:
+    for known in endpoints.values():
+        known.pop(seen.key, None)
+    if seen.alive:
+        endpoints.setdefault(seen.topic, {})[seen.key] = seen

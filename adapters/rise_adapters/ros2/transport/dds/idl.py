@@ -1,7 +1,7 @@
 """Makes the type descriptions that Cyclone DDS wants of each topic, from ROS definitions.
 
-Only described here: the bytes themselves are made by `types.cdr`. Cyclone checks what comes in against the description,
-and sends it along for nodes that look at types (those of ROS do not).
+Only described here: the bytes themselves are made by `interfaces.cdr`. Cyclone checks what comes in against the
+description, and sends it along for nodes that look at types (those of ROS do not).
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from cyclonedds.idl import types as idl
 
 from rise_adapters.ros2.transport.dds.names import dds_type
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog, InterfaceDefinition, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES
 from rise_adapters.ros2.transport.interfaces.hashes import PLACEHOLDER_FIELD
 
 _PRIMITIVES: dict[str, Any] = {
     "bool": bool,
     "string": str,
     "byte": idl.byte,
-    **{name: getattr(idl, name) for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")},
-    **{name: getattr(idl, name) for name in ("float32", "float64")},
+    **{name: getattr(idl, name) for name in (*INTEGER_RANGES, "float32", "float64")},
 }
 _LARGEST_BOUND = 65535
 """Cyclone's descriptions know no larger; such a sequence is described as one without a bound."""

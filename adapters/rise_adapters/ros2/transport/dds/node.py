@@ -72,34 +72,25 @@ class DdsNode:
         self._watch_discovery_info()
         self._announce()
 
-    def open_writer(
-        self, topic: str, type: str, qos: QoS, user_data: Mapping[str, str] | None = None, *, headed: bool = False
-    ) -> DdsWriter:
-        """A writer of a DDS topic, to be given to `release` in the end. `headed`: of requests or replies, which begin
-        with whose and which they are. Raises PortError: the type is not known, DDS refuses, or this node is closed."""
-        settings = self._make_settings(type, qos, user_data, headed, reader=False)
-        made = DdsWriter(self.loop, self._participant, topic, *settings)
-        self._gids[made] = made.gid
+    def open_writer(self, topic: str, type: str, qos: QoS, ids: Mapping[str, str] | None = None) -> DdsWriter:
+        """A writer of a DDS topic, to be given to `release` in the end. `ids`: of an end of a service, what it says of
+        itself; its messages begin with whose request it is and which one. Raises PortError: the type is not known, DDS
+        refuses, or this node is closed."""
+        settings = self._make_settings(type, qos, ids, reader=False)
+        writer = DdsWriter(self.loop, self._participant, topic, *settings)
+        self._gids[writer] = writer.gid
         self._announce_soon()
-        return made
+        return writer
 
     def open_reader(
-        self,
-        topic: str,
-        type: str,
-        qos: QoS,
-        on_sample: HandleSample,
-        user_data: Mapping[str, str] | None = None,
-        *,
-        headed: bool = False,
+        self, topic: str, type: str, qos: QoS, on_sample: HandleSample, ids: Mapping[str, str] | None = None
     ) -> DdsReader:
         """As `open_writer`. `on_sample` is given pairs of bytes and `SampleInfo`."""
-        settings = self._make_settings(type, qos, user_data, headed, reader=True)
-        reader = make_reader(self._participant, topic, *settings)
-        made = self.reader_thread.add(reader, on_sample)
-        self._gids[made] = reader.guid.bytes
+        reader = make_reader(self._participant, topic, *self._make_settings(type, qos, ids, reader=True))
+        watched = self.reader_thread.add(reader, on_sample)
+        self._gids[watched] = reader.guid.bytes
         self._announce_soon()
-        return made
+        return watched
 
     def release(self, *entities: DdsReader | DdsWriter) -> None:
         """Close what `open_reader` and `open_writer` gave out, and tell the others. (The rest is closed with it.)"""
@@ -124,12 +115,12 @@ class DdsNode:
         domains.release_domain(self._domain)
 
     def _make_settings(
-        self, type: str, qos: QoS, user_data: Mapping[str, str] | None, headed: bool, *, reader: bool
+        self, type: str, qos: QoS, ids: Mapping[str, str] | None = None, *, reader: bool
     ) -> tuple[Any, Qos]:
         if self.closed:
             raise PortError("the transport is closed")
-        data = {**(user_data or {}), "typehash": self.types.type_hash(type)}
-        return self._idl.find_or_make(type, headed), dds_qos(qos, data, reader=reader)
+        data = {**(ids or {}), "typehash": self.types.type_hash(type)}
+        return self._idl.find_or_make(type, headed=bool(ids)), dds_qos(qos, data, reader=reader)
 
     # --- who is there ---------------------------------------------------------------------------------------------
 
@@ -143,9 +134,9 @@ class DdsNode:
 
     def _watch_discovery_info(self) -> None:
         self._codec = self.types.codec(_DISCOVERY_TYPE)
-        idl, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, None, False, reader=False)
+        idl, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=False)
         self._info = DdsWriter(self.loop, self._participant, _DISCOVERY_TOPIC, idl, qos)
-        _, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, None, False, reader=True)
+        _, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=True)
         # All, because it has no key: the last of one participant must not replace that of another.
         qos = qos - Qos(Policy.History.KeepLast(1)) + Qos(Policy.History.KeepAll)
         self.reader_thread.add(make_reader(self._participant, _DISCOVERY_TOPIC, idl, qos), self._on_discovery_info)

@@ -38,11 +38,9 @@ class DdsClient:
         self._matched_handles: tuple[list[int], list[int]] | None = None
         """The other ends when they were looked at last, and all of them were known."""
         self._count = 0
-        id = {"clientid": node.new_service_id()}
-        self._reader = node.open_reader(
-            names.reply_topic(name), self._response.type, _QOS, self._on_sample, id, headed=True
-        )
-        self._writer = node.open_writer(names.request_topic(name), self._request.type, _QOS, id, headed=True)
+        ids = {"clientid": node.new_service_id()}
+        self._reader = node.open_reader(names.reply_topic(name), self._response.type, _QOS, self._on_sample, ids)
+        self._writer = node.open_writer(names.request_topic(name), self._request.type, _QOS, ids)
 
     def count_servers(self) -> int:
         handles = taking, answering = self._writer.matched_readers(), self._reader.matched_writers()
@@ -99,11 +97,9 @@ class DdsServer:
         self._on_request = on_request
         self._reachable: set[int] = set()
         """Writers of requests (by handle) whose readers of replies have been seen."""
-        id = {"serviceid": node.new_service_id()}
-        self._writer = node.open_writer(names.reply_topic(name), self._response.type, _QOS, id, headed=True)
-        self._reader = node.open_reader(
-            names.request_topic(name), self._request.type, _QOS, self._on_sample, id, headed=True
-        )
+        ids = {"serviceid": node.new_service_id()}
+        self._writer = node.open_writer(names.reply_topic(name), self._response.type, _QOS, ids)
+        self._reader = node.open_reader(names.request_topic(name), self._request.type, _QOS, self._on_sample, ids)
 
     def close(self) -> None:
         self._node.release(self._writer, self._reader)

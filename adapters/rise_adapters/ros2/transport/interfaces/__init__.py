@@ -2,12 +2,7 @@
 
 from rise_adapters.ros2.transport.interfaces.catalog import SHARE_FOLDER, InterfaceCatalog
 from rise_adapters.ros2.transport.interfaces.cdr import MessageCodec
-from rise_adapters.ros2.transport.interfaces.definitions import (
-    InterfaceDefinition,
-    InterfaceField,
-    InterfaceFieldType,
-    read_field_type,
-)
+from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceField, InterfaceFieldType
 
 __all__ = [
     "SHARE_FOLDER",
@@ -16,5 +11,4 @@ __all__ = [
     "InterfaceField",
     "InterfaceFieldType",
     "MessageCodec",
-    "read_field_type",
 ]

@@ -14,14 +14,23 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 
-from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import (
+    INTEGER_RANGES,
+    InterfaceDefinition,
+    InterfaceFieldType,
+)
 from rise_adapters.ros2.transport.port import Message, PortError
 
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
 
-_INTEGERS = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
-_CODES = {**dict(zip(_INTEGERS, "bhiqBHIQ", strict=True)), "bool": "?", "byte": "B", "float32": "f", "float64": "d"}
+_CODES = {
+    **dict(zip(INTEGER_RANGES, "bBhHiIqQ", strict=True)),
+    "bool": "?",
+    "byte": "B",
+    "float32": "f",
+    "float64": "d",
+}
 """The numbers, as `struct` names them."""
 _NO_NUMBERS = (struct.error, TypeError, ValueError, OverflowError)
 """What `struct` raises for values that are none of the type's."""

@@ -15,12 +15,13 @@ from msgspec import Struct
 
 from rise_adapters.ros2.transport.port import PortError
 
-PRIMITIVES = frozenset(
-    {
-        *("bool", "byte", "float32", "float64", "string", "wstring"),
-        *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
-    }
-)
+INTEGER_RANGES = {
+    f"{sign}int{bits}": (0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    for bits in (8, 16, 32, 64)
+    for sign in ("", "u")
+}
+"""The whole numbers, in the order of their ids in type hashes: the least and the largest of each."""
+PRIMITIVES = frozenset({"bool", "byte", "float32", "float64", "string", "wstring", *INTEGER_RANGES})
 _ALIASES = {"char": "uint8"}
 """ROS 2 keeps `char` as another name of `uint8`; on the wire and in type hashes there is only the latter."""
 _ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}

@@ -9,9 +9,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from rise_adapters.ros2.transport.interfaces.definitions import InterfaceDefinition, InterfaceFieldType
+from rise_adapters.ros2.transport.interfaces.definitions import (
+    INTEGER_RANGES,
+    InterfaceDefinition,
+    InterfaceFieldType,
+)
 
-_INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 _IDS = {
     "float32": 10,
     "float64": 11,
@@ -19,7 +22,7 @@ _IDS = {
     "byte": 16,
     "string": 17,
     "wstring": 18,
-    **{name: id for id, name in enumerate(_INTEGERS, 2)},
+    **{name: id for id, name in enumerate(INTEGER_RANGES, 2)},
 }
 _NESTED = 1
 _BOUNDED_TEXT = {"string": 21, "wstring": 22}

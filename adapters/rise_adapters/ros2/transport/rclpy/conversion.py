@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, TypeAlias
 
+from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES
 from rise_adapters.ros2.transport.port import Message, PortError
 
-_INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _FLOATS = {"float": "float32", "double": "float64"}
 _LARGEST_FLOAT32 = 3.4028235677973366e38
 """Everything below it (in size) is rounded to a finite float32."""
@@ -85,10 +85,8 @@ class MessageConverter:
 
 
 def number_converter(name: str) -> FieldConverter:
-    if name in _INTEGERS:
-        bits = int(name.removeprefix("u").removeprefix("int"))
-        low, high = (0, 2**bits - 1) if name.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-        return FieldConverter(name, _integer_writer(name, low, high), int)
+    if name in INTEGER_RANGES:
+        return FieldConverter(name, _integer_writer(name, *INTEGER_RANGES[name]), int)
     if name in _FLOATS:
         return FieldConverter(_FLOATS[name], _float_writer(_FLOATS[name]), float)
     if name == "boolean":

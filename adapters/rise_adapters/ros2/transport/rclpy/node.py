@@ -40,7 +40,8 @@ class SpinningNode:
         self.rclpy = load_rclpy()
         self._context: Any = self.rclpy.Context()
         try:
-            self._context.init(_with_ros_args(arguments))
+            flag = ["--ros-args"] if arguments and "--ros-args" not in arguments else []
+            self._context.init([*flag, *arguments])
             self.rclpy_node: Any = self.rclpy.Node(
                 node,
                 context=self._context,
@@ -128,7 +129,7 @@ class SpinningNode:
         if self.spins_on:
             self._executor.shutdown(timeout_sec=_JOIN_SECONDS)
         elif self._context.ok():
-            self._executor.create_task(_do_nothing)  # wakes the thread, which then sees that it is to end
+            self._executor.create_task(lambda: None)  # wakes the thread, which then sees that it is to end
         self._thread.join(_JOIN_SECONDS)
         if self._thread.is_alive():
             _log.warning("the thread of the ROS node %s did not end", self.name)
@@ -171,12 +172,3 @@ def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
     except Exception as error:
         _log.info("rclpy's executor of events cannot be used (%s); the usual one is", first_line(error))
         return rclpy.executors.SingleThreadedExecutor(context=context), False
-
-
-def _with_ros_args(arguments: Sequence[str]) -> list[str]:
-    given = list(arguments)
-    return ["--ros-args", *given] if given and "--ros-args" not in given else given
-
-
-def _do_nothing() -> None:
-    pass
