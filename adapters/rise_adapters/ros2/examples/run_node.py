@@ -37,12 +37,12 @@ from rise_adapters.ros2.transport.selection import open_transport
 from rise_engine.cli.arguments import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_engine.errors import RiseError
+from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.ports.bridge import BridgeError
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]
 
-FAILED, USAGE = 1, 2
 _POLL_SECONDS: Final = 0.5
 
 
@@ -99,7 +99,7 @@ def run_node(parser: ArgumentParser, work: Work, arguments: Sequence[str] | None
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:  # before there was anything to end
         pass
-    sys.exit(0)
+    sys.exit(OK)
 
 
 def list_parameter_options(parser: ArgumentParser) -> dict[str, ParameterOption]:
@@ -132,7 +132,7 @@ def _as_parameter_value(value: object) -> ParameterValue:
     return [str(each) for each in value] if isinstance(value, list) else str(value)
 
 
-def _fail(parser: ArgumentParser, lines: Sequence[str], status: int = FAILED) -> NoReturn:
+def _fail(parser: ArgumentParser, lines: Sequence[str], status: int = REFUSED) -> NoReturn:
     for line in lines:
         print(f"{parser.prog}: {line}", file=sys.stderr)
     sys.exit(status)

@@ -68,8 +68,8 @@ class SimulatedAction:
         self._server.vanish()
 
     def _drop_timers(self) -> None:
-        for run in (*self._waiting, *([self._running] if self._running is not None else [])):
-            run.drop_timers()
+        if self._running is not None:  # what waits has none
+            self._running.drop_timers()
 
     def _take_goal(self, goal: ServerGoal) -> None:
         spec, parameters = self._reader.read(goal.message)

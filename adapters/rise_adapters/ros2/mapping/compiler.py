@@ -153,13 +153,14 @@ class MessageCompiler:
             raise ValueError(f"has `{{{slot.name}}}`, which is no parameter of {self._spec.name}{known}")
         self.used_parameters.add(parameter.name)
         factor, divisor = unit_factors(parameter, slot.unit) if slot.unit is not None else (1.0, 1.0)
-        made = self._make_conversion(parameter, type, factor, divisor)
+        conversion = self._make_conversion(parameter, type, factor, divisor)
         if type is not None:
-            _check_can_fill(made, type)
+            _check_can_fill(conversion, type)
         special = special_fallback(slot)
         if special is not None and type is not None and type.kind != "text":
             raise ValueError(f"takes {describe_field_type(type)}, and @{special} is a text")
-        return ParameterSource(where, made, self._value_when_absent(slot, made, in_text=in_text), special)
+        absent = self._value_when_absent(slot, conversion, in_text=in_text)
+        return ParameterSource(where, conversion, absent, special)
 
     def _make_conversion(
         self, parameter: Parameter, type: MessageFieldType | None = None, factor: float = 1.0, divisor: float = 1.0
@@ -168,32 +169,24 @@ class MessageCompiler:
             factor, divisor = 1.0, 1.0  # it is a time in any unit
         return ParameterConversion(parameter, dict(self._values.get(parameter.name, {})), type, factor, divisor)
 
-    def _value_when_absent(self, slot: Placeholder, made: ParameterConversion, *, in_text: bool) -> Any:
+    def _value_when_absent(self, slot: Placeholder, conversion: ParameterConversion, *, in_text: bool) -> Any:
         """What the field gets when the author gives nothing."""
-        parameter = made.parameter
-        if special_fallback(slot) is not None:
-            return NO_VALUE
-        if slot.fallback is not None:
-            try:
-                value = convert_parameter(parameter, slot.fallback)
-            except ValueError as error:
-                if parameter.type != "name" or not (in_text or made.type is None or made.type.kind == "text"):
-                    raise ValueError(f"has a fallback that cannot be: {error}") from None
-                value = slot.fallback  # a word of the robot's
-            return self._convert(made, value, "fallback")
-        if parameter.default is None:
+        parameter, type = conversion.parameter, conversion.type
+        what, written = ("fallback", slot.fallback) if slot.fallback is not None else ("default", parameter.default)
+        if special_fallback(slot) is not None or written is None:
             return NO_VALUE
         try:
-            value = convert_parameter(parameter, parameter.default)
+            value = convert_parameter(parameter, written)
         except ValueError as error:
-            raise ValueError(f"cannot take the default: {error}") from None
-        return self._convert(made, value, "default")
-
-    def _convert(self, made: ParameterConversion, value: Any, what: str) -> Any:
+            if what == "default":
+                raise ValueError(f"cannot take the default: {error}") from None
+            if parameter.type != "name" or not (in_text or type is None or type.kind == "text"):
+                raise ValueError(f"has a fallback that cannot be: {error}") from None
+            value = written  # a word of the robot's
         try:
-            return made.to_field_value(value)
+            return conversion.to_field_value(value)
         except ValueError as error:
-            raise ValueError(f"{error} (the {what} of `{made.parameter.name}`)") from None
+            raise ValueError(f"{error} (the {what} of `{parameter.name}`)") from None
 
     def _advise_fields(self, type: MessageFieldType | None) -> str:
         """The end of a message about a field that is a message itself."""
@@ -203,9 +196,9 @@ class MessageCompiler:
         return f"; give its fields: {in_backquotes(fields)}" if fields else ""
 
 
-def _check_can_fill(made: ParameterConversion, type: MessageFieldType) -> None:
+def _check_can_fill(conversion: ParameterConversion, type: MessageFieldType) -> None:
     """Raises ValueError when the parameter can never, or not with each of its known names, fill the field."""
-    parameter = made.parameter
+    parameter = conversion.parameter
     if type.base == DURATION:
         if seconds_per_unit(parameter) is None:
             raise ValueError(f"takes a time, and `{parameter.name}` is declared neither in `s` nor in `ms`")
@@ -227,7 +220,7 @@ def _check_can_fill(made: ParameterConversion, type: MessageFieldType) -> None:
             f"takes {describe_field_type(type)}, and `{parameter.name}` may be any name, also one without a number"
         )
     for name in listed_names(parameter):
-        made.to_field_value(name)
+        conversion.to_field_value(name)
 
 
 def nest_dotted_keys(table: Mapping[str, Any], where: str, mistakes: ProfileMistakes) -> dict[str, Any]:

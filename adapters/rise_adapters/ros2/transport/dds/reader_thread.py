@@ -113,7 +113,7 @@ class ReaderThread:
     def _run(self) -> None:
         try:
             self._read()
-        except Exception as error:
+        except Exception as error:  # whatever it is, the transport says that it works no more
             if not self._closing:
                 self.failure = f"reading from DDS ended: {error}"
                 _LOG.exception("reading from DDS ended")

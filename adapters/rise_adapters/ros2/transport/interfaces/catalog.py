@@ -165,7 +165,7 @@ class InterfaceCatalog:
 def _standard_definitions() -> dict[str, InterfaceDefinition]:
     """Jazzy's standard messages; none where `rosbags` is not installed."""
     try:
-        from rosbags.typesys.stores import ros2_jazzy
+        from rosbags.typesys.stores import ros2_jazzy  # may not be installed, and takes 80 ms
     except ImportError:
         return {}
     return {

@@ -156,19 +156,12 @@ def action_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]
 
 
 def file_stems(kind: str, name: str) -> Iterator[str]:
-    """The files that may define a type of this name, the likeliest first."""
+    """The files that may define a type of this name, the likeliest first: what a service or an action implies is called
+    as that is, with more after a `_`."""
     yield name
-    suffixes = {
-        "msg": (),
-        "srv": ("_Request", "_Response", "_Event"),
-        "action": (
-            *("_Goal", "_Result", "_Feedback", "_FeedbackMessage"),
-            *(f"_{part}{end}" for part in ("SendGoal", "GetResult") for end in ("", "_Request", "_Response", "_Event")),
-        ),
-    }
-    for suffix in suffixes[kind]:
-        if name.endswith(suffix) and name != suffix:
-            yield name.removesuffix(suffix)
+    while kind != "msg" and "_" in name:
+        name = name.rpartition("_")[0]
+        yield name
 
 
 def _field(name: str, base: str) -> InterfaceField:

@@ -47,7 +47,7 @@ class SpinningNode:
                 context=self._context,
                 start_parameter_services=False,  # ours are the same on both transports (parameters.py)
             )
-        except Exception as error:
+        except Exception as error:  # rclpy and its C code raise all kinds
             self._context.try_shutdown()
             raise PortError(f"ROS does not start the node {node!r}: {first_line(error)}") from error
         self.name: str = self.rclpy_node.get_fully_qualified_name()
@@ -138,7 +138,7 @@ class SpinningNode:
         for step in (self._executor.shutdown, self.rclpy_node.destroy_node, self._context.try_shutdown):
             try:
                 step()
-            except Exception as error:
+            except Exception as error:  # the other steps are still to be done
                 _log.warning("closing the ROS node %s: %s", self.name, first_line(error))
 
     def _spin(self) -> None:
@@ -169,6 +169,6 @@ def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
     try:
         events = import_module("rclpy.experimental.events_executor")
         return events.EventsExecutor(context=context), True
-    except Exception as error:
+    except Exception as error:  # not there, or not as it was when this was written: it is an experiment of rclpy's
         _log.info("rclpy's executor of events cannot be used (%s); the usual one is", first_line(error))
         return rclpy.executors.SingleThreadedExecutor(context=context), False

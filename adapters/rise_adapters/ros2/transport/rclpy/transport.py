@@ -70,7 +70,7 @@ class RclpyTransport:
             plain: str = node.resolve_topic_name(name, only_expand=True)
             topic: str = node.resolve_topic_name(name)
             return topic if topic != plain else str(node.resolve_service_name(name))
-        except Exception as error:
+        except Exception as error:  # as in `RclpyEntity`
             raise PortError(f"{name!r} cannot be the name of a topic or service: {first_line(error)}") from error
 
     def fields(self, type: str) -> Mapping[str, str]:
