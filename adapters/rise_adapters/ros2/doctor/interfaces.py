@@ -53,11 +53,11 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
     other = sorted(name for name in ours if name in theirs and ours[name] != theirs[name])
     for names, what in ((missing, "lacks"), (other, "has another version of")):
         if names:
-            said = ", ".join(name.removeprefix(f"{INTERFACES}/") for name in names)
+            listed = ", ".join(name.removeprefix(f"{INTERFACES}/") for name in names)
             yield DoctorFinding(
                 "problem",
                 "interfaces",
-                f"the {INTERFACES} in {built[0]} {what} {said}",
+                f"the {INTERFACES} in {built[0]} {what} {listed}",
                 f"build the {INTERFACES} of this release: {remedy}",
             )
     if not missing and not other:

@@ -101,10 +101,10 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
         except ElementTree.ParseError as error:
             yield DoctorFinding("problem", "network", f"CYCLONEDDS_URI holds XML that is not well-formed: {error}")
     elements = [each for piece in pieces for each in piece.iter()]
-    said = {_local_name(each): (each.text or "").strip() for each in elements}
+    settings = {_local_name(each): (each.text or "").strip() for each in elements}
     interfaces = [each for each in elements if _local_name(each) == "NetworkInterface"]
     names = [each.get("name") or each.get("address") or "" for each in interfaces]
-    silent = said.get("AllowMulticast", "").lower() in ("false", "spdp", "none") or any(
+    silent = settings.get("AllowMulticast", "").lower() in ("false", "spdp", "none") or any(
         each.get("multicast", "").lower() == "false" for each in interfaces
     )
     loopback = bool(names) and all(name in ("lo", "localhost") or name.startswith("127.") for name in names)

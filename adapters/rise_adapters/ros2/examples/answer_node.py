@@ -83,8 +83,8 @@ class AnswerNode:
             if options.event:
                 await session.raise_event(options.event)
             if options.act:
-                said = await session.start_act(options.act)
-                print(f"{options.act} {said.status.lower()}{said.reason and ': ' + said.reason}")
+                result = await session.start_act(options.act)
+                print(f"{options.act} {result.status.lower()}{result.reason and ': ' + result.reason}")
         except SessionGoneError as error:
             print(f"the question came to nothing: {error}")
 

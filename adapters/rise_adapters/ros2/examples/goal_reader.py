@@ -49,17 +49,15 @@ class _ActionPattern:
 
     def read_parameters(self, message: Message) -> dict[str, Any]:
         found: dict[str, Any] = {}
-        for path, value in self._fields:
-            pieces = _parse_pieces(value)
-            there = field_at(message, path)
+        for path, written in self._fields:
+            pieces, value = _parse_pieces(written), field_at(message, path)
             for slot in (piece for piece in pieces if isinstance(piece, Placeholder)):
                 if slot.special:
-                    found.update(_parse_json_object(there) if slot.name == "parameters" else {})
+                    found.update(_parse_json_object(value) if slot.name == "parameters" else {})
                     continue
                 parameter = self.spec.parameters[slot.name]
-                read = (
-                    self._read_parameter(parameter, slot, there) if len(pieces) == 1 else _whole_text(parameter, there)
-                )
+                alone = len(pieces) == 1
+                read = self._read_parameter(parameter, slot, value) if alone else _whole_text(parameter, value)
                 if read is not None:
                     found.setdefault(slot.name, read)
         return found

@@ -74,8 +74,8 @@ class SessionClient:
             await asyncio.wait([ended], timeout=_POLL_SECONDS)
             if ended.done():
                 status, result = ended.result()
-                said = result.get("status") or _STATUS.get(status, "ABORTED")
-                return TaskResult(said, result.get("reason", ""), result.get("task", 0))
+                outcome = result.get("status") or _STATUS.get(status, "ABORTED")
+                return TaskResult(outcome, result.get("reason", ""), result.get("task", 0))
             if not self._tasks.count_servers():
                 raise SessionGoneError("the session ended before the task did")
 
@@ -108,11 +108,11 @@ class SessionClient:
         stayed, ended, stopped, faulted), state, previous_state, trigger, priority."""
         self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", on_state)
 
-    async def _wait_until(self, there: Callable[[], int], missing: str) -> None:
+    async def _wait_until(self, count_servers: Callable[[], int], missing: str) -> None:
         """Wait until somebody answers. A request that is sent earlier is lost without a word."""
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self.patience
-        while not there():
+        while not count_servers():
             if loop.time() > deadline:
                 raise SessionGoneError(missing)
             await asyncio.sleep(0.02)

@@ -191,17 +191,17 @@ class _ResultMaker:
             self._paths.setdefault("text", ["reason"])
 
     def make_result(self, reason: str, code: int) -> Message:
-        said: dict[str, Any] = {"text": reason, "code": code}
+        values: dict[str, Any] = {"text": reason, "code": code}
         if not code:
-            said["code"] = self._ok
+            values["code"] = self._ok
         elif isinstance(self._ok, bool):
-            said["code"] = not self._ok
+            values["code"] = not self._ok
         result: Message = {}
         for key, path in self._paths.items():
             inside = result
             for name in path[:-1]:
                 inside = inside.setdefault(name, {})
-            inside[path[-1]] = said[key]
+            inside[path[-1]] = values[key]
         return result
 
 

@@ -61,15 +61,15 @@ class ResultRule(Struct, frozen=True):
 
     def failure(self, result: Message) -> str:
         """Why this result is a failure, whatever the goal's status says; empty when it is none."""
-        said = self.robot_text(result)
+        text = self.robot_text(result)
         if not self.code:
-            return said
+            return text
         code = field_at(result, self.code)
         if code is None or code == self.ok:
             return ""
         if isinstance(code, bool):
-            return said or "the robot says that it did not succeed"
-        means = said or self.codes.get(str(code), "")
+            return text or "the robot says that it did not succeed"
+        means = text or self.codes.get(str(code), "")
         return f"{means} (error code {code})" if means else f"error code {code}"
 
     def why_not_succeeded(self, result: Message) -> str:

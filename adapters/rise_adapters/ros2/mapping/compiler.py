@@ -113,8 +113,8 @@ class MessageCompiler:
         ):
             raise ValueError(f"takes {describe_field_type(type)}, and here are {len(values)}")
         item = type.item if type is not None else None
-        made = [self._compile_field(value, item, f"{where}.{number}") for number, value in enumerate(values)]
-        sources = tuple(source for source in made if source is not None)
+        compiled = [self._compile_field(value, item, f"{where}.{number}") for number, value in enumerate(values)]
+        sources = tuple(source for source in compiled if source is not None)
         zero = type.zero if type is not None and type.container == "array" else NO_VALUE
         return ListSource(sources, zero, type is not None and type.travels_as_bytes)
 
@@ -128,11 +128,11 @@ class MessageCompiler:
             raise ValueError(
                 f"takes {describe_field_type(type)}; only a single {{parameter}} can fill it, with nothing around it"
             )
-        made = [
+        sources = [
             FixedSource(piece) if isinstance(piece, str) else self._compile_slot(piece, None, where, in_text=True)
             for piece in pieces
         ]
-        return JoinedTextSource(where, tuple(made), type)
+        return JoinedTextSource(where, tuple(sources), type)
 
     def _compile_slot(
         self, slot: Placeholder, type: MessageFieldType | None, where: str, *, in_text: bool = False

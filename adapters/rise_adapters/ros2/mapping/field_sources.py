@@ -61,8 +61,8 @@ class MessageSource(Struct, frozen=True):
     fields: dict[str, FieldSource]
 
     def fill(self, filling: FillContext) -> Message:
-        made = {name: maker.fill(filling) for name, maker in self.fields.items()}
-        return {name: value for name, value in made.items() if value is not NO_VALUE}
+        values = {name: source.fill(filling) for name, source in self.fields.items()}
+        return {name: value for name, value in values.items() if value is not NO_VALUE}
 
 
 class ListSource(Struct, frozen=True):
@@ -74,8 +74,8 @@ class ListSource(Struct, frozen=True):
     as_bytes: bool = False
 
     def fill(self, filling: FillContext) -> Any:
-        made = [item.fill(filling) for item in self.items]
-        values = [self.zero if value is NO_VALUE else value for value in made]
+        filled = [item.fill(filling) for item in self.items]
+        values = [self.zero if value is NO_VALUE else value for value in filled]
         values = [value for value in values if value is not NO_VALUE]
         return bytes(values) if self.as_bytes else values
 
@@ -137,8 +137,8 @@ class JoinedTextSource(Struct, frozen=True):
     type: MessageFieldType | None
 
     def fill(self, filling: FillContext) -> Any:
-        made = [piece.fill(filling) for piece in self.pieces]
-        text = "".join(spoken_text(value) for value in made if value is not NO_VALUE)
+        values = [piece.fill(filling) for piece in self.pieces]
+        text = "".join(spoken_text(value) for value in values if value is not NO_VALUE)
         return _fit_text(text, self.type, self.field)
 
 

@@ -36,11 +36,11 @@ class IdlTypes:
 
     def find_or_make(self, type: str, headed: bool = False) -> type[IdlStruct]:
         """The description of a message; `headed`: of a request or reply, which begins with whose and which it is."""
-        made = self._made.get((type, headed))
-        if made is None:
+        found = self._made.get((type, headed))
+        if found is None:
             definition = self._types.message_definition(type)
-            made = self._made[type, headed] = self._make_type(definition, _HEADER if headed else {})
-        return made
+            found = self._made[type, headed] = self._make_type(definition, _HEADER if headed else {})
+        return found
 
     def _make_type(self, definition: InterfaceDefinition, header: dict[str, Any]) -> type[IdlStruct]:
         fields = {field.name: self._field_type(field.type) for field in definition.fields}

@@ -68,17 +68,17 @@ class MessageConverter:
         """Plain values as a message of rclpy. Raises PortError when they do not fit."""
         if not isinstance(message, Mapping):
             raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shorten(message)}")
-        made = self._maker()
+        written = self._maker()
         for name, zero in self._zero.items():
             if name not in message:
-                setattr(made, name, zero())
+                setattr(written, name, zero())
         for name, value in message.items():
             write = self._write.get(name)
             if write is None:
                 known = ", ".join(self._write) or "no fields"
                 raise _misfit(path, f"{self.type} has no field {name!r}; it has {known}")
-            setattr(made, name, write(value, f"{path}.{name}" if path else name))
-        return made
+            setattr(written, name, write(value, f"{path}.{name}" if path else name))
+        return written
 
 
 # --- one value --------------------------------------------------------------------------------------------------------
@@ -182,16 +182,16 @@ def list_converter(
             return [element.read(one) for one in held]
         return held.tolist() if hasattr(held, "tolist") else list(held)  # an array.array, a numpy array, or a list
 
-    made = FieldConverter(text, write_elements, make_zeros, read, element.has_default and bool(fixed))
+    converter = FieldConverter(text, write_elements, make_zeros, read, element.has_default and bool(fixed))
     if element.type == "uint8":  # an array.array or a numpy array in rclpy; both take a bytearray
-        return made._replace(
+        return converter._replace(
             write=lambda given, path: bytearray(write_octets(given, path)), read=lambda held: held.tobytes()
         )
     if element.type == "byte":
-        return made._replace(
+        return converter._replace(
             write=lambda given, path: [bytes((one,)) for one in write_octets(given, path)], read=b"".join
         )
-    return made
+    return converter
 
 
 def _check_octets(given: Any, path: str, text: str) -> list[int]:
