@@ -43,9 +43,7 @@ class ActionReader:
         kind = self._read_kind()
         if kind is None:
             return None
-        for key in self._table:
-            if key not in _KEYS[kind]:
-                self._add_mistake(key, f"does not exist{did_you_mean(key, _KEYS[kind])}")
+        self._mistakes.add_unknown_keys(f"actions.{self._spec.name}.carrier", self._table, _KEYS[kind])
         name, type = self._read_name(kind), self._read_known_type(kind)
         deadlines = parse_deadlines(
             self._read_table("deadlines"), self._options.deadlines, self._path_of("deadlines"), self._mistakes

@@ -5,7 +5,7 @@ Where the type of the message is known, so is what each of its fields takes; oth
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from rise_adapters.ros2.mapping.field_sources import (
@@ -48,6 +48,11 @@ class ProfileMistakes:
 
     def add(self, where: str, sentence: str) -> None:
         self.sentences.append(f"`{where}` {sentence}")
+
+    def add_unknown_keys(self, where: str, table: Mapping[str, Any], known: Collection[str]) -> None:
+        for key in table:
+            if key not in known:
+                self.add(f"{where}.{key}", f"does not exist{did_you_mean(key, known)}")
 
 
 class MessageCompiler:

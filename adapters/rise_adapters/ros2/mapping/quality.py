@@ -37,9 +37,7 @@ def _parse_quality(table: Any, before: QoS, where: str, mistakes: ProfileMistake
     if not isinstance(table, dict):
         mistakes.add(where, 'is a table: { reliability = "best_effort" }')
         return before
-    for key in table:
-        if key not in _KEYS:
-            mistakes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, _KEYS)}")
+    mistakes.add_unknown_keys(where, table, _KEYS)
     depth = table.get("depth", before.depth)
     if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= _DEEPEST:
         mistakes.add(f"{where}.depth", f"is a whole number of messages from 1 to {_DEEPEST}")

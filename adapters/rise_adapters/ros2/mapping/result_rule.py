@@ -17,9 +17,7 @@ def parse_result_rule(
     table: Mapping[str, Any], type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> ResultRule:
     """`type`: the action's; empty when it is not known. What is wrong goes into `mistakes`, and is left out."""
-    for key in table:
-        if key not in _KEYS:
-            mistakes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, _KEYS)}")
+    mistakes.add_unknown_keys(where, table, _KEYS)
     code, code_type = _read_field_path(table, "code", type, where, types, mistakes)
     text, text_type = _read_field_path(table, "text", type, where, types, mistakes)
     if text_type is not None and (text_type.kind != "text" or text_type.is_list):

@@ -189,7 +189,8 @@ class Transport(Protocol):
 
         :param name: of the service, which is resolved.
         :param type: of the service, `PKG/srv/NAME`.
-        :param on_request: called with each request and with what sends the answer to it, at once or later.
+        :param on_request: called with each request and with what sends the answer to it, at once or later. One that
+            cannot be read is reported as in `subscribe`, and has no answer.
         :raises PortError: as `publisher`.
         """
         ...
