@@ -221,11 +221,12 @@ def test_an_error_code_where_the_result_has_one() -> None:
     rig.run(3)
     assert failed.status == ABORTED
     assert (
-        rig.mappings["Speech"].failure(failed.result) == "it went wrong on the robot (simulated fault) (error code 255)"
+        rig.mappings["Speech"].result_rule.failure(failed.result)
+        == "it went wrong on the robot (simulated fault) (error code 255)"
     )
     fine = rig.send("Speech", message="Hello")
     rig.run(3)
-    assert (fine.status, rig.mappings["Speech"].failure(fine.result)) == (SUCCEEDED, "")
+    assert (fine.status, rig.mappings["Speech"].result_rule.failure(fine.result)) == (SUCCEEDED, "")
 
 
 @pytest.mark.slow

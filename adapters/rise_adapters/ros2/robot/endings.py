@@ -33,9 +33,9 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
-        why = _read(mapping.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
+        why = _read(mapping.result_rule.why_not_succeeded, result, name) or "the robot gave it up and did not say why"
         return "failed", f"aborted: {why}"
-    if wrong := _read(mapping.failure, result, name):
+    if wrong := _read(mapping.result_rule.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
         return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
