@@ -68,7 +68,7 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
 
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     """Of the types that this program speaks, by name; empty when that cannot be told here."""
-    types = InterfaceCatalog([RISE_INTERFACES], environment)  # ROS has the standard ones that ours are made of
+    types = InterfaceCatalog([RISE_INTERFACES], environment)  # the standard ones are in ROS
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
         for kind in ("msg", "srv", "action")
