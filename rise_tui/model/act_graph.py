@@ -35,9 +35,7 @@ class ActRow(NamedTuple):
 def act_rows(act: Act, most: int) -> list[ActRow]:
     """All actions of an act with at most `most` lines beside each other."""
     positions = {action.id: at for at, action in enumerate(act.actions)}
-    waits = [
-        list(dict.fromkeys(positions[one] for one in action.wait_for if one in positions)) for action in act.actions
-    ]
+    waits = [dict.fromkeys(positions[id] for id in action.wait_for if id in positions) for action in act.actions]
     open_ends = [sum(at in each for each in waits) for at in range(len(act.actions))]
     lanes: dict[int, int] = {}
     """Which action's line is in which lane."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from graphlib import TopologicalSorter
 from typing import Any
 
 from rise_engine.scenario import expected_seconds, fill_parameters
@@ -12,26 +13,17 @@ from rise_engine.scenario.template import MissingValueError
 
 def action_levels(act: Act) -> list[list[int]]:
     """An act's graph by levels: indexes of actions, each level one after all that it waits for."""
-    index = {action.id: at for at, action in enumerate(act.actions)}
-    waits = [{index[one] for one in action.wait_for if one in index} for action in act.actions]
-    depth = [0] * len(act.actions)
-    followers: list[list[int]] = [[] for _ in act.actions]
-    for at, before in enumerate(waits):
-        for one in before:
-            followers[one].append(at)
-    ready = [at for at, before in enumerate(waits) if not before]
-    open_ends = [len(before) for before in waits]
-    while ready:
-        at = ready.pop()
-        for one in followers[at]:
-            depth[one] = max(depth[one], depth[at] + 1)
-            open_ends[one] -= 1
-            if open_ends[one] == 0:
-                ready.append(one)
-    found: list[list[int]] = [[] for _ in range(max(depth, default=-1) + 1)]
-    for at in range(len(act.actions)):
-        found[depth[at]].append(at)
-    return found
+    index_of = {action.id: index for index, action in enumerate(act.actions)}
+    sorter = TopologicalSorter(
+        {index: [index_of[id] for id in action.wait_for if id in index_of] for index, action in enumerate(act.actions)}
+    )
+    sorter.prepare()
+    levels = []
+    while sorter.is_active():
+        ready = sorter.get_ready()
+        levels.append(sorted(ready))
+        sorter.done(*ready)
+    return levels
 
 
 def estimate_act_seconds(scenario: Scenario, act: Act) -> float:

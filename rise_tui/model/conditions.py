@@ -16,7 +16,7 @@ _PIECE = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'|[()]|&&|\|\||[^\W\d
 _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
 
 
-def holds(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
+def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
     """Whether a condition holds with these values; one that cannot be worked out does not, and none always does."""
     if condition is None:
         return True

@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition
-from rise_tui.model.conditions import holds, parts_of
+from rise_tui.model.conditions import is_met, parts_of
 from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
@@ -79,7 +79,7 @@ class WaitExplanations:
         progress, you = self._progress(transition, view), self._keys(transition)
         keys_line: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(you), "key")) if you else ()
         condition = transition.condition
-        if transition.event is not None and not holds(condition, memory):
+        if transition.event is not None and not is_met(condition, memory):
             keys_line = (*keys_line, ("  not now", "wait"))
         target = clean(f"→ {transition.target}" if transition.target else "stays")
         line: StyledLine = (*waits, *progress, *keys_line)
@@ -188,4 +188,4 @@ def _says_it(part: Expression, truth: Truth) -> bool:
 
 
 def _takes(transition: Transition, event: str, memory: Mapping[str, Any]) -> bool:
-    return transition.event == event and holds(transition.condition, memory)
+    return transition.event == event and is_met(transition.condition, memory)
