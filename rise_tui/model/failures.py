@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from rise_engine.kernel.view import ActionView, TaskView
-from rise_engine.scenario.model import Act, Action, Scenario
+from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
 from rise_tui.model.act_levels import action_levels
 from rise_tui.model.act_text import act_of_speech
@@ -41,25 +41,23 @@ def unanswered_failures(store: Store) -> list[TaskView]:
 
 def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[Unsaid]:
     """What a failed act was to say and did not, in the order in which it would have come."""
-    act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
-    if act is None:
-        return []
-    return [found for action in _in_order(act) if (found := _unsaid(scenario, action, task, memory)) is not None]
+    actions = _actions_in_order(scenario, task)
+    return [found for action in actions if (found := _find_unsaid(scenario, action, task, memory)) is not None]
 
 
 def has_speech(scenario: Scenario, task: TaskView) -> bool:
     """Whether the act was to say anything at all."""
+    calls = (call for action in _actions_in_order(scenario, task) for call in action.calls)
+    return any(message_of(scenario, call) is not None for call in calls)
+
+
+def _actions_in_order(scenario: Scenario, task: TaskView) -> list[Action]:
+    """The actions of a task's act, each after those that it waits for; none for an act that the scenario has not."""
     act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
-    return act is not None and any(
-        message_of(scenario, call) is not None for action in act.actions for call in action.calls
-    )
+    return [act.actions[at] for level in action_levels(act) for at in level] if act is not None else []
 
 
-def _in_order(act: Act) -> list[Action]:
-    return [act.actions[at] for level in action_levels(act) for at in level]
-
-
-def _unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> Unsaid | None:
+def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> Unsaid | None:
     done = task.actions.get(action.id)
     if done is not None and done.status == "succeeded":
         return None
@@ -67,7 +65,7 @@ def _unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[
         words = words_of(scenario, done)
         return Unsaid(words, begun=True) if words is not None else None
     said = next((said for call in action.calls if (said := message_of(scenario, call)) is not None), None)
-    return Unsaid(_filled(said, memory), begun=False, ways=len(action.calls)) if said is not None else None
+    return Unsaid(_fill_known(said, memory), begun=False, ways=len(action.calls)) if said is not None else None
 
 
 def _was_sent(done: ActionView) -> bool:
@@ -75,19 +73,16 @@ def _was_sent(done: ActionView) -> bool:
     return done.status != "skipped" and done.ended != done.since
 
 
-def _filled(template: Template, memory: Mapping[str, Any]) -> str:
+def _fill_known(template: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values as they are now; what has none stays as it is written."""
-    pieces = []
-    for part in template.parts:
-        if isinstance(part, MemorySlot):
-            alone = Template("", (part,))
-            try:
-                pieces.append(alone.fill(memory))
-            except (MissingValueError, OverflowError, RecursionError):
-                pieces.append(f"{{{part.key}}}")
-        else:
-            pieces.append(part)
-    return "".join(pieces)
+
+    def fill(part: str | MemorySlot) -> str:
+        try:
+            return Template("", (part,)).fill(memory)
+        except (MissingValueError, OverflowError, RecursionError):
+            return f"{{{part.key}}}" if isinstance(part, MemorySlot) else part
+
+    return "".join(map(fill, template.parts))
 
 
 # --- the bar ---------------------------------------------------------------------------------------------------------
@@ -106,20 +101,20 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     if len(reasons) > REASON_LINES:
         reasons = [*reasons[: REASON_LINES - 1], " ".join(reasons[REASON_LINES - 1 :])]
     shown += [crop(((f"   {reason}", "fault"),), width) for reason in reasons]
-    texts = list(_texts(store, task, width))
+    texts = list(_unsaid_lines(store, task, width))
     room = max(1, most - len(shown) - 1)
     if len(texts) > room:
-        texts = [*texts[: room - 1], _cut(texts[room - 1], width)]
-    return [*shown, *texts, _keys(store, task, width, key_name)]
+        texts = [*texts[: room - 1], _mark_cut(texts[room - 1], width)]
+    return [*shown, *texts, _keys_line(store, task, width, key_name)]
 
 
-def _cut(line: StyledLine, width: int) -> StyledLine:
+def _mark_cut(line: StyledLine, width: int) -> StyledLine:
     """A line after which others have no room: it says so, and where they are."""
     tail: StyledSpan = ("…  all of it: act pane" if width >= WIDE else "…", "muted")
     return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
-def _texts(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
+def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
     """Word for word, each over as many lines as it needs."""
     scenario = store.scenario
     found = unsaid_texts(scenario, task, store.memory)
@@ -133,7 +128,7 @@ def _texts(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
             yield (f"   {label if at == 0 else '':<{LABEL - 3}}", "wait"), (f" {piece}", "strong")
 
 
-def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
+def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
     """What can be done about it; for who has no control, who can."""
     if store.hello.replay:
         return (("   this is a replay: it was so then", "plain"),)
@@ -145,7 +140,7 @@ def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> Style
         )
         return crop(((f"   {who}: repeat it, or go on without it", "plain"),), width)
     go_on: tuple[StyledSpan, ...] = ((f"   {key_name('go-on')}", "key"), (" go on without it", "plain"))
-    if why := _comes_again(store, task):
+    if why := _restart_text(store, task):
         return crop((("   ► ", "accent"), (why, "strong"), *go_on), width)
     repeat: tuple[StyledSpan, ...] = ((f"   {key_name('repeat')}", "key"), (" repeat the whole act", "plain"))
     if reason := blocked_text(store.blocked_reason("start"), key_name):
@@ -154,15 +149,11 @@ def _keys(store: Store, task: TaskView, width: int, key_name: KeyNames) -> Style
     return crop((*repeat, *go_on), width)
 
 
-def _comes_again(store: Store, task: TaskView) -> str:
-    """Whether it has been started again, and has not ended."""
-    same = [
-        store.view.tasks[id]
-        for id in (*store.view.running, *store.view.waiting)
-        if (store.view.tasks[id].function, store.view.tasks[id].behavior) == (task.function, task.behavior)
-    ]
-    if any(each.status == "ACTIVE" for each in same):
+def _restart_text(store: Store, task: TaskView) -> str:
+    """That it has been started again, and has not ended; empty when that is not so."""
+    restarted = (task.function, task.behavior)
+    if any((each.function, each.behavior) == restarted for each in store.running_tasks):
         return "it runs again"
-    if same:
+    if any((each.function, each.behavior) == restarted for each in store.waiting_tasks):
         return "it waits to run again"
     return "sent again" if store.is_sent((task.function,), task.behavior) else ""

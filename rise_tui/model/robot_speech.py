@@ -35,7 +35,6 @@ class CurrentSentence(NamedTuple):
     it ended; `unsaid`: after how long it was broken off."""
     share: float = 0.0
     """`says`: how much of it is probably over, 0 to 1."""
-    reason: str = ""
     replaced_by: str = ""
     """What the robot does in place of speaking, when it cannot."""
     others: int = 0
@@ -60,8 +59,7 @@ class SentenceTracker:
         self._durations.clear()
         self._expected = self._measured = 0.0
         latest = float("-inf")
-        ids = list(view.tasks)[-LOOK_BACK:]
-        for task in (view.tasks[id] for id in ids):
+        for task in list(view.tasks.values())[-LOOK_BACK:]:
             for action in self._sentences(task):
                 if action.ended is None:
                     continue
@@ -82,20 +80,14 @@ class SentenceTracker:
 
     def current(self, view: SessionView, at: float) -> CurrentSentence:
         """What to show at this session time."""
-        running = [
-            action
-            for id in view.running
-            if (task := view.tasks.get(id)) is not None
-            for action in self._sentences(task)
-            if action.ended is None
-        ]
+        running = [action for id in view.running for action in self._sentences(view.tasks[id]) if action.ended is None]
         if running:
             action = max(running, key=lambda each: (each.status == "accepted", each.since))
             elapsed, usual = max(0.0, at - action.since), self.usual_seconds(action)
             left = None if usual is None else usual - elapsed
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
-            return CurrentSentence(kind, self._words(action), left, share, "", action.sent_as or "", len(running) - 1)
+            return CurrentSentence(kind, self._words(action), left, share, action.sent_as or "", len(running) - 1)
         task = view.tasks.get(self._ended_last[0]) if self._ended_last is not None else None
         if task is None or self._ended_last is None:
             return CurrentSentence("nothing")
@@ -104,11 +96,9 @@ class SentenceTracker:
             return CurrentSentence("said", self._words(ended), at - (ended.ended if ended.ended is not None else at))
         unsaid = [action for action in self._sentences(task) if action.status != "succeeded"]
         first = unsaid[0]
-        began = first.status != "skipped" and first.ended is not None
-        after = first.ended - first.since if began and first.ended is not None else None
-        reason = first.reason or task.reason
+        after = first.ended - first.since if first.status != "skipped" and first.ended is not None else None
         ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
-        return CurrentSentence(ending, self._words(first), after, 0.0, reason, "", len(unsaid) - 1)
+        return CurrentSentence(ending, self._words(first), after, others=len(unsaid) - 1)
 
     def usual_seconds(self, action: ActionView) -> float | None:
         """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
@@ -140,30 +130,30 @@ class SentenceTracker:
 
 def still_to_say(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
     """The sentences that the running acts have not begun yet, as they would be now, in the order of the file."""
-    found: list[str] = []
-    for id in view.running:
-        task = view.tasks.get(id)
-        act = scenario.acts.get(task.behavior) if task is not None and task.function != "say" else None
-        if act is not None and task is not None:
-            open_ends = (action for action in act.actions if action.id not in task.actions)
-            found += [text for action in open_ends if (text := _text(scenario, action, memory))]
-    return found
+    tasks = [view.tasks[id] for id in view.running]
+    return [
+        text
+        for task in tasks
+        if task.function != "say" and task.behavior in scenario.acts
+        for action in scenario.acts[task.behavior].actions
+        if action.id not in task.actions and (text := _sentence_text(scenario, action, memory))
+    ]
 
 
-def _text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
+def _sentence_text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
     """One sentence; of variants, all that it may be; empty for an action that says nothing."""
     said = (message_of(scenario, call) for call in action.calls)
-    return " / ".join(_filled(words, memory) for words in said if words is not None)
+    return " / ".join(_fill_or_quote(words, memory) for words in said if words is not None)
 
 
 def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
     """The longest one of all acts, with these values."""
     calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
     said = (message_of(scenario, call) for call in calls)
-    return max((_filled(words, memory) for words in said if words is not None), key=len, default="")
+    return max((_fill_or_quote(words, memory) for words in said if words is not None), key=len, default="")
 
 
-def _filled(said: Template, memory: Mapping[str, Any]) -> str:
+def _fill_or_quote(said: Template, memory: Mapping[str, Any]) -> str:
     """With the memory's values; as it is written when one is missing."""
     try:
         return said.fill(memory).strip()

@@ -206,7 +206,7 @@ def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
     if why := _why_nothing_comes(store, key_name):
         return [_Piece(why)]
     found = find_upcoming(store)
-    pieces = [_Piece(_step_line(step, store)) for step in found.steps]
+    pieces = [_Piece(_step_line(step)) for step in found.steps]
     if found.keys:  # behind what comes first: what comes later matters less
         word = "then" if found.after_first else "or" if found.steps else "waits for"
         pieces.insert(1, _Piece(_keys_line(found.keys, f"{word} {key_owner(store)}: ", room)))
@@ -236,7 +236,7 @@ def _why_nothing_comes(store: Store, key_name: KeyNames) -> StyledLine:
     return ()
 
 
-def _step_line(step: UpcomingStep, store: Store) -> StyledLine:
+def _step_line(step: UpcomingStep) -> StyledLine:
     if step.when == "turn":
         more = f" and {len(step.starts) - 1} more" if len(step.starts) > 1 else ""
         return ((short_title(step.starts[0]), "plain"), (f" (waits{more})", "muted"))

@@ -102,11 +102,8 @@ def action_state(action: ActionView | None) -> StateLabel:
 def newest_task(store: Store, name: str) -> TaskView | None:
     """The task of an act that a screen should show: running, else waiting, else the last."""
     act = store.act(name)
-    for ids in (act.running[-1:], act.waiting[:1]):
-        for id in ids:
-            if id in store.view.tasks:
-                return store.view.tasks[id]
-    return act.last
+    ids = (*act.running[-1:], *act.waiting[:1])
+    return store.view.tasks[ids[0]] if ids else act.last
 
 
 def act_progress(act: Act, task: TaskView) -> tuple[int, int]:

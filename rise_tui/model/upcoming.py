@@ -151,8 +151,8 @@ def _rule_step(store: Store, name: str, transition: Transition, when: str, secon
         when,
         seconds,
         target.id if target is not None else "",
-        tuple(name for name, sure in acts if sure),
-        tuple(dict.fromkeys(name for name, sure in acts if not sure)),
+        tuple(act for act, sure in acts if sure),
+        tuple(dict.fromkeys(act for act, sure in acts if not sure)),
         name,
         target is not None and not target.transitions,
     )
