@@ -16,7 +16,8 @@ from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_tui.config.memory_file import MemoryFileNotEditable, edit_memory_text, json_equal
+from rise_tui.config.memory_file import MemoryFileNotEditable, edit_memory_text
+from rise_tui.model.json_path import json_equal
 from rise_tui.rendering.text import format_value
 
 
@@ -56,7 +57,7 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[
             said.append(f"{key}: {format_value(before[key])} → (no such key)")
         elif key not in before:
             said.append(f"{key}: (new) → {format_value(now[key])}")
-        elif not json_equal(before[key], now[key]):
+        elif not json_equal(before[key], now[key], in_order=True):
             said.append(f"{key}: {format_value(before[key])} → {format_value(now[key])}")
     return said
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from rise_engine.errors import RiseError
 from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, plain, read_json
 from rise_engine.scenario.memory import LIST_KEY
+from rise_tui.model.json_path import json_equal
 
 
 class MemoryFileNotEditable(RiseError):
@@ -39,7 +40,7 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
     for key in (*before, *now):
         if key not in now:
             wanted.pop(key, None)
-        elif key not in before or not json_equal(before[key], now[key]):
+        elif key not in before or not json_equal(before[key], now[key], in_order=True):
             wanted[key] = now[key]
     listed = document.get(LIST_KEY)
     if isinstance(listed, JsonArray):
@@ -48,14 +49,9 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
         edits = _object_edits(text, document, wanted)
     for edit in sorted(edits, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]
-    if not json_equal({member.key: plain(member.value) for member in _members(_read(text))}, wanted, in_order=False):
+    if not json_equal({member.key: plain(member.value) for member in _members(_read(text))}, wanted):
         raise MemoryFileNotEditable("it is written in a way that cannot be changed here; change it with an editor")
     return text
-
-
-def json_equal(one: Any, other: Any, *, in_order: bool = True) -> bool:
-    """Whether two values are the same in a file: 2 and 2.0 are not, nor are 1 and true."""
-    return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)
 
 
 def _read(text: str) -> JsonObject:
@@ -115,7 +111,7 @@ def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> l
 
 
 def _value_edits(text: str, at: int, old: Any, new: Any) -> list[_Edit]:
-    if json_equal(plain(old), new):
+    if json_equal(plain(old), new, in_order=True):
         return []
     if isinstance(old, JsonObject) and isinstance(new, dict):
         return _object_edits(text, old, new)

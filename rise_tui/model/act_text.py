@@ -14,6 +14,7 @@ from rise_tui.model.act_graph import ActRow, act_rows
 from rise_tui.model.act_levels import estimate_call_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
+from rise_tui.model.task_text import field_lines
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -25,13 +26,10 @@ from rise_tui.rendering.text import (
     format_duration,
     format_seconds,
     heading_line,
-    wrap,
 )
 
 NARROW = 56
 """Below this width, sources and expected times stay out, and the graph has few lines."""
-NAME = 13
-"""Cells for a parameter's name."""
 
 
 class ShownAct(NamedTuple):
@@ -138,10 +136,11 @@ class ActText:
         call = action.calls[0]
         if len(action.calls) > 1:
             return f"1 of {len(action.calls)}"
-        instead = self._instead(call)
-        return f"{call.type}→{instead}" if instead else call.type
+        substitute = self._substitute(call)
+        return f"{call.type}→{substitute}" if substitute else call.type
 
-    def _instead(self, call: ActionCall) -> str:
+    def _substitute(self, call: ActionCall) -> str:
+        """What the robot does instead of an action that it has not; empty for one that it has."""
         spec = self._store.scenario.robot.actions.get(call.type)
         return spec.substitute or "" if spec is not None and not spec.supported else ""
 
@@ -168,9 +167,9 @@ class ActText:
     def _values(self, action: Action, done: ActionView | None) -> list[tuple[str, Any]]:
         if done is not None:
             return list(done.parameters.items())
-        return [(name, self._filled(template)) for name, template in action.calls[0].parameters.items()]
+        return [(name, self._fill(template)) for name, template in action.calls[0].parameters.items()]
 
-    def _filled(self, template: Template) -> str:
+    def _fill(self, template: Template) -> str:
         try:
             return template.fill(self._store.memory)
         except MissingValueError as missing:
@@ -182,34 +181,20 @@ class ActText:
         if action is None:
             return []
         done = what.task.actions.get(action.id) if what.task is not None else None
+        when = f"sent {format_clock(done.since, tenths=True)}" if done is not None else "not sent; as it would be now"
+        lines = [crop(((f" {self._kind(action, done)} {action.id}  ", "strong"), (when, "muted")), width)]
         if done is not None:
-            lines = _titled(
-                f"{self._kind(action, done)} {action.id}", f"sent {format_clock(done.since, tenths=True)}", width
-            )
-            lines += _parameter("reason", done.reason, "fault", width) if done.reason else []
+            lines += field_lines("reason", done.reason, width, "fault") if done.reason else []
             for name, value in done.parameters.items():
-                lines += _parameter(name, spoken_text(value), "plain", width)
+                lines += field_lines(name, spoken_text(value), width)
             return lines
-        lines = _titled(f"{self._kind(action, None)} {action.id}", "not sent; as it would be now", width)
         for number, call in enumerate(action.calls, 1):
             prefix = f"{number}. " if len(action.calls) > 1 else ""
-            if instead := self._instead(call):
-                lines += _parameter("", f"the robot has no {call.type}: it does {instead} instead", "wait", width)
+            if substitute := self._substitute(call):
+                lines += field_lines("", f"the robot has no {call.type}: it does {substitute} instead", width, "wait")
             for name, template in call.parameters.items():
-                filled = self._filled(template)
-                lines += _parameter(prefix + name, filled, "wait" if filled.endswith("is not set)") else "plain", width)
+                text = self._fill(template)
+                lines += field_lines(prefix + name, text, width, "wait" if text.endswith("is not set)") else "plain")
                 if template.constant is None:
-                    lines += _parameter("", f"written: {template.text}", "muted", width)
+                    lines += field_lines("", f"written: {template.text}", width, "muted")
         return lines
-
-
-def _titled(name: str, when: str, width: int) -> list[StyledLine]:
-    return [crop(((f" {name}  ", "strong"), (when, "muted")), width)]
-
-
-def _parameter(name: str, value: str, tone: TextRole, width: int) -> list[StyledLine]:
-    """A parameter and its value, over as many lines as it needs."""
-    lines = wrap(value, max(10, width - NAME - 2))
-    return [
-        (fixed_span(f" {name if at == 0 else ''}", NAME, "muted"), (f" {line}", tone)) for at, line in enumerate(lines)
-    ]

@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
+from rise_tui.model.json_path import json_equal
 from rise_tui.rendering.text import format_value
 
 MOST = 200
@@ -70,8 +71,8 @@ class UndoStack:
         entry = memory.get(change.key)
         present = (entry.value,) if entry is not None else ()
         expected = () if change.deleted else (change.after,)
-        asked = self._warned is not None and self._warned[0] is change and _same(self._warned[1], present)
-        if not asked and not _same(present, expected):
+        asked = self._warned is not None and self._warned[0] is change and json_equal(self._warned[1], present)
+        if not asked and not json_equal(present, expected):
             self._warned = change, present
             now = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
             back = "deletes it" if change.created else f"makes it {format_value(change.before)} again"
@@ -88,9 +89,4 @@ class UndoStack:
 
 
 def _restores(record: MemoryRecord, change: MemoryChange) -> bool:
-    return record.deleted if change.created else not record.deleted and _same(record.value, change.before)
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Equal also in type: for JSON, 1 is not true, and not 1.0."""
-    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
+    return record.deleted if change.created else not record.deleted and json_equal(record.value, change.before)
