@@ -42,7 +42,7 @@ class RowSearch:
         return self._matching
 
     @property
-    def done(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether all rows have been looked at."""
         return self._from == 0 and self._to == len(self.ids)
 
@@ -50,27 +50,26 @@ class RowSearch:
         """Look at a few rows more; gives how many, 0 at the end. Raises InvalidFilter."""
         if self._to < len(self.ids):
             start, end = self._to, min(self._to + ROWS_OF_STEP, len(self.ids))
-            found = self._pick(start, end)
+            self._matching += self._find_matching(start, end)
             self._to = end
-            self._matching += found
         else:
             start, end = max(0, self._from - ROWS_OF_STEP), self._from
-            found = self._pick(start, end)
+            found = self._find_matching(start, end)
             self._from = start
             if found:
                 self._earlier.append(found)
         return end - start
 
-    def look_again(self) -> None:
+    def recheck_live(self) -> None:
         """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
         for one in self._live:
             matching = self.matching
             index = bisect_left(matching, one)
-            there = index < len(matching) and matching[index] == one
-            if self._matches(one) == there:
+            listed = index < len(matching) and matching[index] == one
+            if self._matches(one) == listed:
                 continue
             self._matching = list(matching)
-            if there:
+            if listed:
                 del self._matching[index]
             else:
                 insort(self._matching, one)
@@ -82,15 +81,15 @@ class RowSearch:
         if self._from <= index < self._to and id not in self._live:
             self._live.append(id)
 
-    def _pick(self, start: int, end: int) -> list[int]:
-        picked = []
+    def _find_matching(self, start: int, end: int) -> list[int]:
+        found = []
         for index in range(start, end):
             one = self.ids[index]
             if self._matches(one):
-                picked.append(one)
+                found.append(one)
             if self._is_live(one):
                 self._live.append(one)
-        return picked
+        return found
 
     def _matches(self, id: int) -> bool:
         text = self._text_of(id)

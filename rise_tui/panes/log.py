@@ -118,7 +118,7 @@ class LogPane(Pane):
         state = "following" if log.following else f"paused, {log.unseen} new" if log.unseen else "paused"
         state += self.store.forgotten_text and f"  {self.store.forgotten_text}"
         if self._search is not None or self.filter_problem:
-            more = "" if self._search is None or self._search.done else "…"
+            more = "" if self._search is None or self._search.is_complete else "…"
             note = self.filter_note(log.count, len(self._rows), more)
             return note if self.filter_problem else (*note, (f"  {state}", tone))
         brief, hidden = self.title.size.width < NARROW, self.store.log.own_count
@@ -160,7 +160,7 @@ class LogPane(Pane):
             for one in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
                 self._search.expect_change(row_of(one))
             try:
-                self._search.look_again()
+                self._search.recheck_live()
             except InvalidFilter as broken:
                 self._give_up_search(broken)
         self._checked_counts = len(missed), len(marks)
