@@ -42,18 +42,14 @@ class ActPane(ListPane):
     def body_widgets(self) -> Sequence[Widget]:
         return [self.row_list, self.details]
 
-    def carry_out(self, action: str) -> None:
-        """This pane has no actions of its own."""
-
     def make_rows(self, width: int) -> list[ListRow]:
         what = shown_act(self.store)
         return self._text.rows(what, width) if what is not None else []
 
     def repaint(self) -> None:
         super().repaint()
-        if not self.row_list.has_focus and (
-            newest := running_action(self.store)
-        ):  # with the focus, the wizard looks around
+        newest = running_action(self.store)
+        if newest and not self.row_list.has_focus:  # with the focus, the wizard looks around
             self.row_list.select(newest)
         self._show_details()
 

@@ -144,7 +144,7 @@ class LogPane(Pane):
             self._search = RowSearch(self.filter, rows, self._searched_text, self._is_live)
         self._check_changed(restart=restart)
         more = self._slicer.run_slice()
-        self._show(restart=restart)
+        self._show_found_rows(restart=restart)
         if more:
             self._slicer.wake()
 
@@ -174,14 +174,14 @@ class LogPane(Pane):
             except InvalidFilter as broken:
                 self._give_up_search(broken)
         if self._slicer.busy and (not looked or monotonic() - self._painted > PAINT_SECONDS):
-            self._show()  # else whoever repaints does it
+            self._show_found_rows()  # else whoever repaints does it
         return looked
 
     def _give_up_search(self, broken: InvalidFilter) -> None:
-        self.refuse_filter(broken, None)
+        self.refuse_filter(broken)
         self._search = None
 
-    def _show(self, *, restart: bool = False) -> None:
+    def _show_found_rows(self, *, restart: bool = False) -> None:
         self._painted = monotonic()
         self.task_log.show(self._search.matching if self._search is not None else self._rows, restart=restart)
         self.show_title()
@@ -312,7 +312,6 @@ class LogPane(Pane):
         self.task_log.go_to(index)
         self.show_title()
         found = submitted(ids[index])
-        said = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
-        self.post_message(
-            ShowNotice(f"{said}; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else said)
-        )
+        notice = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
+        missing = f"; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else ""
+        self.post_message(ShowNotice(notice + missing))

@@ -35,7 +35,7 @@ class Saved(NamedTuple):
 
 def rows_of(store: Store, ids: Iterable[int]) -> Iterator[TaskView]:
     """What these rows of the log show, but for what is in the record only."""
-    found = (store.log.task_at(row, store.view) for row in list(ids))
+    found = (store.log.task_at(row, store.view) for row in ids)
     return (task for task in found if task is not None)
 
 

@@ -32,23 +32,18 @@ class SchedulerPane(ListPane):
         return ((f"{len(view.running)} running, {len(view.waiting)} waiting", "muted"),)
 
     def make_rows(self, width: int) -> list[ListRow]:
-        view = self.store.view
-        running = [view.tasks[id] for id in view.running if id in view.tasks]
-        waiting = [view.tasks[id] for id in view.waiting if id in view.tasks]
-        expected = estimate_starts(map(self._queued_task, running), [self._queued_task(task) for task in waiting])
+        running, waiting = self.store.running_tasks, self.store.waiting_tasks
+        expected = estimate_starts(map(self._queued_task, running), map(self._queued_task, waiting))
         rows = [self._row(task, "now", self._time_left(task), width) for task in running]
-        for position, (task, at) in enumerate(zip(waiting, expected, strict=True)):
-            rows.append(
-                self._row(task, "next" if position == 0 else f"{position + 1}.", self._time_until(at, position), width)
-            )
+        for index, (task, start) in enumerate(zip(waiting, expected, strict=True)):
+            position = "next" if index == 0 else f"{index + 1}."
+            rows.append(self._row(task, position, self._time_until(start, index), width))
         return rows
 
     def _queued_task(self, task: TaskView) -> QueuedTask:
+        typical = None if task.function == "say" else self.store.typical_seconds(task.behavior)
         elapsed = self.store.now() - task.started if task.started is not None else 0.0
-        return QueuedTask(self._typical(task), max(0.0, elapsed), task.calling_type != "None")
-
-    def _typical(self, task: TaskView) -> float | None:
-        return None if task.function == "say" else self.store.typical_seconds(task.behavior)
+        return QueuedTask(typical, max(0.0, elapsed), task.calling_type != "None")
 
     def _time_left(self, task: TaskView) -> StyledSpan:
         """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
