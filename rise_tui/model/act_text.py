@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 from rich.cells import cell_len
 
 from rise_engine.kernel.view import ActionView, TaskView
-from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.template import MissingValueError, Template, spoken_text
 from rise_tui.model.act_graph import ActRow, act_rows
-from rise_tui.model.act_levels import estimate_call_seconds
+from rise_tui.model.act_levels import estimate_action_seconds, estimate_call_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import field_lines
@@ -155,8 +154,7 @@ class ActText:
     def _expected(self, action: Action, done: ActionView | None) -> float | None:
         if done is None:
             return estimate_call_seconds(self._store.scenario, action.calls[0], self._store.memory)
-        spec = self._store.scenario.robot.actions.get(done.type)
-        return expected_seconds(spec, done.parameters) if spec is not None else None
+        return estimate_action_seconds(self._store.scenario, done)
 
     def _summary(self, action: Action, done: ActionView | None) -> str:
         parts = [(name, spoken_text(value)) for name, value in self._values(action, done)]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from rise_engine.kernel.view import ActionView, TaskView
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
-from rise_tui.model.act_levels import action_levels
+from rise_tui.model.act_levels import actions_in_order
 from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.blocked import KeyNames, blocked_text
 from rise_tui.model.control import short_name
@@ -54,7 +54,7 @@ def has_speech(scenario: Scenario, task: TaskView) -> bool:
 def _actions_in_order(scenario: Scenario, task: TaskView) -> list[Action]:
     """The actions of a task's act, each after those that it waits for; none for an act that the scenario has not."""
     act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
-    return [act.actions[at] for level in action_levels(act) for at in level] if act is not None else []
+    return actions_in_order(act) if act is not None else []
 
 
 def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> Unsaid | None:

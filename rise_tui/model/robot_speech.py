@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 from rise_engine.kernel.records import ENDINGS, ActionRecord
 from rise_engine.kernel.view import ActionView, SessionView, TaskView
-from rise_engine.scenario import expected_seconds
 from rise_engine.scenario.model import Action, Scenario
 from rise_engine.scenario.template import MissingValueError, Template
+from rise_tui.model.act_levels import estimate_action_seconds
 from rise_tui.model.speech_actions import message_of, words_of
 
 LOOK_BACK = 2_000
@@ -104,11 +104,9 @@ class SentenceTracker:
         """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
         if (known := self._durations.get(self._words(action))) is not None:
             return known[0]
-        spec = self._scenario.robot.actions.get(action.type)
-        if spec is None:
-            return None
+        estimate = estimate_action_seconds(self._scenario, action)
         pace = self._measured / self._expected if self._expected > 0 else 1.0
-        return expected_seconds(spec, action.parameters) * pace
+        return estimate * pace if estimate is not None else None
 
     def _sentences(self, task: TaskView) -> Iterator[ActionView]:
         """Those of a task that have begun, ended, or been left out, in that order."""
@@ -123,8 +121,8 @@ class SentenceTracker:
         took = action.ended - action.since
         mean, times = self._durations.get(self._words(action), (0.0, 0))
         self._durations[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
-        if (spec := self._scenario.robot.actions.get(action.type)) is not None:
-            self._expected += expected_seconds(spec, action.parameters)
+        if (estimate := estimate_action_seconds(self._scenario, action)) is not None:
+            self._expected += estimate
             self._measured += took
 
 

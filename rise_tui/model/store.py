@@ -116,10 +116,6 @@ class Store:
     """Control was taken from this console, and the wizard has pressed no key since that showed."""
     reclaims_control: bool = False
     """It had control when the connection was cut, and nobody else has it now, but perhaps its own cut connection."""
-    attach_count: int = 0
-    """How often this console has attached again; lists that were built step by step start anew."""
-    trim_count: int = 0
-    """How often the oldest tasks were forgotten; lists that were built step by step start anew then, too."""
     armed_act: str = ""
     """The act whose first of two keys was pressed."""
     newest_speech: int = 0
@@ -156,7 +152,6 @@ class Store:
         had_control, former_name = self.has_control, self.own_name
         self.cut_since, self.stop_unsent = None, False
         self.sent.clear()
-        self.attach_count += 1
         self._rebuild(hello)
         lost = had_control and not self.has_control
         self.reclaims_control = lost and self.view.control in (None, former_name)
@@ -378,7 +373,6 @@ class Store:
         self.log.rebuild(self.view)
         for id in self.unhandled_tasks:
             self.log.show_own_row(id)
-        self.trim_count += 1
 
     def _apply_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
         """How the record stands; nothing is painted for what nobody would see."""

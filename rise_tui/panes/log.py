@@ -62,8 +62,8 @@ class LogPane(Pane):
         self.own_rows_shown = False
         """Whether the rules' own rows are shown as well."""
         self._saving = False
-        self._restarts = store.attach_count, store.trim_count
-        """Of what is shown: with other numbers, the lists of the store are others."""
+        self._rebuild_count = store.log.rebuild_count
+        """Of what is shown."""
         self._checked_counts = 0, 0
         """How much is taken in of what may change a task after its end: missed events, mistake marks."""
         self._unhandled: set[int] = set()
@@ -134,9 +134,8 @@ class LogPane(Pane):
     # --- what is shown ------------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
-        restarts = self.store.attach_count, self.store.trim_count
-        restart, self._restarts = self._restarts != restarts, restarts
-        rows = self._rows
+        restart, rows = self._rebuild_count != self.store.log.rebuild_count, self._rows
+        self._rebuild_count = self.store.log.rebuild_count
         self._slicer.cancel()
         if self.filter is None:
             self._search = None
