@@ -119,7 +119,7 @@ class _KeyFileReader:
                     self.error("key-twice", self.locations[action.id, key], f"{which}; give that another key, or []")
 
     def clashes(self, action: ConsoleAction, other: ConsoleAction, key: str) -> bool:
-        if key not in self.own.get(other.id, other.keys) or not _overlap(action, other):
+        if key not in self.own.get(other.id, other.keys) or not _overlaps(action, other):
             return False
         first = next(each.id for each in ACTIONS if each.id in (action.id, other.id))
         return other.id not in self.own or first == action.id  # of two in the file, it is told once
@@ -134,7 +134,7 @@ def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[t
             yield (*parts, name), value
 
 
-def _overlap(one: ConsoleAction, other: ConsoleAction) -> bool:
+def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
     """Whether the keys of both work at one time."""
     common = ("everywhere", "console")
     return one.scope in common or other.scope in common or one.scope == other.scope

@@ -34,8 +34,8 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
 
     Keys that do not differ between the two stay in the file as they are there. Raises MemoryFileNotEditable.
     """
-    document = _read(text)
-    members = _members(document)
+    document = _read_document(text)
+    members = _memory_members(document)
     wanted = {member.key: plain(member.value) for member in members}
     for key in (*before, *now):
         if key not in now:
@@ -49,17 +49,17 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
         edits = _object_edits(text, document, wanted)
     for edit in sorted(edits, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]
-    if not json_equal({member.key: plain(member.value) for member in _members(_read(text))}, wanted):
+    if not json_equal({member.key: plain(member.value) for member in _memory_members(_read_document(text))}, wanted):
         raise MemoryFileNotEditable("it is written in a way that cannot be changed here; change it with an editor")
     return text
 
 
-def _read(text: str) -> JsonObject:
-    def twice(key: str, offset: int, first: int) -> None:
+def _read_document(text: str) -> JsonObject:
+    def refuse_duplicate(key: str, offset: int, first: int) -> None:
         raise MemoryFileNotEditable(f'the key "{key}" stands in it twice')
 
     try:
-        found = read_json(text, twice)
+        found = read_json(text, refuse_duplicate)
     except JsonError as error:
         line = text.count("\n", 0, error.offset) + 1
         raise MemoryFileNotEditable(f"line {line}: {error}") from None
@@ -68,7 +68,7 @@ def _read(text: str) -> JsonObject:
     return found
 
 
-def _members(document: JsonObject) -> list[JsonMember]:
+def _memory_members(document: JsonObject) -> list[JsonMember]:
     """The memory's keys, in either form. Raises MemoryFileNotEditable."""
     listed = document.get(LIST_KEY)
     if not isinstance(listed, JsonArray):
@@ -93,7 +93,7 @@ def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[
             edits += _object_edits(text, item, {key: wanted[key] for key in item if key in wanted})
     there = {key for item in items for key in item}
     new = [_dumps({key: value}) for key, value in wanted.items() if key not in there]
-    spans = [_Span(at, _end(text, at)) for at in items.items_at]
+    spans = [_Span(at, _find_end(text, at)) for at in items.items_at]
     return [*edits, *_entry_edits(text, items.at, spans, gone, new)]
 
 
@@ -106,7 +106,7 @@ def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> l
         else:
             gone.add(at)
     new = [f"{_dumps(key)}: {_dumps(value)}" for key, value in wanted.items() if key not in object]
-    spans = [_Span(member.key_at, _end(text, member.value_at)) for member in object.members]
+    spans = [_Span(member.key_at, _find_end(text, member.value_at)) for member in object.members]
     return [*edits, *_entry_edits(text, object.at, spans, gone, new)]
 
 
@@ -118,7 +118,7 @@ def _value_edits(text: str, at: int, old: Any, new: Any) -> list[_Edit]:
     if isinstance(old, JsonArray) and isinstance(new, list | tuple) and len(old) == len(new):
         pairs = zip(old.items_at, old, new, strict=True)
         return [edit for offset, one, other in pairs for edit in _value_edits(text, offset, one, other)]
-    return [_Edit(at, _end(text, at), _dumps(new))]
+    return [_Edit(at, _find_end(text, at), _dumps(new))]
 
 
 def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[_Edit]:
@@ -137,7 +137,7 @@ def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int]
     return [*edits, tail] if tail.start < tail.end or tail.text else edits
 
 
-def _end(text: str, at: int) -> int:
+def _find_end(text: str, at: int) -> int:
     """Where the value ends that begins here."""
     return json.JSONDecoder().raw_decode(text, at)[1]
 

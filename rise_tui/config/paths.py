@@ -14,12 +14,12 @@ USUAL_KEYS = "none"
 
 def config_folder() -> Path:
     """What people write: $XDG_CONFIG_HOME/rise-tui, or ~/.config/rise-tui. Nothing is made."""
-    return _folder("XDG_CONFIG_HOME", "~/.config")
+    return _xdg_folder("XDG_CONFIG_HOME", "~/.config")
 
 
 def state_folder() -> Path:
     """What consoles write: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Nothing is made."""
-    return _folder("XDG_STATE_HOME", "~/.local/state")
+    return _xdg_folder("XDG_STATE_HOME", "~/.local/state")
 
 
 def key_file_path(named: str | None) -> Path | None:
@@ -43,6 +43,6 @@ def expand_home(path: str) -> Path:
     return Path(os.path.expanduser(path))  # noqa: PTH111
 
 
-def _folder(variable: str, usual: str) -> Path:
+def _xdg_folder(variable: str, usual: str) -> Path:
     named = os.environ.get(variable, "")
     return (Path(named) if Path(named).is_absolute() else expand_home(usual)) / "rise-tui"

@@ -61,9 +61,9 @@ def act_rows(act: Act, most: int) -> list[ActRow]:
                 cells.setdefault(lane, "─")
             drawn.append((at, number, at == level[0], cells, untold))
     width = 1 + max((lane for row in drawn for lane, cell in row[3].items() if cell != "─"), default=-1)
-    return [ActRow(at, number, first, _text(cells, width), untold) for at, number, first, cells, untold in drawn]
+    return [ActRow(at, number, first, _rails_text(cells, width), untold) for at, number, first, cells, untold in drawn]
 
 
-def _text(cells: dict[int, str], width: int) -> str:
+def _rails_text(cells: dict[int, str], width: int) -> str:
     tied = any(cell not in "│─" for cell in cells.values())
     return "".join(cells.get(lane, " ") for lane in range(width)) + ("─" if tied else "╶")

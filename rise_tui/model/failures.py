@@ -24,7 +24,7 @@ WIDE = 60
 """Cells from which on there is room to say where the rest is."""
 
 
-class Unsaid(NamedTuple):
+class UnsaidText(NamedTuple):
     """A text that the robot was to say and did not say to its end, as far as it reported."""
 
     text: str
@@ -39,10 +39,10 @@ def unanswered_failures(store: Store) -> list[TaskView]:
     return [store.view.tasks[id] for id in store.view.failed if id in store.view.tasks]
 
 
-def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[Unsaid]:
+def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
     """What a failed act was to say and did not, in the order in which it would have come."""
     actions = _actions_in_order(scenario, task)
-    return [found for action in actions if (found := _find_unsaid(scenario, action, task, memory)) is not None]
+    return [unsaid for action in actions if (unsaid := _find_unsaid(scenario, action, task, memory)) is not None]
 
 
 def has_speech(scenario: Scenario, task: TaskView) -> bool:
@@ -57,20 +57,21 @@ def _actions_in_order(scenario: Scenario, task: TaskView) -> list[Action]:
     return actions_in_order(act) if act is not None else []
 
 
-def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> Unsaid | None:
-    done = task.actions.get(action.id)
-    if done is not None and done.status == "succeeded":
+def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> UnsaidText | None:
+    begun = task.actions.get(action.id)
+    if begun is not None and begun.status == "succeeded":
         return None
-    if done is not None and _was_sent(done):
-        words = words_of(scenario, done)
-        return Unsaid(words, begun=True) if words is not None else None
-    said = next((said for call in action.calls if (said := message_of(scenario, call)) is not None), None)
-    return Unsaid(_fill_known(said, memory), begun=False, ways=len(action.calls)) if said is not None else None
+    if begun is not None and _was_sent(begun):
+        words = words_of(scenario, begun)
+        return UnsaidText(words, begun=True) if words is not None else None
+    messages = (message_of(scenario, call) for call in action.calls)
+    first = next((message for message in messages if message is not None), None)
+    return UnsaidText(_fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
 
 
-def _was_sent(done: ActionView) -> bool:
+def _was_sent(begun: ActionView) -> bool:
     """What fails in the moment in which it begins was never sent: the robot was not there, or a value was missing."""
-    return done.status != "skipped" and done.ended != done.since
+    return begun.status != "skipped" and begun.ended != begun.since
 
 
 def _fill_known(template: Template, memory: Mapping[str, Any]) -> str:
@@ -94,9 +95,9 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     if not failed or store.gone_reason:
         return []
     task = failed[0]
-    which = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
+    others = f"  {len(failed) - 1} more " if len(failed) > 1 else " "
     head: StyledLine = ((" ✗ ACT FAILED ", "alarm"), (f"  {act_label(task.function, task.behavior)}", "strong"))
-    shown: list[StyledLine] = [align_at_both_ends(head, ((which, "fault"),), width)]
+    shown: list[StyledLine] = [align_at_both_ends(head, ((others, "fault"),), width)]
     reasons = wrap(task.reason or "the robot gave no reason", max(20, width - 4))
     if len(reasons) > REASON_LINES:
         reasons = [*reasons[: REASON_LINES - 1], " ".join(reasons[REASON_LINES - 1 :])]
@@ -117,11 +118,11 @@ def _mark_cut(line: StyledLine, width: int) -> StyledLine:
 def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
     """Word for word, each over as many lines as it needs."""
     scenario = store.scenario
-    found = unsaid_texts(scenario, task, store.memory)
-    if not found:
-        said = "all of its words were said" if has_speech(scenario, task) else "it has no words to say"
-        yield ((f"   {said}", "plain"),)
-    for text, begun, ways in found:
+    unsaid = unsaid_texts(scenario, task, store.memory)
+    if not unsaid:
+        remark = "all of its words were said" if has_speech(scenario, task) else "it has no words to say"
+        yield ((f"   {remark}", "plain"),)
+    for text, begun, ways in unsaid:
         label = "perhaps begun" if begun else "not said"
         label = f"one of {ways}" if ways > 1 else label
         for at, piece in enumerate(wrap(f"“{text}”", max(10, width - LABEL - 2))):

@@ -43,7 +43,7 @@ def key_strip_height(scenario: Scenario, keys: StudyKeys, width: int, height: in
     every = [*keys.answer_keys, *keys.other_keys]
     if height >= TALL or not every:
         every += keys.act_keys
-    return 1 if len(_placed(every, width, 1)) == len(every) else MOST
+    return 1 if len(_place_keys(every, width, 1)) == len(every) else MOST
 
 
 def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
@@ -51,20 +51,20 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
     keys, awaited = store.study_keys, store.expected_keys()
     ordered = [
         *(key for key in keys.answer_keys if key.key in awaited),
-        *(key for key in keys.act_keys if key.key in awaited and _idle(store, key)),
+        *(key for key in keys.act_keys if key.key in awaited and _is_idle(store, key)),
         *(key for key in keys.answer_keys if key.key not in awaited),
         *keys.other_keys,
     ]
     ordered += [key for key in keys.act_keys if key not in ordered]
-    places = _placed(ordered, width, rows)
+    places = _place_keys(ordered, width, rows)
     lines: list[list[StyledSpan]] = [[] for _ in range(rows)]
     pieces = []
     for key, (line, start) in zip(ordered, places, strict=False):
-        spans = _spans(key, store, width, key.key in awaited)
+        spans = _key_spans(key, store, width, key.key in awaited)
         lines[line] += spans
-        pieces.append(KeyStripPiece(key, line, start, start + _width(key, width)))
+        pieces.append(KeyStripPiece(key, line, start, start + _key_width(key, width)))
     if rows and (left := len(ordered) - len(places)):
-        text = _more(left)
+        text = _more_text(left)
         start = sum(cell_width(text) for text, _ in lines[-1])
         gap = max(0, width - start - cell_width(text) - 1)
         lines[-1] += [(" " * gap, "plain"), (text[:-1], "muted"), ("?", "key")]
@@ -72,21 +72,21 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
     return KeyStripLines(tuple(tuple(line) for line in lines), tuple(pieces))
 
 
-def _more(left: int) -> str:
+def _more_text(left: int) -> str:
     return f"+{left} more ?"
 
 
-def _placed(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
+def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
     """Line and cell of each key that there is room for, in order; the last line keeps room to say how many are left."""
     places: list[tuple[int, int]] = []
     line = column = 0
     for at, key in enumerate(keys):
-        needed = _width(key, width)
+        needed = _key_width(key, width)
         last = at == len(keys) - 1
-        room = width - (cell_width(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
+        room = width - (cell_width(_more_text(len(keys))) + 1 if line == rows - 1 and not last else 0)
         if column + needed > room:
             line, column = line + 1, 0
-            room = width - (cell_width(_more(len(keys))) + 1 if line == rows - 1 and not last else 0)
+            room = width - (cell_width(_more_text(len(keys))) + 1 if line == rows - 1 and not last else 0)
             if line >= rows or needed > room:
                 break
         places.append((line, column))
@@ -94,21 +94,21 @@ def _placed(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int
     return places
 
 
-def _title(key: KeyBinding, width: int) -> str:
+def _title_text(key: KeyBinding, width: int) -> str:
     text = clean(key_title(key))
     return fit(text, min(cell_width(text), TITLE_NARROW if width < NARROW else TITLE)).rstrip()
 
 
-def _width(key: KeyBinding, width: int) -> int:
-    return 1 + cell_width(key.label) + 1 + cell_width(_title(key, width)) + 1
+def _key_width(key: KeyBinding, width: int) -> int:
+    return 1 + cell_width(key.label) + 1 + cell_width(_title_text(key, width)) + 1
 
 
-def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[StyledSpan]:
+def _key_spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[StyledSpan]:
     off = store.task_blocked(key.function) is not None
-    title = _title(key, width)
+    title = _title_text(key, width)
     if store.is_sent((key.function,), key.behavior):
         mark: StyledSpan = (SENT.glyph, SENT.tone)
-    elif key.function in (ACT, RULE) and _runs(store, key):
+    elif key.function in (ACT, RULE) and _is_running(store, key):
         mark = (RUNNING.glyph, RUNNING.tone)
     elif awaited:
         mark = (EXPECTED.glyph, "muted" if off else EXPECTED.tone)
@@ -121,10 +121,10 @@ def _spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[Sty
     ]
 
 
-def _runs(store: Store, key: KeyBinding) -> bool:
+def _is_running(store: Store, key: KeyBinding) -> bool:
     return bool(store.act(key.behavior).running) if key.function == ACT else store.rule(key.behavior).running
 
 
-def _idle(store: Store, key: KeyBinding) -> bool:
+def _is_idle(store: Store, key: KeyBinding) -> bool:
     act = store.act(key.behavior)
     return not act.running and not act.waiting

@@ -51,10 +51,10 @@ def search_text(task: TaskView, state: StateLabel) -> str:
 
 
 def _source_width(width: int) -> int:
-    return min(20, max(12, _after_time(width) // 3))
+    return min(20, max(12, _free_width(width) // 3))
 
 
-def _after_time(width: int) -> int:
+def _free_width(width: int) -> int:
     """Cells for who and what, beside the columns whose width is fixed."""
     return width - (47 if width >= WIDE else 38)
 
@@ -75,7 +75,7 @@ def _wide_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) 
     if wide:
         head = (*head, fixed_span(CALLING.get(task.calling_type, task.calling_type), 7, "muted"))
     took = format_seconds(task.ended - task.started) if task.ended is not None and task.started is not None else ""
-    room = min(40, _after_time(width) - _source_width(width) - (20 if wide else 0))
+    room = min(40, _free_width(width) - _source_width(width) - (20 if wide else 0))
     mistake: StyledLine = ((" ", "plain"), fixed_span(mistake_text(task), 8, "wait")) if task.mark else ()
     line: StyledLine = (
         *head,
@@ -97,12 +97,12 @@ def _wide_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) 
 def _narrow_head(task: TaskView) -> StyledLine:
     """When, and which function or mistake; not who it was."""
     word = BRIEF.get(task.function, _function_label(task))
-    what = (
+    label = (
         fixed_span(mistake_text(task), FUNCTION, "wait")
         if task.mark
         else fixed_span(word, FUNCTION, _function_tone(task))
     )
-    return fixed_span(f" {short_clock(task.submitted)}", TIME, "muted"), what
+    return fixed_span(f" {short_clock(task.submitted)}", TIME, "muted"), label
 
 
 def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:

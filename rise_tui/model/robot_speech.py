@@ -60,7 +60,7 @@ class SentenceTracker:
         self._expected = self._measured = 0.0
         latest = float("-inf")
         for task in list(view.tasks.values())[-LOOK_BACK:]:
-            for action in self._sentences(task):
+            for action in self._sentences_of(task):
                 if action.ended is None:
                     continue
                 if action.status == "succeeded":
@@ -80,53 +80,55 @@ class SentenceTracker:
 
     def current(self, view: SessionView, at: float) -> CurrentSentence:
         """What to show at this session time."""
-        running = [action for id in view.running for action in self._sentences(view.tasks[id]) if action.ended is None]
+        running = [
+            action for id in view.running for action in self._sentences_of(view.tasks[id]) if action.ended is None
+        ]
         if running:
             action = max(running, key=lambda each: (each.status == "accepted", each.since))
             elapsed, usual = max(0.0, at - action.since), self.usual_seconds(action)
             left = None if usual is None else usual - elapsed
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
-            return CurrentSentence(kind, self._words(action), left, share, action.sent_as or "", len(running) - 1)
+            return CurrentSentence(kind, self._words_of(action), left, share, action.sent_as or "", len(running) - 1)
         task = view.tasks.get(self._ended_last[0]) if self._ended_last is not None else None
         if task is None or self._ended_last is None:
             return CurrentSentence("nothing")
         ended = task.actions[self._ended_last[1]]
         if ended.status == "succeeded":
-            return CurrentSentence("said", self._words(ended), at - (ended.ended if ended.ended is not None else at))
-        unsaid = [action for action in self._sentences(task) if action.status != "succeeded"]
+            return CurrentSentence("said", self._words_of(ended), at - (ended.ended if ended.ended is not None else at))
+        unsaid = [action for action in self._sentences_of(task) if action.status != "succeeded"]
         first = unsaid[0]
         after = first.ended - first.since if first.status != "skipped" and first.ended is not None else None
         ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
-        return CurrentSentence(ending, self._words(first), after, others=len(unsaid) - 1)
+        return CurrentSentence(ending, self._words_of(first), after, others=len(unsaid) - 1)
 
     def usual_seconds(self, action: ActionView) -> float | None:
         """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
-        if (known := self._durations.get(self._words(action))) is not None:
+        if (known := self._durations.get(self._words_of(action))) is not None:
             return known[0]
         estimate = estimate_action_seconds(self._scenario, action)
         pace = self._measured / self._expected if self._expected > 0 else 1.0
         return estimate * pace if estimate is not None else None
 
-    def _sentences(self, task: TaskView) -> Iterator[ActionView]:
+    def _sentences_of(self, task: TaskView) -> Iterator[ActionView]:
         """Those of a task that have begun, ended, or been left out, in that order."""
         return (action for action in task.actions.values() if words_of(self._scenario, action) is not None)
 
-    def _words(self, action: ActionView) -> str:
+    def _words_of(self, action: ActionView) -> str:
         return words_of(self._scenario, action) or ""
 
     def _measure(self, action: ActionView) -> None:
         if action.ended is None:
             return
         took = action.ended - action.since
-        mean, times = self._durations.get(self._words(action), (0.0, 0))
-        self._durations[self._words(action)] = mean + (took - mean) / (times + 1), times + 1
+        mean, times = self._durations.get(self._words_of(action), (0.0, 0))
+        self._durations[self._words_of(action)] = mean + (took - mean) / (times + 1), times + 1
         if (estimate := estimate_action_seconds(self._scenario, action)) is not None:
             self._expected += estimate
             self._measured += took
 
 
-def still_to_say(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
+def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
     """The sentences that the running acts have not begun yet, as they would be now, in the order of the file."""
     tasks = [view.tasks[id] for id in view.running]
     return [

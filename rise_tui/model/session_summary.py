@@ -23,10 +23,10 @@ def session_title(store: Store) -> str:
 
 def running_lines(store: Store) -> list[str]:
     """Rules with their states, acts that run and acts that wait, in lines for a question."""
-    found = [f"rule {name}: in {store.view.rules[name].state}" for name in store.view.running_rules()]
-    found += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
-    found += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
-    if not found:
+    running = [f"rule {name}: in {store.view.rules[name].state}" for name in store.view.running_rules()]
+    running += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
+    running += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
+    if not running:
         return ["Nothing runs now: no rule, no act."]
-    more = [f"  and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
-    return ["Running now:", *(f"  {clean(each)}" for each in found[:SHOWN]), *more]
+    more = [f"  and {len(running) - SHOWN} more"] if len(running) > SHOWN else []
+    return ["Running now:", *(f"  {clean(each)}" for each in running[:SHOWN]), *more]

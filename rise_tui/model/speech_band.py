@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.blocked import KeyNames
-from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, still_to_say
+from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, remaining_sentences
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import RULE, key_title, short_title
 from rise_tui.model.upcoming import UpcomingStep, find_upcoming
@@ -59,13 +59,13 @@ def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, h
     longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
     if not longest:
         return 1
-    return min(most, max(len(_wrapped(_quoted(longest), width)), 2 if height >= TALL else 1))
+    return min(most, max(len(_wrap_sentence(_quote(longest), width)), 2 if height >= TALL else 1))
 
 
 def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[StyledLine, ...]:
     """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
     sentence = store.current_sentence()
-    rest = [] if _why_nothing_comes(store, key_name) else still_to_say(store.scenario, store.view, store.memory)
+    rest = [] if _why_nothing_comes(store, key_name) else remaining_sentences(store.scenario, store.view, store.memory)
     lines = _sentence_lines(sentence, store, min(width, WIDEST), rows)
     rest_shown = len(lines) < rows and bool(rest)
     if rest_shown:
@@ -92,10 +92,10 @@ def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: i
         tone, note = "fault", ("not known", "fault")
     prefix = _ending_prefix(sentence)
     more = f" and {sentence.others} more" if sentence.others and sentence.kind in ("unsaid", "unknown") else ""
-    text = f"{prefix}{_quoted(sentence.text)}{more}"
-    shown, first = _wrapped(text, width), 0
+    text = f"{prefix}{_quote(sentence.text)}{more}"
+    shown, first = _wrap_sentence(text, width), 0
     if len(shown) > rows:
-        shown, first = _window(text, width, rows, sentence.share)
+        shown, first = _window_lines(text, width, rows, sentence.share)
     lines: list[StyledLine] = []
     for at, text in enumerate(shown):
         lead = "   " if at else " … " if first else f" {glyph} "
@@ -134,11 +134,11 @@ def _status_note(sentence: CurrentSentence) -> StyledSpan:
             return "", "muted"
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return f"“{clean(text)}”"
 
 
-def _wrapped(text: str, width: int) -> list[str]:
+def _wrap_sentence(text: str, width: int) -> list[str]:
     """Over as many lines as it needs; the first leaves room for the note."""
     first, others = max(10, width - GLYPH - NOTE - 2), max(10, width - GLYPH - 1)
     text = " ".join(clean(text).split())
@@ -147,7 +147,7 @@ def _wrapped(text: str, width: int) -> list[str]:
     return [head, *wrap(rest, others)] if rest else [head]
 
 
-def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
+def _window_lines(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
     """The lines around what is probably being said, and the number of the first."""
     every = wrap(text, max(10, width - GLYPH - NOTE - 2))
     here = min(len(every) - 1, int(share * len(every)))
@@ -159,7 +159,7 @@ def _window(text: str, width: int, rows: int, share: float) -> tuple[list[str], 
 
 
 def _quoted_line(texts: Sequence[str]) -> StyledLine:
-    return tuple((f"{'  ' if at else ''}{_quoted(text)}", "muted") for at, text in enumerate(texts))
+    return tuple((f"{'  ' if at else ''}{_quote(text)}", "muted") for at, text in enumerate(texts))
 
 
 # --- what comes next -----------------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ class _Piece(NamedTuple):
 
 def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
     """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
-    pieces = [_Piece(((_quoted(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
+    pieces = [_Piece(((_quote(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
     room = width - cell_width(LABEL)
     return crop(((LABEL, "muted"), *_fit_pieces([*pieces, *_rule_pieces(store, room, key_name)], room)), width)
 

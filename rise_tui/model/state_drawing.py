@@ -38,18 +38,18 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
         tones.update(dict.fromkeys(edge_path(layout, last), "accent"))
     rows = []
     for at, row in enumerate(layout.rows):
-        here = row.is_state and row.state == now.state
-        line: list[StyledSpan] = _toned(row.rails, at, tones)
+        is_present = row.is_state and row.state == now.state
+        line: list[StyledSpan] = _rail_spans(row.rails, at, tones)
         if row.is_state:
-            marks = ["here"] if here else ["may follow"] if row.state in follows else []
-            line += _state(layout, row, [*marks, *row.notes])
+            marks = ["here"] if is_present else ["may follow"] if row.state in follows else []
+            line += _state_spans(layout, row, [*marks, *row.notes])
         if row.edge is not None:
-            line += _way(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
-        rows.append(ListRow(HERE if here else "", crop(tuple(line), layout.width), selectable=False))
+            line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
+        rows.append(ListRow(HERE if is_present else "", crop(tuple(line), layout.width), selectable=False))
     return rows
 
 
-def _toned(rails: str, row: int, tones: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
+def _rail_spans(rails: str, row: int, tones: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
     """The rails, in as few pieces as their tones allow."""
     spans: list[StyledSpan] = []
     for column, character in enumerate(rails):
@@ -61,7 +61,7 @@ def _toned(rails: str, row: int, tones: dict[tuple[int, int], TextRole]) -> list
     return spans
 
 
-def _state(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
+def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
     """The state's glyph, name and marks; the name gives way."""
     glyph: StyledSpan = (
         ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "may follow" in marks else ("○ ", "muted")
@@ -76,7 +76,7 @@ def _state(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledS
     return [glyph, (name, tone), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
 
 
-def _way(
+def _way_spans(
     layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
 ) -> list[StyledSpan]:
     """A way's label, and what must be seen of it behind: its target where no rail shows it, and that it was taken."""
@@ -86,7 +86,7 @@ def _way(
     tail: list[StyledSpan] = [("  taken last", "accent")] if taken else []
     if edge.way in ("stays", "again"):
         tail.insert(0, (f"  {edge.way}", "muted"))
-    elif edge.target is not None and (edge.way == "word" or _length(layout, edge) > FAR):
+    elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
         free = room - line_width(tail) - 3
         target = fit(edge.target, min(cell_len(clean(edge.target)), max(free // 2, free - cell_len(label))))
         tail.insert(0, (f" → {target}", tone))
@@ -95,5 +95,5 @@ def _way(
     return [(lead, tone), (label, tone), *tail]
 
 
-def _length(layout: GraphLayout, edge: GraphEdge) -> int:
+def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
     return abs(edge.row - layout.row_of[edge.target]) if edge.way == "rail" and edge.target is not None else 0

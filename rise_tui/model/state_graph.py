@@ -100,7 +100,7 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
     lanes = max((rail.lane + 1 for rail in rails), default=0)
     names = max(map(cell_len, rule.states)) + MARKS if compact else 0
     return GraphLayout(
-        tuple(_draw_rows(rule, order, plan, edges, [_gutter(row, rails, lanes) for row in range(len(plan))])),
+        tuple(_draw_rows(rule, order, plan, edges, [_gutter_text(row, rails, lanes) for row in range(len(plan))])),
         edges,
         row_of,
         2 * lanes + 1,
@@ -145,7 +145,7 @@ def _draw_rows(
             }
         elif edge is not None:
             is_last = index + 1 == len(plan) or plan[index + 1].is_state
-            node = _node(edge, last=is_last and row.state not in falling)
+            node = _node_character(edge, last=is_last and row.state not in falling)
         yield row._replace(edge=edge, rails=gutters[index], node=node, notes=tuple(filter(notes.get, notes)))
 
 
@@ -194,7 +194,7 @@ def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> 
     return list(rails.values())
 
 
-def _gutter(row: int, rails: list[_Rail], lanes: int) -> str:
+def _gutter_text(row: int, rails: list[_Rail], lanes: int) -> str:
     """The rails in one row, and the way from or to one of them."""
     cells = [" "] * (2 * lanes + 1)
     joined = -1
@@ -216,7 +216,7 @@ def _gutter(row: int, rails: list[_Rail], lanes: int) -> str:
     return "".join(cells)
 
 
-def _node(edge: GraphEdge, *, last: bool) -> str:
+def _node_character(edge: GraphEdge, *, last: bool) -> str:
     match edge.way:
         case "down":
             return "↓"

@@ -88,8 +88,8 @@ def rule_state(store: Store, name: str) -> StateLabel:
 
 def task_state(task: TaskView) -> StateLabel:
     if not task.id:  # a row of the log that is no task
-        what = task.behavior if task.function == "robot" else task.function
-        return REMARK_STATES.get(what, StateLabel("·", "", "plain"))
+        kind = task.behavior if task.function == "robot" else task.function
+        return REMARK_STATES.get(kind, StateLabel("·", "", "plain"))
     return TASK_STATES.get(task.status, StateLabel("?", task.status.lower(), "plain"))
 
 

@@ -24,7 +24,7 @@ def key_title(binding: KeyBinding) -> str:
     name = binding.behavior.strip()
     match binding.function:
         case "assignValue":
-            return _set_title(name)
+            return _assignment_title(name)
         case "raiseEventTopic":
             return normal_topic(name).replace("_", " ").replace("/", " ")
         case "stopCommunicationRobotAct" | "stopInteractionRule":
@@ -38,7 +38,7 @@ def short_title(name: str) -> str:
     return name.removeprefix("R_").replace("_", " ") or name
 
 
-def _set_title(text: str) -> str:
+def _assignment_title(text: str) -> str:
     """`understood = true` is `understood`, `mood = 'good'` is `mood good`."""
     assignment = _parse_assignment(text)
     if assignment is None:

@@ -74,17 +74,17 @@ class UndoStack:
         asked = self._warned is not None and self._warned[0] is change and json_equal(self._warned[1], present)
         if not asked and not json_equal(present, expected):
             self._warned = change, present
-            now = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
+            present_text = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
             back = "deletes it" if change.created else f"makes it {format_value(change.before)} again"
-            return UndoStep("ask", f"{change.key} has changed since, to {now}: undo again {back}, or leave it")
+            return UndoStep("ask", f"{change.key} has changed since, to {present_text}: undo again {back}, or leave it")
         self._warned, self._undoing = None, change
         if change.created:
             if entry is None:
                 self._changes.pop()
                 return UndoStep("nothing", f"{change.key} is gone already")
             return UndoStep("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
-        was = "deleted" if change.deleted else format_value(change.after)
-        said = f"undoing: {change.key} is {format_value(change.before)} again, was {was}"
+        former = "deleted" if change.deleted else format_value(change.after)
+        said = f"undoing: {change.key} is {format_value(change.before)} again, was {former}"
         return UndoStep("do", said, "assignValue", json.dumps({change.key: change.before}, ensure_ascii=False))
 
 

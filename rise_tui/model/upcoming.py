@@ -63,12 +63,12 @@ def find_upcoming(store: Store) -> Upcoming:
     first = steps[0] if steps else None
     if first is not None and first.target and not (first.starts or first.may_start or first.ends_rule):
         transitions = transitions_of(scenario, first.rule, first.target)
-        keys = _keys(store, transitions, ())
-        return Upcoming(tuple(steps), keys, True, "" if keys else _other_wait(store, transitions), bool(stack))
+        keys = _find_keys(store, transitions, ())
+        return Upcoming(tuple(steps), keys, True, "" if keys else _other_wait_text(store, transitions), bool(stack))
     busy = [task.behavior for task in (*store.running_tasks, *store.waiting_tasks)]
     every = [transition for name in stack for transition in transitions_of(scenario, name, view.rules[name].state)]
-    keys = _keys(store, every, (*busy, *stack))
-    return Upcoming(tuple(steps), keys, False, "" if keys or steps else _other_wait(store, every), bool(stack))
+    keys = _find_keys(store, every, (*busy, *stack))
+    return Upcoming(tuple(steps), keys, False, "" if keys or steps else _other_wait_text(store, every), bool(stack))
 
 
 def _reenters_state(store: Store, step: UpcomingStep) -> bool:
@@ -158,14 +158,14 @@ def _rule_step(store: Store, name: str, transition: Transition, when: str, secon
     )
 
 
-def _keys(store: Store, transitions: Iterable[Transition], busy: Iterable[str]) -> tuple[KeyBinding, ...]:
+def _find_keys(store: Store, transitions: Iterable[Transition], busy: Iterable[str]) -> tuple[KeyBinding, ...]:
     """The keys by which the wizard can bring one of these transitions about, each once."""
     memory, busy = store.memory, frozenset(busy)
     keys = (key for transition in transitions for key in store.study_keys.keys_for(transition, memory, busy))
     return tuple({key.key: key for key in keys}.values())
 
 
-def _other_wait(store: Store, transitions: Iterable[Transition]) -> str:
+def _other_wait_text(store: Store, transitions: Iterable[Transition]) -> str:
     """The first thing that is waited for and that no key brings about."""
     for transition in transitions:
         if transition.event is not None:

@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition
-from rise_tui.model.conditions import is_met, parts_of
+from rise_tui.model.conditions import is_met, split_condition
 from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
@@ -57,7 +57,7 @@ class WaitExplanations:
             rows += self._transition_rows(index, transition, view, memory, width)
             if transition.condition is not None:
                 rows += self._condition_rows(index, transition.condition, memory, width)
-            if other := self._preempted_by(rule, state, index, memory):
+            if other := self._preempted_text(rule, state, index, memory):
                 rows.append(ListRow("", crop(((" " * 4, "plain"), (other, "wait")), width), selectable=False))
         return rows
 
@@ -76,7 +76,7 @@ class WaitExplanations:
         self, index: int, transition: Transition, view: RuleView, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
         waits: StyledLine = ((" waits for ", "muted"), (wait_text(self._store.scenario, transition), "wait"))
-        progress, keys = self._progress(transition, view), self._key_labels(transition)
+        progress, keys = self._progress_spans(transition, view), self._key_labels(transition)
         keys_line: StyledLine = ((f"  {key_owner(self._store)}: ", "muted"), (" ".join(keys), "key")) if keys else ()
         condition = transition.condition
         if transition.event is not None and not is_met(condition, memory):
@@ -91,7 +91,7 @@ class WaitExplanations:
             more = align_at_both_ends(more, (*progress, (" ", "plain")), width)
         return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
 
-    def _progress(self, transition: Transition, view: RuleView) -> StyledLine:
+    def _progress_spans(self, transition: Transition, view: RuleView) -> StyledLine:
         """How far it is: the time left, or what the awaited act does."""
         now = self._store.now()
         if transition.after is not None:
@@ -127,7 +127,7 @@ class WaitExplanations:
         self, index: int, condition: Expression, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
         """Each part with the present values, its truth, and the keys that would make it true."""
-        joint, parts = parts_of(condition)
+        joint, parts = split_condition(condition)
         truths = [truth_of(part, memory) for part in parts]
         texts = max(cell_len(clean(truth.text)) for truth in truths)
         rows = []
@@ -157,7 +157,7 @@ class WaitExplanations:
                 rows.append(ListRow("", crop(((" " * PART, "plain"), (truth.error, "fault")), width), selectable=False))
         return rows
 
-    def _preempted_by(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
+    def _preempted_text(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
         """Who would take the event instead: one event is taken by one transition of one rule."""
         event = state.transitions[index].event
         if event is None:

@@ -56,7 +56,7 @@ class LogPane(Pane):
         self.time_bar = PromptBar("go to ", EXAMPLES)
         self.save_bar = PromptBar("save as ", "name.tsv or name.jsonl")
         self._search: RowSearch | None = None
-        self._slicer = TimeSlicer(self._search_on, SLICE_SECONDS)
+        self._slicer = TimeSlicer(self._search_further, SLICE_SECONDS)
         self._painted = 0.0
         """When the log was last painted; monotonic."""
         self.own_rows_shown = False
@@ -77,7 +77,7 @@ class LogPane(Pane):
         return self.store.log.task_at(row, self.store.view)
 
     @property
-    def _rows(self) -> list[int]:
+    def _unfiltered_rows(self) -> list[int]:
         """Those that there are, before any filter."""
         return self.store.log.all if self.own_rows_shown else self.store.log.main
 
@@ -119,7 +119,7 @@ class LogPane(Pane):
         state += self.store.forgotten_text and f"  {self.store.forgotten_text}"
         if self._search is not None or self.filter_problem:
             more = "" if self._search is None or self._search.is_complete else "…"
-            note = self.filter_note(log.count, len(self._rows), more)
+            note = self.filter_note(log.count, len(self._unfiltered_rows), more)
             return note if self.filter_problem else (*note, (f"  {state}", tone))
         brief, hidden = self.title.size.width < NARROW, self.store.log.own_count
         if not hidden:
@@ -134,7 +134,7 @@ class LogPane(Pane):
     # --- what is shown ------------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
-        restart, rows = self._rebuild_count != self.store.log.rebuild_count, self._rows
+        restart, rows = self._rebuild_count != self.store.log.rebuild_count, self._unfiltered_rows
         self._rebuild_count = self.store.log.rebuild_count
         self._slicer.cancel()
         if self.filter is None:
@@ -164,7 +164,7 @@ class LogPane(Pane):
                 self._give_up_search(broken)
         self._checked_counts = len(missed), len(marks)
 
-    def _search_on(self) -> int:
+    def _search_further(self) -> int:
         """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
         looked = 0
         if self._search is not None:
@@ -182,7 +182,9 @@ class LogPane(Pane):
 
     def _show_found_rows(self, *, restart: bool = False) -> None:
         self._painted = monotonic()
-        self.task_log.show(self._search.matching if self._search is not None else self._rows, restart=restart)
+        self.task_log.show(
+            self._search.matching if self._search is not None else self._unfiltered_rows, restart=restart
+        )
         self.show_title()
 
     def _is_live(self, id: int) -> bool:

@@ -138,10 +138,10 @@ class MemoryPane(ListPane):
         source = entry.source if entry is not None else ""
         if columns.source:
             line.append(fixed_span(source, columns.source, "muted"))
-        line.append(fixed_span(self._age(entry), columns.age, "muted", right=True))
+        line.append(fixed_span(self._age_text(entry), columns.age, "muted", right=True))
         return ListRow(row_id, tuple(line), full=f"{name} {text} {kind} {source}")
 
-    def _age(self, entry: MemoryView | None) -> str:
+    def _age_text(self, entry: MemoryView | None) -> str:
         if entry is None:
             return ""
         return "start" if entry.source == "file" else format_age(self.store.now() - entry.changed)

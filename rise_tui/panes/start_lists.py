@@ -155,11 +155,13 @@ class ActsPane(StartListPane):
             fixed_span(state.word, STATE_WIDTH - 2, state.tone),
         ]
         if wide:
-            spans.append(fixed_span(self._progress(name), 5, "muted", right=True))
-        spans.append(fixed_span(self._time(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True))
+            spans.append(fixed_span(self._progress_text(name), 5, "muted", right=True))
+        spans.append(
+            fixed_span(self._time_text(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True)
+        )
         return tuple(spans)
 
-    def _progress(self, name: str) -> str:
+    def _progress_text(self, name: str) -> str:
         task = newest_task(self.store, name)
         if task is not None and task.status == "ACTIVE":
             done, total = act_progress(self.store.scenario.acts[name], task)
@@ -167,7 +169,7 @@ class ActsPane(StartListPane):
         settings = self.store.scenario.settings_of(name)
         return "hold" if settings.hold else "fill" if settings.filler else ""
 
-    def _time(self, name: str, wide: bool) -> str:
+    def _time_text(self, name: str, wide: bool) -> str:
         """Running: elapsed and typical; otherwise, where there is room, how long it typically takes."""
         task, typical = newest_task(self.store, name), self.store.typical_seconds(name)
         if task is not None and task.status == "ACTIVE":
