@@ -108,7 +108,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
 
     def __init__(self, settings: SessionOptions, store: Store, launcher: Launcher) -> None:
         super().__init__()
-        scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
+        scenario, mode, robot = store.attachment.scenario, store.attachment.mode, store.attachment.robot
         self._settings, self._store, self._launcher = settings, store, launcher
         names = list_robots(settings.folder)
         paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}
