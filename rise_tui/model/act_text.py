@@ -72,8 +72,8 @@ class ActText:
         act, task = shown
         rows = [ListRow("", self._head_line(act, task, width), selectable=False)]
         if task is not None and task.reason:
-            tone: TextRole = "fault" if task.status == "ABORTED" else "wait"
-            rows.append(ListRow("", crop(((f" {task.reason}", tone),), width), selectable=False))
+            role: TextRole = "fault" if task.status == "ABORTED" else "wait"
+            rows.append(ListRow("", crop(((f" {task.reason}", role),), width), selectable=False))
         views = {action.id: task.actions.get(action.id) if task is not None else None for action in act.actions}
         ids = min(16, max((cell_len(action.id) for action in act.actions), default=1))
         kinds = max((cell_len(self._type_text(action, views[action.id])) for action in act.actions), default=1)
@@ -92,7 +92,7 @@ class ActText:
 
     def _head_line(self, act: Act, task: TaskView | None, width: int) -> StyledLine:
         state = task_state(task) if task is not None else READY
-        name: StyledSpan = (f"{state.glyph} {state.word}", state.tone)
+        name: StyledSpan = (f"{state.glyph} {state.word}", state.role)
         typical = self._store.typical_seconds(act.name)
         if task is None or task.started is None:
             usually = f"usually {format_duration(typical)} " if typical is not None and width >= NARROW else ""
@@ -119,13 +119,13 @@ class ActText:
             fixed_span(action.id, columns[0], "strong" if begun is not None and begun.ended is None else "plain"),
             (" ", "plain"),
             fixed_span(self._type_text(action, begun), columns[1], "plain"),
-            (f" {state.glyph} ", state.tone),
+            (f" {state.glyph} ", state.role),
         )
         if begun is None and after and not wide:
-            return (*head, ("waits ", state.tone), (f"for {after}", "muted"))
+            return (*head, ("waits ", state.role), (f"for {after}", "muted"))
         return (
             *head,
-            fixed_span("waits" if begun is None and action.wait_for else state.word, 9 if wide else 7, state.tone),
+            fixed_span("waits" if begun is None and action.wait_for else state.word, 9 if wide else 7, state.role),
             fixed_span(
                 self._time_text(action, begun, wide=wide), 9 if wide else 5, "plain" if begun else "muted", right=True
             ),

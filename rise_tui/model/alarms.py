@@ -36,7 +36,7 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
     if not others:
         return worst.head, worst.second, worst.third
     # Of two more lines the second tells more; but who has not confirmed a stop is in the third.
-    middle = worst.third if any(tone == "fault" for _, tone in worst.third) else worst.second
+    middle = worst.third if any(role == "fault" for _, role in worst.third) else worst.second
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
     return worst.head, middle, named

@@ -107,11 +107,11 @@ def _key_spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list
     off = store.task_blocked(key.function) is not None
     title = _title_text(key, width)
     if store.is_sent((key.function,), key.behavior):
-        mark: StyledSpan = (SENT.glyph, SENT.tone)
+        mark: StyledSpan = (SENT.glyph, SENT.role)
     elif key.function in (ACT, RULE) and _is_running(store, key):
-        mark = (RUNNING.glyph, RUNNING.tone)
+        mark = (RUNNING.glyph, RUNNING.role)
     elif awaited:
-        mark = (EXPECTED.glyph, "muted" if off else EXPECTED.tone)
+        mark = (EXPECTED.glyph, "muted" if off else EXPECTED.role)
     else:
         mark = (" ", "plain")
     return [

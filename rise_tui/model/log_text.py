@@ -66,7 +66,7 @@ def _wide_head(task: TaskView, width: int) -> StyledLine:
         fixed_span(f" {format_clock(task.submitted, tenths=wide)}", 12 if wide else 10, "muted"),
         fixed_span(task.source, _source_width(width) - 1, "muted"),
         (" ", "plain"),
-        fixed_span(_function_label(task), 10, _function_tone(task)),
+        fixed_span(_function_label(task), 10, _function_role(task)),
     )
 
 
@@ -81,14 +81,14 @@ def _wide_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) 
         *head,
         fixed_span(_task_name(task), max(6, room - (9 if mistake else 0))),
         *mistake,
-        (f" {state.glyph} ", state.tone),
-        fixed_span(state.word, 9, state.tone),
+        (f" {state.glyph} ", state.role),
+        fixed_span(state.word, 9, state.role),
         fixed_span(took, 6, right=True),
     )
     if not task.reason:
         return line
     if width - line_width(line) >= REASON:
-        return crop((*line, (f"  {task.reason}", state.tone)), width)
+        return crop((*line, (f"  {task.reason}", state.role)), width)
     return (
         crop((*head, *_failure_spans(task, state, width - line_width(head))), width) if _is_bad(task, state) else line
     )
@@ -100,7 +100,7 @@ def _narrow_head(task: TaskView) -> StyledLine:
     label = (
         fixed_span(mistake_text(task), FUNCTION, "wait")
         if task.mark
-        else fixed_span(word, FUNCTION, _function_tone(task))
+        else fixed_span(word, FUNCTION, _function_role(task))
     )
     return fixed_span(f" {short_clock(task.submitted)}", TIME, "muted"), label
 
@@ -111,25 +111,25 @@ def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int
     if _is_bad(task, state):
         return crop((*head, *_failure_spans(task, state, room)), width)
     name = fixed_span(_task_name(task) or short_name(task.source), room - STATE)
-    return (*head, name, (f" {state.glyph} ", state.tone), fixed_span(state.word, STATE - 3, state.tone))
+    return (*head, name, (f" {state.glyph} ", state.role), fixed_span(state.word, STATE - 3, state.role))
 
 
 def _failure_spans(task: TaskView, state: StateLabel, room: int) -> StyledLine:
     """What went wrong and why, where a reason has no column of its own."""
     word, name = f"{state.glyph} {state.word}", _task_name(task) or short_name(task.source)
     shown = fit(name, min(cell_width(name), max(6, room - len(word) - 1))).rstrip()
-    return ((f"{shown} ", "plain"), (word, state.tone), (f": {task.reason}", state.tone))
+    return ((f"{shown} ", "plain"), (word, state.role), (f": {task.reason}", state.role))
 
 
 def _is_bad(task: TaskView, state: StateLabel) -> bool:
-    return bool(task.reason) and state.tone in ("fault", "wait")
+    return bool(task.reason) and state.role in ("fault", "wait")
 
 
 def _function_label(task: TaskView) -> str:
     return FUNCTION_LABELS.get(task.function, task.function)
 
 
-def _function_tone(task: TaskView) -> TextRole:
+def _function_role(task: TaskView) -> TextRole:
     return "fault" if task.function == "stopAll" else "plain"
 
 

@@ -85,11 +85,11 @@ def changes_by_tenths(store: Store) -> bool:
 
 
 def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
-    (glyph, tone), note = LOOKS[sentence.kind], _status_note(sentence)
+    (glyph, role), note = LOOKS[sentence.kind], _status_note(sentence)
     if sentence.kind == "nothing":
         return [align_at_both_ends(((" · the robot has said nothing yet", "muted"),), (), width)]
     if store.gone_reason and sentence.kind in ("says", "sent"):
-        tone, note = "fault", ("not known", "fault")
+        role, note = "fault", ("not known", "fault")
     prefix = _ending_prefix(sentence)
     more = f" and {sentence.others} more" if sentence.others and sentence.kind in ("unsaid", "unknown") else ""
     text = f"{prefix}{_quote(sentence.text)}{more}"
@@ -99,7 +99,7 @@ def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: i
     lines: list[StyledLine] = []
     for at, text in enumerate(shown):
         lead = "   " if at else " … " if first else f" {glyph} "
-        line: StyledLine = ((lead, "accent" if sentence.kind == "says" else tone), (text, tone))
+        line: StyledLine = ((lead, "accent" if sentence.kind == "says" else role), (text, role))
         lines.append(align_at_both_ends(line, (note, (" ", "plain")), width) if at == 0 else line)
     return lines
 

@@ -31,15 +31,15 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
     last = layout.edges.get(now.last) if now.last is not None else None
     ways = [edge for edge in layout.edges.values() if edge.source == now.state]
     follows = {edge.target for edge in ways if edge.way not in ("stays", "again")}
-    tones: dict[tuple[int, int], TextRole] = {}
+    roles: dict[tuple[int, int], TextRole] = {}
     for edge in ways:
-        tones.update(dict.fromkeys(edge_path(layout, edge), "plain"))
+        roles.update(dict.fromkeys(edge_path(layout, edge), "plain"))
     if last is not None:
-        tones.update(dict.fromkeys(edge_path(layout, last), "accent"))
+        roles.update(dict.fromkeys(edge_path(layout, last), "accent"))
     rows = []
     for at, row in enumerate(layout.rows):
         is_present = row.is_state and row.state == now.state
-        line: list[StyledSpan] = _rail_spans(row.rails, at, tones)
+        line: list[StyledSpan] = _rail_spans(row.rails, at, roles)
         if row.is_state:
             marks = ["here"] if is_present else ["may follow"] if row.state in follows else []
             line += _state_spans(layout, row, [*marks, *row.notes])
@@ -49,15 +49,15 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
     return rows
 
 
-def _rail_spans(rails: str, row: int, tones: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
-    """The rails, in as few pieces as their tones allow."""
+def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
+    """The rails, in as few pieces as their roles allow."""
     spans: list[StyledSpan] = []
     for column, character in enumerate(rails):
-        tone = tones.get((row, column), "muted")
-        if spans and (character == " " or spans[-1][1] == tone):
+        role = roles.get((row, column), "muted")
+        if spans and (character == " " or spans[-1][1] == role):
             spans[-1] = (spans[-1][0] + character, spans[-1][1])
         else:
-            spans.append((character, tone))
+            spans.append((character, role))
     return spans
 
 
@@ -71,16 +71,16 @@ def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[S
     name = clean(row.state)
     if cell_len(name) + cell_len(words) > room:
         name = fit(name, max(4, room - cell_len(words))).rstrip()
-    tone: TextRole = "accent" if "here" in marks else "plain"
+    role: TextRole = "accent" if "here" in marks else "plain"
     padding = " " * max(0, room - cell_len(name) - cell_len(words)) if row.edge is not None else ""
-    return [glyph, (name, tone), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
+    return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
 
 
 def _way_spans(
     layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
 ) -> list[StyledSpan]:
     """A way's label, and what must be seen of it behind: its target where no rail shows it, and that it was taken."""
-    tone: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
+    role: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
     lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
     label, room = clean(edge.label), room - len(lead)
     tail: list[StyledSpan] = [("  taken last", "accent")] if taken else []
@@ -89,10 +89,10 @@ def _way_spans(
     elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
         free = room - line_width(tail) - 3
         target = fit(edge.target, min(cell_len(clean(edge.target)), max(free // 2, free - cell_len(label))))
-        tail.insert(0, (f" → {target}", tone))
+        tail.insert(0, (f" → {target}", role))
     if cell_len(label) > room - line_width(tail):
         label = fit(label, max(3, room - line_width(tail))).rstrip()
-    return [(lead, tone), (label, tone), *tail]
+    return [(lead, role), (label, role), *tail]
 
 
 def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:

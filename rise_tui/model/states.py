@@ -14,7 +14,7 @@ from rise_tui.rendering.text import TextRole
 class StateLabel(NamedTuple):
     glyph: str
     word: str
-    tone: TextRole
+    role: TextRole
 
 
 READY = StateLabel("·", "ready", "muted")

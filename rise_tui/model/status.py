@@ -121,25 +121,25 @@ def _robot_cells(store: Store) -> list[StatusCell]:
     if attachment.replay:
         return []
     status = robot.status if robot is not None else "no link"
-    tone: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
+    role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
     seen = store.heartbeat.robot_seen
     if seen is not None and robot is not None and status == "connected":
         seen = max(seen, robot.t)  # that it is back is a sign of life, and pulses come once a second
     age = None if seen is None or store.gone_reason or store.cut_since is not None else max(0.0, store.now() - seen)
-    if age is not None and age >= OLD and tone == "plain":
-        tone = "wait"
+    if age is not None and age >= OLD and role == "plain":
+        role = "wait"
     link = f"{ROBOT_GLYPHS.get(status, '○')} {status}"
     links = (link, link.replace("connected", "ok"))
     simulated = attachment.mode != "real"
     name = fit(attachment.robot, min(len(attachment.robot), NAME))
     names = (f"{name} (sim) ", f"{name} ") if simulated else (f"{name} ",)
     cells = [
-        StatusCell(tuple((GAP, (text, tone)) for text in names), (4,)),
-        StatusCell(tuple(((text, tone),) for text in dict.fromkeys(links)), (3,)),
+        StatusCell(tuple((GAP, (text, role)) for text in names), (4,)),
+        StatusCell(tuple(((text, role),) for text in dict.fromkeys(links)), (3,)),
     ]
     if age is not None:
         text = "<2 s" if age < FRESH else format_duration(age)
-        shown: StyledLine = ((" ", "plain"), (text, "muted" if age < FRESH else tone))
+        shown: StyledLine = ((" ", "plain"), (text, "muted" if age < FRESH else role))
         cells.append(StatusCell((shown, ()) if age < FRESH else (shown,), (7,)))
     return cells
 

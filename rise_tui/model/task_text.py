@@ -26,9 +26,9 @@ def task_rows(task: TaskView, state: StateLabel, now: float, width: int) -> list
         *field_lines(FUNCTION_LABELS.get(task.function, task.function), task.behavior, width, "strong")
     ]
     if state.word:
-        lines += field_lines("state", f"{state.glyph} {state.word}", width, state.tone)
+        lines += field_lines("state", f"{state.glyph} {state.word}", width, state.role)
     if task.reason:
-        lines += field_lines("reason", task.reason, width, state.tone)
+        lines += field_lines("reason", task.reason, width, state.role)
     if task.mark:
         lines += field_lines("mistake", f"! {task.mark}: {MARKS.get(task.mark, task.mark)}", width, "wait")
     lines += field_lines("from", task.source, width)
@@ -54,11 +54,11 @@ def value_rows(name: str, value: str, kind: str, about: str, width: int) -> list
     return [ListRow(str(at), line) for at, line in enumerate(lines)]
 
 
-def field_lines(name: str, value: str, width: int, tone: TextRole = "plain") -> list[StyledLine]:
+def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> list[StyledLine]:
     """A name and what belongs to it, over as many lines as that needs."""
     lines = wrap(value, max(10, width - LABEL - 2))
     return [
-        (fixed_span(f" {name if at == 0 else ''}", LABEL, "muted"), (f" {line}", tone)) for at, line in enumerate(lines)
+        (fixed_span(f" {name if at == 0 else ''}", LABEL, "muted"), (f" {line}", role)) for at, line in enumerate(lines)
     ]
 
 
@@ -103,7 +103,7 @@ def _action_lines(action: ActionView, now: float, width: int) -> list[StyledLine
         (
             fixed_span(f" {action.action}", LABEL + 1, "strong"),
             (f"{kind}  ", "plain"),
-            (f"{state.glyph} {state.word}  ", state.tone),
+            (f"{state.glyph} {state.word}  ", state.role),
             (f"{format_clock(action.since, tenths=True)}  {took}", "muted"),
         )
     ]

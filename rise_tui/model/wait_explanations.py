@@ -110,7 +110,7 @@ class WaitExplanations:
             typical = self._store.typical_seconds(name)
             took = f" {format_seconds(now - task.started)}"
             took += f" of {format_duration(typical)}" if typical is not None else " s"
-        return ((f"  {state.glyph} {state.word}", state.tone), (took, "plain"))
+        return ((f"  {state.glyph} {state.word}", state.role), (took, "plain"))
 
     def _key_labels(self, transition: Transition) -> list[str]:
         """The keys by which the wizard can bring the event about; an act that runs already needs none."""

@@ -114,22 +114,22 @@ class LogPane(Pane):
     def subtitle(self) -> StyledLine:
         """What is hidden or filtered, and whether the newest row is followed."""
         log = self.task_log
-        tone: TextRole = "muted" if log.following else "wait"
+        role: TextRole = "muted" if log.following else "wait"
         state = "following" if log.following else f"paused, {log.unseen} new" if log.unseen else "paused"
         state += self.store.forgotten_text and f"  {self.store.forgotten_text}"
         if self._search is not None or self.filter_problem:
             more = "" if self._search is None or self._search.is_complete else "…"
             note = self.filter_note(log.count, len(self._unfiltered_rows), more)
-            return note if self.filter_problem else (*note, (f"  {state}", tone))
+            return note if self.filter_problem else (*note, (f"  {state}", role))
         brief, hidden = self.title.size.width < NARROW, self.store.log.own_count
         if not hidden:
-            return ((state if log.count else "nothing yet", tone),)
+            return ((state if log.count else "nothing yet", role),)
         shown = "shown" if self.own_rows_shown else "hidden"
         what = f"+{hidden} by rules" if brief else f"rules' own: {hidden} {shown}"
         own: StyledLine = ((f"{what} ", "muted"), ("←" if self.own_rows_shown else "→", "key"))
         if brief and log.following and log.count:
             return own
-        return (*own, ("  ", "plain"), (state if log.count else "nothing yet", tone))
+        return (*own, ("  ", "plain"), (state if log.count else "nothing yet", role))
 
     # --- what is shown ------------------------------------------------------------------------------------------------
 

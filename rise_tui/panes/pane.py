@@ -66,7 +66,7 @@ class TitleBar(StaticLines):
         note: StyledLine = (*right, (" ", "plain")) if right else ()
         if line_width(spans) + line_width(note) > self.size.width:
             # Tabs before notes, but not before what must be seen.
-            if any(tone == "wait" for _, tone in right):
+            if any(role == "wait" for _, role in right):
                 spans, self._tab_spans = [span for span in spans if span[1] == "accent"], []
             else:
                 note = ()

@@ -115,7 +115,7 @@ class RulePane(ListPane):
         when: StyledLine = ((f"since {format_clock(view.since)} ", "muted"),) if view.status else ()
         rows = [
             ListRow(
-                "", heading_line(rule.name, (f"{state.glyph} {state.word}", state.tone), when, width), selectable=False
+                "", heading_line(rule.name, (f"{state.glyph} {state.word}", state.role), when, width), selectable=False
             )
         ]
         line: StyledLine = ()

@@ -64,7 +64,7 @@ class SchedulerPane(ListPane):
         return f"in ~{at:.0f} s" if at < 90 else f"in ~{at / 60:.0f} min", "muted"
 
     def _row(self, task: TaskView, position: str, when: StyledSpan, width: int) -> ListRow:
-        glyph, word, tone = SENT if self._is_change_sent(task.id) else task_state(task)
+        glyph, word, role = SENT if self._is_change_sent(task.id) else task_state(task)
         now = task.started is not None
         lead = fixed_span(
             f" {position:<4}" if not position[0].isdigit() else f" {position:>4}", 6, "accent" if now else "muted"
@@ -80,8 +80,8 @@ class SchedulerPane(ListPane):
         line: StyledLine = (
             lead,
             fixed_span(label, name, "strong" if now else "plain"),
-            (f" {glyph} ", tone),
-            fixed_span(word, 8, tone),
+            (f" {glyph} ", role),
+            fixed_span(word, 8, role),
             fixed_span(progress, 0 if narrow else 5, "muted", right=True),
             fixed_span(text, room, when[1], right=True),
         )

@@ -85,8 +85,8 @@ class StartListPane(ListPane):
 
     def key_cell(self, name: str) -> StyledSpan:
         binding = self.store.key_of(self.FUNCTION, name)
-        tone: TextRole = "muted" if self.why_blocked(name) else "key"
-        return (f" {fit(binding.label if binding else '', self.key_width)}", tone)
+        role: TextRole = "muted" if self.why_blocked(name) else "key"
+        return (f" {fit(binding.label if binding else '', self.key_width)}", role)
 
     @on(RowView.CursorMoved)
     def _cursor_moved(self, event: RowView.CursorMoved) -> None:
@@ -151,8 +151,8 @@ class ActsPane(StartListPane):
             self.key_cell(name),
             fixed_span(name, name_width, "strong" if running else "plain"),
             (" ", "plain"),
-            (f"{state.glyph} ", state.tone),
-            fixed_span(state.word, STATE_WIDTH - 2, state.tone),
+            (f"{state.glyph} ", state.role),
+            fixed_span(state.word, STATE_WIDTH - 2, state.role),
         ]
         if wide:
             spans.append(fixed_span(self._progress_text(name), 5, "muted", right=True))
@@ -225,8 +225,8 @@ class RulesPane(StartListPane):
                 self.key_cell(name),
                 fixed_span(name, name_width, "strong" if rule.running else "plain"),
                 (" ", "plain"),
-                (f"{state.glyph} ", state.tone),
-                (fit(state.word, lead) + text, state.tone),
+                (f"{state.glyph} ", state.role),
+                (fit(state.word, lead) + text, state.role),
             )
             rows.append(ListRow(name, spans))
         return rows

@@ -82,7 +82,7 @@ async def test_what_was_found_is_marked_not_only_by_colour() -> None:
         it.screen.pane_layout.focus_pane("log")
         pane.set_filter("topic2")
         await it.until(lambda: log.count == 1)
-        assert [text for text, tone in log.row_at(0).line if tone == "match"] == ["topic2"]
+        assert [text for text, role in log.row_at(0).line if role == "match"] == ["topic2"]
         style = log.styles_on("")["match"]
         assert style.bold and style.underline
 
