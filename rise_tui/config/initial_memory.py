@@ -52,7 +52,7 @@ def memory_file_text(memory: Mapping[str, Any]) -> str:
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """What later sessions will begin with that this one did not, a key in each line."""
     changes = []
-    for key in (*before, *(key for key in now if key not in before)):
+    for key in {**before, **now}:
         if key not in now:
             changes.append(f"{key}: {format_value(before[key])} → (no such key)")
         elif key not in before:

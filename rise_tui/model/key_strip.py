@@ -13,7 +13,7 @@ from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.states import EXPECTED, RUNNING, SENT
 from rise_tui.model.store import Store
 from rise_tui.model.study_keys import ACT, RULE, StudyKeys, key_title
-from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, fit
+from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, shorten
 
 TITLE, TITLE_NARROW = 24, 16
 """Cells for what a key is called."""
@@ -63,8 +63,8 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
         spans = _key_spans(key, store, width, key.key in awaited)
         lines[line] += spans
         pieces.append(KeyStripPiece(key, line, start, start + _key_width(key, width)))
-    if rows and (left := len(ordered) - len(places)):
-        text = _more_text(left)
+    if rows and (hidden := len(ordered) - len(places)):
+        text = _more_text(hidden)
         start = sum(cell_width(text) for text, _ in lines[-1])
         gap = max(0, width - start - cell_width(text) - 1)
         lines[-1] += [(" " * gap, "plain"), (text[:-1], "muted"), ("?", "key")]
@@ -72,22 +72,20 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
     return KeyStripLines(tuple(tuple(line) for line in lines), tuple(pieces))
 
 
-def _more_text(left: int) -> str:
-    return f"+{left} more ?"
+def _more_text(hidden: int) -> str:
+    return f"+{hidden} more ?"
 
 
 def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
     """Line and cell of each key that there is room for, in order; the last line keeps room to say how many are left."""
     places: list[tuple[int, int]] = []
     line = column = 0
-    for at, key in enumerate(keys):
+    for key in keys:
         needed = _key_width(key, width)
-        last = at == len(keys) - 1
-        room = width - (cell_width(_more_text(len(keys))) + 1 if line == rows - 1 and not last else 0)
-        if column + needed > room:
+        kept = 0 if key is keys[-1] else cell_width(_more_text(len(keys))) + 1
+        if column + needed > width - (kept if line == rows - 1 else 0):
             line, column = line + 1, 0
-            room = width - (cell_width(_more_text(len(keys))) + 1 if line == rows - 1 and not last else 0)
-            if line >= rows or needed > room:
+            if line >= rows or needed > width - (kept if line == rows - 1 else 0):
                 break
         places.append((line, column))
         column += needed
@@ -95,8 +93,7 @@ def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple
 
 
 def _title_text(key: KeyBinding, width: int) -> str:
-    text = clean(key_title(key))
-    return fit(text, min(cell_width(text), TITLE_NARROW if width < NARROW else TITLE)).rstrip()
+    return shorten(key_title(key), TITLE_NARROW if width < NARROW else TITLE)
 
 
 def _key_width(key: KeyBinding, width: int) -> int:

@@ -10,13 +10,12 @@ from rise_tui.model.task_messages import FUNCTION_LABELS
 from rise_tui.rendering.text import (
     StyledLine,
     TextRole,
-    cell_width,
     crop,
-    fit,
     fixed_span,
     format_clock,
     format_seconds,
     line_width,
+    shorten,
 )
 
 CALLING = {"Blocking": "block", "None": "none"}
@@ -117,8 +116,11 @@ def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int
 def _failure_spans(task: TaskView, state: StateLabel, room: int) -> StyledLine:
     """What went wrong and why, where a reason has no column of its own."""
     word, name = f"{state.glyph} {state.word}", _task_name(task) or short_name(task.source)
-    shown = fit(name, min(cell_width(name), max(6, room - len(word) - 1))).rstrip()
-    return ((f"{shown} ", "plain"), (word, state.role), (f": {task.reason}", state.role))
+    return (
+        (f"{shorten(name, max(6, room - len(word) - 1))} ", "plain"),
+        (word, state.role),
+        (f": {task.reason}", state.role),
+    )
 
 
 def _is_bad(task: TaskView, state: StateLabel) -> bool:

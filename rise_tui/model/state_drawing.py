@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rich.cells import cell_len
 
 from rise_tui.model.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
-from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, fit, line_width
+from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, line_width, shorten
 
 HERE = "here"
 """The id of the row of the present state."""
@@ -68,9 +68,7 @@ def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[S
     )
     words = "".join(f"  {mark}" for mark in marks)
     room = layout.names if layout.names and row.edge is not None else layout.width - layout.gutter - 2
-    name = clean(row.state)
-    if cell_len(name) + cell_len(words) > room:
-        name = fit(name, max(4, room - cell_len(words))).rstrip()
+    name = shorten(row.state, max(4, room - cell_len(words)))
     role: TextRole = "accent" if "here" in marks else "plain"
     padding = " " * max(0, room - cell_len(name) - cell_len(words)) if row.edge is not None else ""
     return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
@@ -88,11 +86,9 @@ def _way_spans(
         tail.insert(0, (f"  {edge.way}", "muted"))
     elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
         free = room - line_width(tail) - 3
-        target = fit(edge.target, min(cell_len(clean(edge.target)), max(free // 2, free - cell_len(label))))
+        target = shorten(edge.target, max(free // 2, free - cell_len(label)))
         tail.insert(0, (f" → {target}", role))
-    if cell_len(label) > room - line_width(tail):
-        label = fit(label, max(3, room - line_width(tail))).rstrip()
-    return [(lead, role), (label, role), *tail]
+    return [(lead, role), (shorten(label, max(3, room - line_width(tail))), role), *tail]
 
 
 def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:

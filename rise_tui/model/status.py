@@ -15,13 +15,11 @@ from rise_tui.rendering.text import (
     StyledSpan,
     TextRole,
     align_at_both_ends,
-    cell_width,
-    clean,
     crop,
-    fit,
     format_clock,
     format_duration,
     line_width,
+    shorten,
 )
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
@@ -82,8 +80,8 @@ def status_line(store: Store, width: int) -> StyledLine:
 def _participant_line(store: Store, width: int) -> StyledLine:
     """`P07 · hesitation`. Only in a terminal that has no room for it a long one is cut."""
     session, half = store.view.session, max(8, width // 6)
-    texts = (clean(session.participant), clean(session.condition)) if session is not None else ()
-    parts = [fit(text, min(cell_width(text), half)).rstrip() for text in texts if text]
+    texts = (session.participant, session.condition) if session is not None else ()
+    parts = [shorten(text, half) for text in texts if text]
     return ((f" {' · '.join(parts)}", "strong"),) if parts else ()
 
 
@@ -131,7 +129,7 @@ def _robot_cells(store: Store) -> list[StatusCell]:
     link = f"{ROBOT_GLYPHS.get(status, '○')} {status}"
     links = (link, link.replace("connected", "ok"))
     simulated = attachment.mode != "real"
-    name = fit(attachment.robot, min(len(attachment.robot), NAME))
+    name = shorten(attachment.robot, NAME)
     names = (f"{name} (sim) ", f"{name} ") if simulated else (f"{name} ",)
     cells = [
         StatusCell(tuple((GAP, (text, role)) for text in names), (4,)),
@@ -171,8 +169,7 @@ def _cue_line(store: Store, room: int) -> StyledLine:
 
 def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
     """Whether keys start anything, and who may press them."""
-    me = short_name(store.own_name)
-    name = fit(me, min(len(me), NAME))
+    name = shorten(short_name(store.own_name), NAME)
     own = StatusCell((((f" {store.attachment.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
     if store.gone_reason:
         return [StatusCell(((GAP, (" ENDED " if store.ended_in_order else " GONE ", "alarm"), (" ", "plain")),)), own]
@@ -184,8 +181,7 @@ def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
         return [StatusCell(((GAP, *words, *padding),)), own]
     if store.attachment.replay:
         return [StatusCell(((*((GAP, *words) if words else ()), (" ", "plain")),))]
-    holder = short_name(store.view.control)
-    control = f"{fit(holder, min(len(holder), NAME))} has control"
+    control = f"{shorten(short_name(store.view.control), NAME)} has control"
     if store.view.control is not None or store.attachment.role != "wizard":
         control = f"WATCHING · {control}"
     shown: StyledLine = (GAP, (f" {control} ", "call"))

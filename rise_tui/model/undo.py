@@ -17,16 +17,6 @@ MOST = 200
 """Changes that are remembered."""
 
 
-class MemoryChange(Struct, frozen=True):
-    """One change of one key."""
-
-    key: str
-    before: Any
-    after: Any
-    created: bool = False
-    deleted: bool = False
-
-
 class UndoStep(Struct, frozen=True):
     """What one press of undo comes to."""
 
@@ -40,9 +30,9 @@ class UndoStack:
     """The changes, newest last, and the one that is just being taken back."""
 
     def __init__(self) -> None:
-        self._changes: list[MemoryChange] = []
-        self._undoing: MemoryChange | None = None
-        self._warned: tuple[MemoryChange, Any] | None = None
+        self._changes: list[MemoryRecord] = []
+        self._undoing: MemoryRecord | None = None
+        self._warned: tuple[MemoryRecord, Any] | None = None
         """A change that somebody else has changed since, and to what: undoing it was asked about."""
 
     def __len__(self) -> int:
@@ -55,7 +45,7 @@ class UndoStack:
             self._undoing = None
             self._changes = [change for change in self._changes if change is not undoing]
             return
-        self._changes.append(MemoryChange(record.key, record.old, record.value, record.created, record.deleted))
+        self._changes.append(record)
         del self._changes[:-MOST]
 
     def clear(self) -> None:
@@ -70,12 +60,12 @@ class UndoStack:
         change = self._changes[-1]
         entry = memory.get(change.key)
         present = (entry.value,) if entry is not None else ()
-        expected = () if change.deleted else (change.after,)
+        expected = () if change.deleted else (change.value,)
         asked = self._warned is not None and self._warned[0] is change and json_equal(self._warned[1], present)
         if not asked and not json_equal(present, expected):
             self._warned = change, present
             present_text = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
-            back = "deletes it" if change.created else f"makes it {format_value(change.before)} again"
+            back = "deletes it" if change.created else f"makes it {format_value(change.old)} again"
             return UndoStep("ask", f"{change.key} has changed since, to {present_text}: undo again {back}, or leave it")
         self._warned, self._undoing = None, change
         if change.created:
@@ -83,10 +73,10 @@ class UndoStack:
                 self._changes.pop()
                 return UndoStep("nothing", f"{change.key} is gone already")
             return UndoStep("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
-        former = "deleted" if change.deleted else format_value(change.after)
-        said = f"undoing: {change.key} is {format_value(change.before)} again, was {former}"
-        return UndoStep("do", said, "assignValue", json.dumps({change.key: change.before}, ensure_ascii=False))
+        former = "deleted" if change.deleted else format_value(change.value)
+        said = f"undoing: {change.key} is {format_value(change.old)} again, was {former}"
+        return UndoStep("do", said, "assignValue", json.dumps({change.key: change.old}, ensure_ascii=False))
 
 
-def _restores(record: MemoryRecord, change: MemoryChange) -> bool:
-    return record.deleted if change.created else not record.deleted and json_equal(record.value, change.before)
+def _restores(record: MemoryRecord, change: MemoryRecord) -> bool:
+    return record.deleted if change.created else not record.deleted and json_equal(record.value, change.old)

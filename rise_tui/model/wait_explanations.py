@@ -16,7 +16,7 @@ from rise_tui.model.conditions import is_met, split_condition
 from rise_tui.model.rule_text import Truth, parse_engine_event, truth_of, wait_text
 from rise_tui.model.states import act_state, newest_task, rule_state
 from rise_tui.model.store import Store
-from rise_tui.model.study_keys import transitions_of
+from rise_tui.model.study_keys import ACT, RULE, transitions_of
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -117,8 +117,7 @@ class WaitExplanations:
         keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
         found = self._engine_event(transition)
         if found is not None and not self._store.act(found[0]).running and not self._store.act(found[0]).waiting:
-            functions = ("startCommunicationRobotAct", "startInteractionRule")
-            binding = next((key for one in functions if (key := self._store.key_of(one, found[0])) is not None), None)
+            binding = self._store.key_of(ACT, found[0]) or self._store.key_of(RULE, found[0])
             if binding is not None and not self._store.rule(found[0]).running:
                 keys.append(binding.label)
         return keys

@@ -38,6 +38,7 @@ from rise_tui.rendering.text import (
     fixed_span,
     format_duration,
     format_seconds,
+    shorten,
 )
 from rise_tui.widgets.row_list import RowView
 
@@ -132,7 +133,7 @@ class ActsPane(StartListPane):
         name = act_label(task.function, task.behavior)
         return (
             ("► ", "accent"),
-            (f"{fit(name, min(cell_len(name), RUNNING_NAME_WIDTH))} {elapsed} s", "accent"),
+            (f"{shorten(name, RUNNING_NAME_WIDTH)} {elapsed} s", "accent"),
             (more, "muted"),
         )
 

@@ -50,6 +50,11 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
     return pad + text if right else text + pad
 
 
+def shorten(text: str, width: int) -> str:
+    """The text in at most `width` cells; what does not fit ends in `…`."""
+    return fit(text, width).rstrip()
+
+
 def fit_end(text: str, width: int) -> str:
     """As `fit`, but what does not fit is lost at the beginning: `…1, step 3`."""
     text = clean(text)
