@@ -180,7 +180,7 @@ class ActText:
 
     def details(self, shown: ShownAct, action_id: str, width: int) -> list[StyledLine]:
         """The parameters of one action: as they were sent, or as they would be now."""
-        action = next((one for one in shown.act.actions if one.id == action_id), None)
+        action = next((each for each in shown.act.actions if each.id == action_id), None)
         if action is None:
             return []
         begun = shown.task.actions.get(action.id) if shown.task is not None else None

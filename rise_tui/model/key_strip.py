@@ -56,14 +56,14 @@ def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:
         *keys.other_keys,
     ]
     ordered += [key for key in keys.act_keys if key not in ordered]
-    places = _place_keys(ordered, width, rows)
+    positions = _place_keys(ordered, width, rows)
     lines: list[list[StyledSpan]] = [[] for _ in range(rows)]
     pieces = []
-    for key, (line, start) in zip(ordered, places, strict=False):
+    for key, (line, start) in zip(ordered, positions, strict=False):
         spans = _key_spans(key, store, width, key.key in awaited)
         lines[line] += spans
         pieces.append(KeyStripPiece(key, line, start, start + _key_width(key, width)))
-    if rows and (hidden := len(ordered) - len(places)):
+    if rows and (hidden := len(ordered) - len(positions)):
         text = _more_text(hidden)
         start = sum(cell_width(text) for text, _ in lines[-1])
         gap = max(0, width - start - cell_width(text) - 1)
@@ -78,7 +78,7 @@ def _more_text(hidden: int) -> str:
 
 def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
     """Line and cell of each key that there is room for, in order; the last line keeps room to say how many are left."""
-    places: list[tuple[int, int]] = []
+    positions: list[tuple[int, int]] = []
     line = column = 0
     for key in keys:
         needed = _key_width(key, width)
@@ -87,9 +87,9 @@ def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple
             line, column = line + 1, 0
             if line >= rows or needed > width - (kept if line == rows - 1 else 0):
                 break
-        places.append((line, column))
+        positions.append((line, column))
         column += needed
-    return places
+    return positions
 
 
 def _title_text(key: KeyBinding, width: int) -> str:

@@ -37,7 +37,7 @@ class RowSearch:
     def matching(self) -> list[int]:
         """All that was found so far. It grows at its end in place; for any other change it becomes another list."""
         if self._earlier:
-            self._matching = [*(one for part in reversed(self._earlier) for one in part), *self._matching]
+            self._matching = [*(row for part in reversed(self._earlier) for row in part), *self._matching]
             self._earlier.clear()
         return self._matching
 
@@ -62,18 +62,18 @@ class RowSearch:
 
     def recheck_live(self) -> None:
         """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
-        for one in self._live:
+        for row in self._live:
             matching = self.matching
-            index = bisect_left(matching, one)
-            listed = index < len(matching) and matching[index] == one
-            if self._matches(one) == listed:
+            index = bisect_left(matching, row)
+            listed = index < len(matching) and matching[index] == row
+            if self._matches(row) == listed:
                 continue
             self._matching = list(matching)
             if listed:
                 del self._matching[index]
             else:
-                insort(self._matching, one)
-        self._live = [one for one in self._live if self._is_live(one)]
+                insort(self._matching, row)
+        self._live = [row for row in self._live if self._is_live(row)]
 
     def expect_change(self, id: int) -> None:
         """This row has changed, although its task had ended."""
@@ -84,11 +84,11 @@ class RowSearch:
     def _find_matching(self, start: int, end: int) -> list[int]:
         found = []
         for index in range(start, end):
-            one = self.ids[index]
-            if self._matches(one):
-                found.append(one)
-            if self._is_live(one):
-                self._live.append(one)
+            row = self.ids[index]
+            if self._matches(row):
+                found.append(row)
+            if self._is_live(row):
+                self._live.append(row)
         return found
 
     def _matches(self, id: int) -> bool:

@@ -37,9 +37,9 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
     if last is not None:
         roles.update(dict.fromkeys(edge_path(layout, last), "accent"))
     rows = []
-    for at, row in enumerate(layout.rows):
+    for index, row in enumerate(layout.rows):
         is_present = row.is_state and row.state == now.state
-        line: list[StyledSpan] = _rail_spans(row.rails, at, roles)
+        line: list[StyledSpan] = _rail_spans(row.rails, index, roles)
         if row.is_state:
             marks = ["here"] if is_present else ["may follow"] if row.state in follows else []
             line += _state_spans(layout, row, [*marks, *row.notes])

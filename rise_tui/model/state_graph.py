@@ -116,9 +116,9 @@ def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]
     arrow = layout.row_of[edge.target]
     column = layout.gutter - 2 * (edge.lane + 1)
     for row in (edge.row, arrow):
-        for at in range(column, layout.gutter):
-            if at == column or layout.rows[row].rails[at] != "│":
-                yield row, at
+        for cell in range(column, layout.gutter):
+            if cell == column or layout.rows[row].rails[cell] != "│":
+                yield row, cell
     for row in range(min(edge.row, arrow) + 1, max(edge.row, arrow)):
         yield row, column
 

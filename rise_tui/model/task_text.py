@@ -39,7 +39,7 @@ def task_rows(task: TaskView, state: StateLabel, now: float, width: int) -> list
     lines += [(), *_time_lines(task, now, width)]
     for action in task.actions.values():
         lines += [(), *_action_lines(action, now, width)]
-    return [ListRow(str(at), line) for at, line in enumerate(lines)]
+    return [ListRow(str(index), line) for index, line in enumerate(lines)]
 
 
 def value_rows(name: str, value: str, kind: str, about: str, width: int) -> list[ListRow]:
@@ -51,7 +51,7 @@ def value_rows(name: str, value: str, kind: str, about: str, width: int) -> list
         (),
     ]
     lines += [((f" {line}", "plain"),) for line in wrap(value, width - 2)]
-    return [ListRow(str(at), line) for at, line in enumerate(lines)]
+    return [ListRow(str(index), line) for index, line in enumerate(lines)]
 
 
 def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> list[StyledLine]:

@@ -156,8 +156,8 @@ class LogPane(Pane):
         if len(self._unhandled) != len(missed) or restart:
             self._unhandled = set(missed)
         if self._search is not None:
-            for one in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
-                self._search.expect_change(row_of(one))
+            for task_id in (*missed[self._checked_counts[0] :], *marks[self._checked_counts[1] :]):
+                self._search.expect_change(row_of(task_id))
             try:
                 self._search.recheck_live()
             except InvalidFilter as broken:

@@ -147,7 +147,7 @@ class RulePane(ListPane):
     def _bring_into_view(self) -> None:
         """Scroll only when the present state, or what may follow right below it, would be out of sight."""
         height, top = self.graph.size.height, self.graph.scroll_offset.y
-        index = next((at for at in range(self.graph.count) if self.graph.row_at(at).id == HERE), 0)
+        index = next((row for row in range(self.graph.count) if self.graph.row_at(row).id == HERE), 0)
         ahead = min(ROWS_AHEAD, height // 3)
         if not top <= index < top + height - ahead:
             self.graph.scroll_to(y=0 if index < height - ahead else index - height // 3, animate=False)
