@@ -75,10 +75,10 @@ def main() -> bool:
     async def attach(path: str) -> tuple[float, SessionView]:
         client = SocketClient(Path(path), "bench", "observer")
         begun = time.perf_counter()
-        hello = await client.attach()
+        attachment = await client.attach()
         took = time.perf_counter() - begun
         await client.close()
-        return took, hello.view
+        return took, attachment.view
 
     def bare(view: SessionView) -> float:
         begun = time.perf_counter()

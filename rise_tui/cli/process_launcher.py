@@ -39,10 +39,10 @@ def process_launcher(who: str, role: Role) -> Launcher:
             )
         raise EngineGone("; ".join(found.lines))
 
-    def recover(hello: AttachReply, report: ReportProgress) -> RecoveredClient:
-        folder = hello.scenario.folder
+    def recover(attachment: AttachReply, report: ReportProgress) -> RecoveredClient:
+        folder = attachment.scenario.folder
         name = session_name(folder)
-        wanted = SessionOptions(folder, unfinished=hello.folder)
+        wanted = SessionOptions(folder, unfinished=attachment.folder)
         found = start_engine(wanted, report) if role == "wizard" else None
         if isinstance(found, EngineStarted):
             return RecoveredClient(SocketClient(found.name, who, role, resync=True), startup_notice(found))

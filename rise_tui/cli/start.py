@@ -27,8 +27,8 @@ from rise_tui.cli.running import reached_elsewhere, running_session
 from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, take_terminal
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
-from rise_tui.config.paths import key_file_path
-from rise_tui.config.settings import NothingStarted, engine_options, expand_home, scenario_path, why_no_scenario
+from rise_tui.config.paths import expand_home, key_file_path
+from rise_tui.config.settings import NothingStarted, engine_options, scenario_path, why_no_scenario
 
 if TYPE_CHECKING:
     from rise_tui.config.keymap import KeyFile

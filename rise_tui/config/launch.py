@@ -71,15 +71,15 @@ class Launcher:
     """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
 
 
-def settings_of_session(hello: AttachReply) -> SessionOptions:
+def settings_of_session(attachment: AttachReply) -> SessionOptions:
     """What a session that runs already was started with."""
-    session = hello.view.session
+    session = attachment.view.session
     return SessionOptions(
-        hello.scenario.folder,
-        hello.robot,
-        hello.mode,
-        hello.seed,
-        paths=dict(hello.scenario.paths),
+        attachment.scenario.folder,
+        attachment.robot,
+        attachment.mode,
+        attachment.seed,
+        paths=dict(attachment.scenario.paths),
         participant=session.participant if session is not None else "",
         condition=session.condition if session is not None else "",
     )

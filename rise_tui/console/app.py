@@ -140,7 +140,7 @@ class ConsoleApp(TerminalApp):
             return
         self._session = session
         if self._settings is None:
-            self._settings = settings_of_session(session.store.hello)
+            self._settings = settings_of_session(session.store.attachment)
         screen = ConsoleScreen(session)
         await self.push_screen(screen)
         notice = self._ui_state.restore(screen, themes.short_name(self.theme)) if self._ui_state is not None else ""
@@ -204,7 +204,9 @@ class ConsoleApp(TerminalApp):
 
     def _is_recoverable(self, session: ConsoleSession) -> bool:
         store = session.store
-        return bool(store.gone_reason and not store.ended_in_order and store.hello.folder and self._launcher.recover)
+        return bool(
+            store.gone_reason and not store.ended_in_order and store.attachment.folder and self._launcher.recover
+        )
 
     async def _recover(self, session: ConsoleSession) -> None:
         """Start the engine of this session again and attach to it."""
@@ -219,7 +221,7 @@ class ConsoleApp(TerminalApp):
                 loop.call_soon_threadsafe(session.show_notice, Notice(sentence, "wait"))
 
         try:
-            recovered = await asyncio.to_thread(recover, session.store.hello, report)
+            recovered = await asyncio.to_thread(recover, session.store.attachment, report)
         except (EngineGone, RegistryError) as error:
             session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
             return
@@ -273,7 +275,7 @@ class ConsoleApp(TerminalApp):
             return
         session = self._session
         recoverable = session is not None and self._is_recoverable(session)
-        if session is None or session.store.hello.replay or (session.store.gone_reason and not recoverable):
+        if session is None or session.store.attachment.replay or (session.store.gone_reason and not recoverable):
             await self._leave_and_exit(0)
             return
         dialog = (

@@ -44,8 +44,8 @@ class ConsoleSession:
     @classmethod
     async def attach(cls, client: Client, wizard: str, *, in_browser: bool = False) -> ConsoleSession:
         """Raises EngineGone."""
-        hello = await client.attach()
-        return cls(client, Store(hello, wizard, client.now, in_browser))
+        attachment = await client.attach()
+        return cls(client, Store(attachment, wizard, client.now, in_browser))
 
     async def receive_records(self) -> None:
         """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""
@@ -90,10 +90,10 @@ class ConsoleSession:
                 self.on_change(ALL_PARTS)
                 return True
 
-    def _attached_again(self, hello: AttachReply) -> None:
+    def _attached_again(self, attachment: AttachReply) -> None:
         """The truth is in the new snapshot; what was sent meanwhile is not known."""
         stopping = self.store.stopping
-        self.store.reattach(hello)
+        self.store.reattach(attachment)
         again = f"{BACK_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
         self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
 

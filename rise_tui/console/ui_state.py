@@ -42,7 +42,7 @@ class UiState:
         if not self._fresh:
             layout, problem = load_saved(self._path, SavedLayout)
             remark = remark or problem
-            if layout.session and layout.session == screen.session.store.hello.folder:
+            if layout.session and layout.session == screen.session.store.attachment.folder:
                 screen.pane_layout.restore_state(layout.layout)
                 for name, text in layout.filters.items():
                     if text and name in screen.pane_layout.panes:
@@ -93,4 +93,4 @@ def save_all(changed: Iterable[tuple[Path, Preferences | SavedLayout]]) -> None:
 
 def _layout_of(screen: ConsoleScreen) -> SavedLayout:
     filters = {name: pane.filter_text for name, pane in screen.pane_layout.panes.items() if pane.filter_text}
-    return SavedLayout(screen.pane_layout.layout_state(), filters, screen.session.store.hello.folder)
+    return SavedLayout(screen.pane_layout.layout_state(), filters, screen.session.store.attachment.folder)

@@ -1,6 +1,6 @@
-"""How the tones of `rise_tui.rendering.text` look: one place where meaning becomes colour, by theme variables only.
+"""How the roles of `rise_tui.rendering.text` look: one place where meaning becomes colour, by theme variables only.
 
-Tones and grounds have attributes besides colours (`rise-<name>-style`): all that a theme without colours has.
+Roles and grounds have attributes besides colours (`rise-<name>-style`): all that a theme without colours has.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND = "rise-cursor", "rise-cursor-awa
 
 
 class StyledLines(Widget):
-    """A widget that paints lines of toned text.
+    """A widget that paints lines of styled text.
 
     The looks are not component classes: Textual works out each of those for each widget whenever it styles it, which
     was a third of the time that a console took to appear.

@@ -1,4 +1,4 @@
-"""Text for a screen: rows of toned pieces, fitted to cells. Pure; knows no widget."""
+"""Text for a screen: rows of styled pieces, fitted to cells. Pure; knows no widget."""
 
 from __future__ import annotations
 
@@ -50,6 +50,11 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
     return pad + text if right else text + pad
 
 
+def shorten(text: str, width: int) -> str:
+    """The text in at most `width` cells; what does not fit ends in `…`."""
+    return fit(text, width).rstrip()
+
+
 def fit_end(text: str, width: int) -> str:
     """As `fit`, but what does not fit is lost at the beginning: `…1, step 3`."""
     text = clean(text)
@@ -72,9 +77,9 @@ def fit_middle(text: str, width: int) -> str:
     return fit(f"{head}…{end}", width)
 
 
-def fixed_span(text: str, width: int, tone: TextRole = "plain", *, right: bool = False) -> StyledSpan:
+def fixed_span(text: str, width: int, role: TextRole = "plain", *, right: bool = False) -> StyledSpan:
     """A piece of fixed width, as one column of a row."""
-    return fit(text, width, right=right), tone
+    return fit(text, width, right=right), role
 
 
 def line_width(line: Iterable[StyledSpan]) -> int:
@@ -87,20 +92,20 @@ def plain_text(line: Iterable[StyledSpan]) -> str:
 
 
 def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> StyledLine:
-    """The line with the characters of these places, in order, in the tone `match`."""
+    """The line with the characters of these places, in order, in the role `match`."""
     spans: list[StyledSpan] = []
     left = list(matches)
     column = 0
-    for text, tone in line:
+    for text, role in line:
         at = 0
         while left and left[0][0] < column + len(text):
             start, end = (min(max(0, edge - column), len(text)) for edge in left[0])
-            spans += [(text[at:start], tone), (text[start:end], "match")]
+            spans += [(text[at:start], role), (text[start:end], "match")]
             at = end
             if left[0][1] > column + len(text):
                 break  # it goes on in the next piece
             del left[0]
-        spans.append((text[at:], tone))
+        spans.append((text[at:], role))
         column += len(text)
     return tuple(span for span in spans if span[0])
 
@@ -111,12 +116,12 @@ def crop(line: StyledLine, width: int) -> StyledLine:
         return line
     kept: list[StyledSpan] = []
     room = width
-    for text, tone in line:
+    for text, role in line:
         text = clean(text)
         if cell_len(text) >= room:
-            kept.append((fit(text + " " * room, room), tone))
+            kept.append((fit(text + " " * room, room), role))
             break
-        kept.append((text, tone))
+        kept.append((text, role))
         room -= cell_len(text)
     return tuple(kept)
 

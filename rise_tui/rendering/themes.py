@@ -1,4 +1,4 @@
-"""The themes, and all that is theirs alone: colours, and for tones and grounds without colour their attributes.
+"""The themes, and all that is theirs alone: colours, and for roles and grounds without colour their attributes.
 
 One accent; red (orange where red and green look alike) only for stop and faults; amber for waiting. What a colour says
 stands in words too, so `mono` loses nothing.
@@ -23,7 +23,7 @@ ATTRIBUTES: Mapping[str, str] = MappingProxyType(
         "chosen": "bold",
     }
 )
-"""How tones and grounds look besides their colours. A theme variable `rise-<name>-style` changes one of them."""
+"""How roles and grounds look besides their colours. A theme variable `rise-<name>-style` changes one of them."""
 
 CSS = """
 TitleBar { text-style: $rise-bar-style; }

@@ -16,7 +16,7 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study import condition_problem, study_conditions
 from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
-from rise_tui.config.settings import expand_home
+from rise_tui.config.paths import expand_home
 from rise_tui.model.session_summary import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.modal import SingleDismissModal
@@ -108,7 +108,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
 
     def __init__(self, settings: SessionOptions, store: Store, launcher: Launcher) -> None:
         super().__init__()
-        scenario, mode, robot = store.hello.scenario, store.hello.mode, store.hello.robot
+        scenario, mode, robot = store.attachment.scenario, store.attachment.mode, store.attachment.robot
         self._settings, self._store, self._launcher = settings, store, launcher
         names = list_robots(settings.folder)
         paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}

@@ -75,8 +75,8 @@ def tour_steps() -> tuple[TourStep, ...]:
 
 def is_tour_due(store: Store) -> bool:
     """Whether a first run is the moment for it: a wizard's own session that has only just begun."""
-    quiet = not (store.gone_reason or store.hello.replay or store.view.tasks or store.view.stop.latched)
-    return quiet and store.has_control and store.hello.role == "wizard" and store.now() <= FRESH_SECONDS
+    quiet = not (store.gone_reason or store.attachment.replay or store.view.tasks or store.view.stop.latched)
+    return quiet and store.has_control and store.attachment.role == "wizard" and store.now() <= FRESH_SECONDS
 
 
 class TourScreen(SingleDismissModal[None]):

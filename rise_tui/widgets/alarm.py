@@ -59,7 +59,7 @@ class AttentionBar(StaticLines):
 
 
 def _control(store: Store) -> StyledLine:
-    if store.hello.replay:
+    if store.attachment.replay:
         return ()
     if store.control_lost is not None and not store.has_control:
         return ((f" {control_lost_text(store.control_lost, key_text('control'))} ", "call"),)

@@ -54,13 +54,13 @@ class NoticeLine(StaticLines):
         if notice is None:
             self._show_lines(crop(_filler_offer(store), width))
             return
-        glyph, tone = NOTICE_GLYPHS[notice.level]
+        glyph, role = NOTICE_GLYPHS[notice.level]
         pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
         if len(pieces) > NOTICE_LINES:
             pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
         leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
         self._show_lines(
-            *(crop(((f"{lead}{piece}", tone),), width) for lead, piece in zip(leads, pieces, strict=False))
+            *(crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False))
         )
 
     def _show_lines(self, *lines: StyledLine) -> None:
@@ -177,8 +177,8 @@ def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
 def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
     stop, off = action.id == "stop", bool(why_unavailable(action, store))
     key = "F9/^G" if stop else first_key_label(action)
-    tone: TextRole = "muted" if off else "fault" if stop else "key"
-    return [(f" {key}", tone), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
+    role: TextRole = "muted" if off else "fault" if stop else "key"
+    return [(f" {key}", role), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 
 
 def _stop_hint(store: Store) -> list[StyledSpan]:

@@ -12,7 +12,7 @@ from rise_tui.rendering.text import StyledLine, plain_text
 
 
 class StaticLines(StyledLines):
-    """One or more lines of toned text."""
+    """One or more lines of styled text."""
 
     DEFAULT_CSS = """
     StaticLines { height: 1; width: 1fr; }

@@ -191,9 +191,9 @@ class FakeClient:
         if self.gone:
             raise EngineGone(self.gone)
         self._attached = True
-        return self.hello()
+        return self.attachment()
 
-    def hello(self) -> AttachReply:
+    def attachment(self) -> AttachReply:
         """The state now."""
         return AttachReply(
             self.scenario,

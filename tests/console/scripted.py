@@ -111,23 +111,23 @@ class ScriptedEngine:
         writer.close()
 
     async def _welcome(self, writer: asyncio.StreamWriter) -> None:
-        hello = await self.fake.attach()
+        attachment = await self.fake.attach()
         welcome = messages.HelloMessage(
             version=messages.VERSION,
-            you=hello.you,
-            role=hello.role,
-            mode=hello.mode,
-            robot=hello.robot,
-            seed=hello.seed,
-            scenario_hash=hello.scenario.hash,
-            folder=hello.folder,
-            replay=hello.replay,
-            journaling=hello.journaling,
+            you=attachment.you,
+            role=attachment.role,
+            mode=attachment.mode,
+            robot=attachment.robot,
+            seed=attachment.seed,
+            scenario_hash=attachment.scenario.hash,
+            folder=attachment.folder,
+            replay=attachment.replay,
+            journaling=attachment.journaling,
             t=self.fake.time,
             speed=self.speed,
-            state=messages.without_tasks(hello.view),
+            state=messages.without_tasks(attachment.view),
         )
-        for message in (welcome, messages.TasksMessage(list(hello.view.tasks.values())), messages.ReadyMessage()):
+        for message in (welcome, messages.TasksMessage(list(attachment.view.tasks.values())), messages.ReadyMessage()):
             writer.write(messages.encode_line(message))
 
     async def _records(self, writer: asyncio.StreamWriter) -> None:

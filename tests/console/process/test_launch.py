@@ -68,7 +68,7 @@ def test_an_unfinished_session_of_another_scenario_is_not_given_up_in_passing(mo
 
 
 def test_a_console_that_attaches_knows_what_its_session_was_started_with() -> None:
-    found = settings_of_session(FakeClient(demo(), mode="real").hello())
+    found = settings_of_session(FakeClient(demo(), mode="real").attachment())
     assert (found.folder, found.robot, found.mode, found.seed) == (demo().folder, "pepper", "real", 1)
 
 

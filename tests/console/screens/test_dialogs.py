@@ -13,7 +13,7 @@ from textual.widgets import Button
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.protocol.session_options import SessionOptions
 from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
-from rise_tui.config.settings import expand_home
+from rise_tui.config.paths import expand_home
 from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.end_session import EndSessionDialog

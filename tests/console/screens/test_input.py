@@ -43,7 +43,7 @@ class Keyboard:
         self.asked: list[int] = []
         self._timers: list[FakeTimer] = []
         self.client = FakeClient(demo())
-        self.store = Store(self.client.hello(), "anna", lambda: BEGUN + self.now)
+        self.store = Store(self.client.attachment(), "anna", lambda: BEGUN + self.now)
         self.input = InputController(self.store, self, self._set_timer, clock=lambda: self.now)
 
     # --- InputActions ---
@@ -420,6 +420,6 @@ def test_a_mark_is_about_what_the_wizard_did_last() -> None:
     keys.input.mark_mistake()
     assert keys.told == ["you have done nothing yet: there is nothing to mark"]
     keys.client.task("startCommunicationRobotAct", "Greet")
-    keys.store.view = keys.client.hello().view
+    keys.store.view = keys.client.attachment().view
     keys.input.mark_mistake()
     assert keys.tasks == [("markMistake", "1 wrong", "")] and keys.asked == [1]

@@ -151,7 +151,7 @@ def sentences(width: int, height: int, *, stopped: bool = False) -> list[str]:
     client = FakeClient(demo())
     if stopped:
         client.stop("latched", ("pepper/speech",))
-    store = Store(client.hello(), "anna", client.now)
+    store = Store(client.attachment(), "anna", client.now)
     lines = too_small_lines(Size(width, height), store)
     assert all(line_width(line) <= width for line in lines) and len(lines) <= height
     return [plain_text(line) for line in lines]

@@ -16,7 +16,7 @@ from tests.console.fake import FakeClient, demo
 
 def a_store(client: FakeClient | None = None) -> Store:
     client = client or FakeClient(demo())
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attachment(), "anna", client.now)
 
 
 def all_commands(store: Store, ran: list[object] | None = None) -> list[PaletteCommand]:

@@ -25,7 +25,7 @@ def a_store(change: Callable[[FakeClient], object] = lambda client: None, t: flo
     client = FakeClient(demo(), **more)  # type: ignore[arg-type]
     client.time = t
     change(client)
-    return Store(client.hello(), "anna", client.now)
+    return Store(client.attachment(), "anna", client.now)
 
 
 def test_it_is_offered_to_a_wizard_in_a_session_that_has_just_begun() -> None:
