@@ -56,12 +56,11 @@ def on_client(
     """A console on what a client shows; returns the exit status."""
     kept, unused = (Preferences(), "") if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     app = ConsoleApp(
-        None,
-        settings,
+        client,
+        settings=settings,
         wizard=wizard,
         theme=choose_theme(options.display, detect_colors(options.display, os.environ), kept.theme),
         launcher=launcher,
-        client=client,
         notice=notice,
         keys=keys,
         in_browser=options.in_browser,

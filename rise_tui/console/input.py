@@ -206,7 +206,7 @@ class InputController:
         else:
             self.press(action, self._now_or_key if at is None else at)
 
-    def say(self, typed: str, text: str, *, at_once: bool) -> None:
+    def speak(self, typed: str, text: str, *, at_once: bool) -> None:
         """Free speech: `typed` as it stands in its field, `text` with the memory's values."""
         if reason := why_blocked(self._store, "start"):
             self._actions.show_notice(f"not said: {reason}", "wait")
@@ -224,8 +224,7 @@ class InputController:
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
-        failed = next(iter(unanswered_failures(self._store)), None)
-        if failed is not None and not self.pasting:
+        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.pasting:
             self.send("goOn", str(failed.id))
 
     def mark_mistake(self) -> None:
@@ -280,12 +279,10 @@ class InputController:
             self._hold_back(action, at, self._settle_seconds)
         return True
 
-    def confirm(self) -> bool:
-        """Enter, while an act is armed: starts it. False when none is."""
-        if self._armed is None or self.pasting:
-            return False
-        self._hold_back(self._armed, self._last_at, self._settle_seconds)
-        return True
+    def confirm(self) -> None:
+        """Enter, while an act is armed: starts it."""
+        if self._armed is not None and not self.pasting:
+            self._hold_back(self._armed, self._last_at, self._settle_seconds)
 
     def disarm(self) -> bool:
         """Forget the first of two presses. True when there was one."""
@@ -310,25 +307,25 @@ class InputController:
         """Let a press count after this time, unless something comes meanwhile."""
         if self._pending is not None and self._pending[0] != action:
             self._pending[2].stop()
-            self._count_pending()  # another key, not near enough to be a paste: the one before it counts
+            self._accept_pending()  # another key, not near enough to be a paste: the one before it counts
         self._drop_pending()
         if seconds > 0:
-            self._pending = action, at, self._set_timer(seconds, self._count_pending)
+            self._pending = action, at, self._set_timer(seconds, self._accept_pending)
         else:
-            self._count(action, at)
+            self._accept_press(action, at)
 
-    def _count_pending(self) -> None:
+    def _accept_pending(self) -> None:
         if self._pending is not None:
             action, at, _ = self._pending
             self._pending = None
-            self._count(action, at)
+            self._accept_press(action, at)
 
     def _drop_pending(self) -> None:
         if self._pending is not None:
             self._pending[2].stop()
             self._pending = None
 
-    def _count(self, action: KeyAction, at: float) -> None:
+    def _accept_press(self, action: KeyAction, at: float) -> None:
         """A press counts: it arms an act that needs two, or else is carried out."""
         armed = self._armed is not None and self._armed.behavior == action.behavior
         self.disarm()

@@ -45,16 +45,13 @@ def _theme_commands(console: ConsoleActions) -> list[PaletteCommand]:
 
 
 def _open_palette(console: ConsoleActions, commands: Sequence[PaletteCommand], placeholder: str) -> None:
-    def run_chosen(number: str | None) -> None:
-        if not number:
-            return
-        command = commands[int(number)]
-        if command.blocked_text:
+    def run_chosen(command: PaletteCommand | None) -> None:
+        if command is not None and command.blocked_text:
             console.show_notice(f"{command.title}: not now, {command.blocked_text}")
-        else:
+        elif command is not None:
             command.run()
 
-    console.app.push_screen(Palette(commands, placeholder=placeholder), run_chosen)
+    console.app.push_screen(Palette(commands, placeholder), run_chosen)
 
 
 def open_jump_mode(console: ConsoleActions, panes: Layout, hints: Region) -> None:
@@ -80,12 +77,8 @@ def open_tour(
 ) -> None:
     """`part_of`: where something stands that the tour points at. `seen` is called when it has ended."""
 
-    def ended(_: None) -> None:
-        if seen is not None:
-            seen()
-
     panes.unzoom()
-    console.app.push_screen(TourScreen(part_of, lambda: panes.region), ended)
+    console.app.push_screen(TourScreen(part_of, lambda: panes.region), lambda _: seen() if seen is not None else None)
 
 
 def show_when_too_small(app: App[object], store: Store) -> None:

@@ -159,11 +159,11 @@ class ConsoleScreen(Screen[None]):
     # --- what keys make happen: InputActions ------------------------------------------------------------------------
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
-        self._run(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
+        self._run_beside(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         self.bars.speech_input.accept(typed)
-        self._run(self._submit_speech(action, typed, pressed))
+        self._run_beside(self._submit_speech(action, typed, pressed))
 
     async def _submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
         if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
@@ -190,7 +190,7 @@ class ConsoleScreen(Screen[None]):
 
     # --- what panes and hints ask -----------------------------------------------------------------------------------
 
-    def _run(self, work: Coroutine[Any, Any, object]) -> None:
+    def _run_beside(self, work: Coroutine[Any, Any, object]) -> None:
         """Something for the engine: it is sent, and answered, while the console goes on."""
         self.run_worker(work, group="send")
 
@@ -204,7 +204,7 @@ class ConsoleScreen(Screen[None]):
 
     def request_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control, without waiting."""
-        self.run_worker(self.session.change_control(verb), group="send")
+        self._run_beside(self.session.change_control(verb))
 
     def show_notice(self, text: str, level: Level = "info") -> None:
         """Tell the wizard something."""
@@ -255,7 +255,7 @@ class ConsoleScreen(Screen[None]):
         """What carries out each action that belongs to no pane."""
         return {
             "stop": self.stop_all,
-            "quit": lambda: self.app.run_action("quit"),
+            "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
             "palette": lambda: overlays.open_palette(self, self._focused_scope),
             "help": lambda: overlays.open_help(self, self._focused_scope),
             "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.bars.key_hints.region),
@@ -270,7 +270,7 @@ class ConsoleScreen(Screen[None]):
             "theme": lambda: overlays.open_theme_palette(self),
             "release": self.confirmations.ask_to_release_stop,
             "control": self.confirmations.ask_about_control,
-            "note": self._note,
+            "note": lambda: self.bars.open_note(self._kept_note),
             "say": self.bars.speech_input.open,
             "cue": lambda: self.start(MARK_CUE),
             "filler": lambda: self.start(NEXT_FILLER),
@@ -336,12 +336,9 @@ class ConsoleScreen(Screen[None]):
 
     # --- lines that open ----------------------------------------------------------------------------------------------
 
-    def _note(self) -> None:
-        self.bars.open_note(self._kept_note)
-
     @on(SpeechInput.Speak)
     def _speak(self, event: SpeechInput.Speak) -> None:
-        self.input.say(event.typed, event.text, at_once=event.at_once)
+        self.input.speak(event.typed, event.text, at_once=event.at_once)
 
     @on(SpeechInput.ReturnFocus)
     def _return_focus(self, event: SpeechInput.ReturnFocus) -> None:
@@ -368,7 +365,7 @@ class ConsoleScreen(Screen[None]):
         self.bars.notice_line.display = True
         self._focus_back(event.back)
         if event.text:
-            self.run_worker(self._send_note(event.text), group="send")
+            self._run_beside(self._send_note(event.text))
 
     async def _send_note(self, text: str) -> None:
         self._kept_note = "" if await self.session.add_note(text) else text

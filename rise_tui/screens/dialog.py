@@ -61,7 +61,7 @@ class Dialog(SingleDismissModal[str]):
         self._repeat_keys, self._repeated_at = repeat_keys, float("-inf")
         self._second_press: Timer | None = None
         self._title, self._lines, self._answers, self._no, self._default = title, lines, answers, no, default
-        self._answered = self._withdrawn = False
+        self._withdrawn = False
 
     def compose(self) -> ComposeResult:
         with TitledBox(self._title):
@@ -95,22 +95,20 @@ class Dialog(SingleDismissModal[str]):
 
     def action_answer(self, key: str) -> None:
         """The first answer counts; keys that were still on their way do nothing."""
-        if not self._answered:
-            self._answered = True
+        if not self._withdrawn:
             self.dismiss(key)
 
     def withdraw(self) -> bool:
-        """Close without an answer, at the latest when nothing lies above it. False when it was answered already."""
-        if self._answered:
+        """Close without an answer, at the latest when nothing lies above it. False when that was asked for already."""
+        if self._withdrawn:
             return False
-        self._answered = self._withdrawn = True
+        self._withdrawn = True
         self.on_screen_resume()
         return True
 
     def on_screen_resume(self) -> None:
-        if self._withdrawn and self.app.screen is self:  # `is_current` is true below a dialog too
-            self._withdrawn = False
-            self.dismiss("")
+        if self._withdrawn:
+            self.dismiss("")  # does something only once it lies on top
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:

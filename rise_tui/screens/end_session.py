@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
-from textual import events, on
+from textual import on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Input, Label, Static
 
@@ -23,6 +25,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
     """Answers whether the session is to end; Esc leaves it and does nothing."""
 
     AUTO_FOCUS = "#word"
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", show=False)]
 
     DEFAULT_CSS = """
     EndSessionDialog {
@@ -55,11 +58,6 @@ class EndSessionDialog(SingleDismissModal[bool]):
             self.dismiss(True)
         else:
             self.query_one("#answer", Static).update(f"that is not the word {CONFIRMING_WORD}: nothing has ended")
-
-    def on_key(self, event: events.Key) -> None:
-        if event.key == "escape":
-            event.stop()
-            self.dismiss(False)
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:

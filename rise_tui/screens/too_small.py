@@ -60,8 +60,8 @@ class TooSmallScreen(SingleDismissModal[None]):
         size = self.app.size
         if is_too_small(*size):
             self.said.show(*too_small_lines(size, self._store))
-        elif self.app.screen is self:  # not below a question, which is answered first
-            self.dismiss(None)
+        else:
+            self.dismiss(None)  # does nothing below a question, which is answered first
 
     def on_resize(self) -> None:
         self._draw()

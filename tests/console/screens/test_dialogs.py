@@ -11,7 +11,9 @@ from textual import events
 from textual.widgets import Button
 
 from rise_engine.kernel.records import SessionRecord
+from rise_engine.protocol.client import Client, EngineGone
 from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.scenario.model import Scenario
 from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
 from rise_tui.config.settings import expand_home
 from rise_tui.model.key_action import HELD_KEY_SECONDS
@@ -155,6 +157,21 @@ async def test_apply_right_after_a_change_shows_and_takes_the_new_folder(tmp_pat
         asked = it.launcher.prepared_with[0]
         assert (asked.folder, asked.robot, asked.mode) == (other, "floka", "real")
         assert screen.query_one("#robot", ChoiceField).value == "floka"
+
+
+async def test_a_next_session_that_cannot_be_started_is_told_after_leaving() -> None:
+    def fail(scenario: Scenario, settings: SessionOptions) -> Client:
+        raise EngineGone("the robot cannot be made")
+
+    async with console() as it:
+        object.__setattr__(it.launcher, "start", fail)
+        screen = await settings_of(it)
+        screen.query_one("#apply", Button).press()
+        await it.until(lambda: isinstance(it.app.screen, EndSessionDialog) and it.app.screen.query("#word"))
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: it.app.return_code is not None)
+        assert it.app.return_code == 1
+        assert it.app.exit_message == "the session could not start: the robot cannot be made"
 
 
 @pytest.mark.slow

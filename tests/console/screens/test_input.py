@@ -411,7 +411,7 @@ def test_choosing_a_mode_forgets_what_was_pressed() -> None:
 def test_speech_is_sent_with_what_stood_in_its_field() -> None:
     keys = Keyboard()
     keys.press("enter", together=False)
-    keys.input.say("Hi {name}", "Hi Tim", at_once=True)
+    keys.input.speak("Hi {name}", "Hi Tim", at_once=True)
     assert keys.typed == ["Hi {name}"] and keys.tasks == [("say", "Hi Tim", "Interrupt")]
 
 
