@@ -21,6 +21,13 @@ StyledSpan: TypeAlias = tuple[str, TextRole]
 StyledLine: TypeAlias = tuple[StyledSpan, ...]
 
 
+JSON_TYPES = (
+    *((type(None), "null"), (bool, "boolean"), (int, "integer"), (float, "number")),
+    *((str, "string"), (list, "array"), (tuple, "array")),
+)
+"""From the narrowest: a boolean is an integer, too."""
+
+
 class ListRow(NamedTuple):
     """One row of a list: what it stands for, and its text."""
 
@@ -192,21 +199,7 @@ def format_value(value: Any) -> str:
 
 def json_type_name(value: Any) -> str:
     """The JSON type of a value, in the words that the console uses."""
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "boolean"
-        case int():
-            return "integer"
-        case float():
-            return "number"
-        case str():
-            return "string"
-        case list() | tuple():
-            return "array"
-        case _:
-            return "object"
+    return next((name for kind, name in JSON_TYPES if isinstance(value, kind)), "object")
 
 
 def parse_typed_value(text: str) -> tuple[Any, str, str]:
