@@ -110,13 +110,13 @@ def _arguments_in_browser(name: str, options: CommandLine) -> list[str]:
 
 def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """To a session that runs already."""
-    _open(find_running_session(options), options, keys)
+    _open_console(find_running_session(options), options, keys)
 
 
 def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The session of the scenario that runs already, if it is what was asked for."""
     choose_session.check_matches(name, ask_summary(name), options)
-    _open(name, options, keys)
+    _open_console(name, options, keys)
 
 
 # --- new sessions -----------------------------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoRetu
 # --- consoles ---------------------------------------------------------------------------------------------------------
 
 
-def _open(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
+def _open_console(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """A console on a session that runs already."""
     _need_terminal()
     from rise_tui.cli import open_console  # see above

@@ -154,7 +154,7 @@ class ConsoleApp(TerminalApp):
         console = self.console_screen
         if console is None:
             return
-        if changed := self._ui_state.changes(console, themes.short_name(self.theme)):
+        if changed := self._ui_state.collect_changes(console, themes.short_name(self.theme)):
             if at_once:
                 save_all(changed)
             else:
@@ -275,7 +275,7 @@ class ConsoleApp(TerminalApp):
         )
         dialog.add_class("-quit")
 
-        def answered(key: str | None) -> None:
+        def carry_out(key: str | None) -> None:
             if key == "r":
                 self.run_worker(self._recover(session), exclusive=True, group="restart")
             elif key in ("d", "l"):
@@ -283,17 +283,17 @@ class ConsoleApp(TerminalApp):
             elif key == exit_dialogs.END_KEY:
                 self._confirm_end(session)
 
-        self.push_screen(dialog, answered)
+        self.push_screen(dialog, carry_out)
 
     def _confirm_end(self, session: ConsoleSession) -> None:
         question = end_session_dialog(session.store)
         question.add_class("-quit")
 
-        def answered(yes: bool | None) -> None:
+        def end_if_confirmed(yes: bool | None) -> None:
             if yes and self._check_may_end(session):
                 self.run_worker(self._leave_and_exit(0, end=True))
 
-        self.push_screen(question, answered)
+        self.push_screen(question, end_if_confirmed)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 

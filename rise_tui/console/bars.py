@@ -11,6 +11,7 @@ from textual.widgets import Input
 from rise_tui.actions import BY_ID, ConsoleAction, actions_in
 from rise_tui.console.layout import Layout
 from rise_tui.key_labels import why_blocked, why_unavailable
+from rise_tui.model.input_lock import LOCKED_ACTIONS
 from rise_tui.model.store import Store
 from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar
 from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
@@ -37,11 +38,11 @@ class ConsoleBars:
         self.notice_line, self.mistake_line, self.note_line = NoticeLine(store), MistakeLine(store), NoteLine()
         self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(store), KeyHints()
 
-    def above(self) -> Iterator[Widget]:
+    def widgets_above(self) -> Iterator[Widget]:
         """Those above the panes, from the top."""
         yield from (self.status_line, self.speech_band, self.alarm_bar, self.attention_bar, self.failure_bar)
 
-    def below(self) -> Iterator[Widget]:
+    def widgets_below(self) -> Iterator[Widget]:
         """Those below them."""
         yield from (self.notice_line, self.mistake_line, self.note_line)
         yield from (self.speech_input, self.key_strip, self.key_hints)
@@ -76,7 +77,7 @@ class ConsoleBars:
         """What keys do now, by what has the focus."""
         focused, store = self._panes.screen.focused, self._store
         if store.input_mode == "LOCKED":
-            self.key_hints.draw((), (), store)
+            self.key_hints.draw((), [BY_ID[id] for id in LOCKED_ACTIONS], store)
         elif isinstance(focused, SpeechField):
             self.key_hints.draw_saying(store, self.speech_input.effect, why_blocked(store, "start"))
         elif isinstance(focused, Input):

@@ -113,12 +113,12 @@ class InputController:
         """The speech that is being pressed, as it stands in its field."""
 
     @property
-    def armed(self) -> KeyAction | None:
+    def armed_action(self) -> KeyAction | None:
         """The `hold` act whose first press was seen."""
         return self._armed
 
     @property
-    def pasting(self) -> bool:
+    def is_pasting(self) -> bool:
         """Whether the last key was part of a paste."""
         return self._last_at < self._paste_until
 
@@ -154,7 +154,7 @@ class InputController:
         Text that is pasted where nobody types is no row of commands and answers. While it is LOCKED only stopping,
         leaving and unlocking go on, and the answer to the question about leaving (`leaving`: it is open).
         """
-        if self.pasting and not typing and (printable or key == "enter"):
+        if self.is_pasting and not typing and (printable or key == "enter"):
             return False
         if any(key in keys_of(BY_ID[id]) for id in LOCKED_ACTIONS):
             return True
@@ -168,7 +168,7 @@ class InputController:
             self._actions.show_notice(f"LOCKED: {key_name('lock')} unlocks")
         return False
 
-    def action_carried_out(self) -> None:
+    def end_opening(self) -> None:
         """An action of the registry was carried out: a line that it opens is open."""
         self._opening_at = float("-inf")
 
@@ -181,7 +181,7 @@ class InputController:
             if selected_act == self._armed.behavior:
                 self.press(self._armed, at)
             else:
-                self.confirm()
+                self.confirm_armed()
         elif key == "escape":
             if not self.disarm():
                 self._actions.leave_transient()
@@ -224,12 +224,12 @@ class InputController:
 
     def go_on_without_failed_act(self) -> None:
         """Put the failure away that is shown."""
-        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.pasting:
+        if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("goOn", str(failed.id))
 
     def mark_mistake(self) -> None:
         """Mark what the wizard did last as wrong at once, and ask for the better word."""
-        if self.pasting:
+        if self.is_pasting:
             return
         task = newest_markable(self._store.view.tasks, self._store.person)
         if task is None:
@@ -279,9 +279,9 @@ class InputController:
             self._hold_back(action, at, self._settle_seconds)
         return True
 
-    def confirm(self) -> None:
+    def confirm_armed(self) -> None:
         """Enter, while an act is armed: starts it."""
-        if self._armed is not None and not self.pasting:
+        if self._armed is not None and not self.is_pasting:
             self._hold_back(self._armed, self._last_at, self._settle_seconds)
 
     def disarm(self) -> bool:

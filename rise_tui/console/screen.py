@@ -67,9 +67,9 @@ class ConsoleScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         self.bars.fit_terminal(self.app.size)
-        yield from self.bars.above()
+        yield from self.bars.widgets_above()
         yield self.pane_layout
-        yield from self.bars.below()
+        yield from self.bars.widgets_below()
 
     def on_mount(self) -> None:
         self.session.on_change = self._store_changed
@@ -81,7 +81,7 @@ class ConsoleScreen(Screen[None]):
     def _store_changed(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
         self.refresh_scheduler.schedule(parts)
         if "status" in parts:
-            self.confirmations.control_may_have_changed()
+            self.confirmations.close_outdated_control_question()
 
     def on_resize(self) -> None:
         self.bars.fit_terminal(self.app.size)
@@ -131,7 +131,7 @@ class ConsoleScreen(Screen[None]):
         when no dialog, field or first press of two is there that the key could be meant for.
         """
         opener = line_opener(event.key)
-        if not (opener or event.key in self.store.scenario.keys) or self.input.armed is not None:
+        if not (opener or event.key in self.store.scenario.keys) or self.input.armed_action is not None:
             return False
         if self.app.screen is not self or isinstance(self.focused, Input | MistakeLine):
             return False
@@ -242,7 +242,7 @@ class ConsoleScreen(Screen[None]):
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
-        self.input.action_carried_out()
+        self.input.end_opening()
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
@@ -265,7 +265,7 @@ class ConsoleScreen(Screen[None]):
             "next-pane": self.pane_layout.focus_next_pane,
             "previous-pane": lambda: self.pane_layout.focus_next_pane(-1),
             "zoom": self.pane_layout.toggle_zoom,
-            "filter": self._filter,
+            "filter": self._open_filter,
             "settings": lambda: self.post_message(self.OpenSettings()),
             "theme": lambda: overlays.open_theme_palette(self),
             "release": self.confirmations.ask_to_release_stop,
@@ -285,7 +285,7 @@ class ConsoleScreen(Screen[None]):
         """The stop key: no question, no condition, from any screen."""
         self.input.reset()
         self.send("stopAll")
-        self.confirmations.stop_pressed()
+        self.confirmations.close_release_question()
 
     def switch_lock(self) -> None:
         """Lock the keyboard, or unlock it."""
@@ -329,7 +329,7 @@ class ConsoleScreen(Screen[None]):
             case _:
                 return Region(hints.x + hints.width // 3, hints.y, 2 * hints.width // 3, hints.height)
 
-    def _filter(self) -> None:
+    def _open_filter(self) -> None:
         pane = self.pane_layout.focused_pane()
         if pane is not None:
             pane.open_filter()

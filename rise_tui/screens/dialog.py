@@ -31,7 +31,7 @@ class Dialog(SingleDismissModal[str]):
     Dialog {
         align: center middle; background: transparent;
         #box { width: 64; max-height: 80%; border-title-color: $foreground; }
-        #said { height: auto; margin: 0 0 1 0; }
+        #lines { height: auto; margin: 0 0 1 0; }
         #buttons { height: 1; align-horizontal: right; }
         Button { margin: 0 0 0 2; min-width: 12; }
     }
@@ -65,7 +65,7 @@ class Dialog(SingleDismissModal[str]):
 
     def compose(self) -> ComposeResult:
         with TitledBox(self._title):
-            yield Static("\n".join(self._lines), id="said", markup=False)
+            yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(id="buttons"):
                 yield Button(f"{self._no} (esc)", id="no", compact=True)
                 for answer in self._answers:

@@ -31,7 +31,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
     EndSessionDialog {
         align: center middle; background: transparent;
         #box { width: 68; max-height: 90%; border: round $error; border-title-color: $foreground; }
-        #said { height: auto; margin: 0 0 1 0; }
+        #lines { height: auto; margin: 0 0 1 0; }
         #typing { height: 1; }
         #typing Label { width: auto; padding: 0 1 0 0; }
         TextField, TextField:focus { width: 1fr; background: $rise-cursor; }
@@ -45,7 +45,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
 
     def compose(self) -> ComposeResult:
         with TitledBox(self._title, "esc leaves, and nothing changes"):
-            yield Static("\n".join(self._lines), id="said", markup=False)
+            yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(id="typing"):
                 yield Label(f"Type {CONFIRMING_WORD} and press enter:")
                 yield TextField(id="word", select_on_focus=False)

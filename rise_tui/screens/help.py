@@ -36,9 +36,9 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
     """All of them: the focused pane's first, then what works everywhere, the ideas, the scenario's keys, the rest."""
     titles = dict(KEY_SCOPES)
     if scope is not None:
-        yield from (_of_action(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))
+        yield from (_action_entry(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))
     for common in COMMON:
-        yield from (_of_action(action, titles[common], store) for action in actions_in(common))
+        yield from (_action_entry(action, titles[common], store) for action in actions_in(common))
     yield from (HelpEntry(IDEAS, word, "", text) for word, text in concepts())
     for key in store.scenario.keys.values():
         why, what = why_task_blocked(store, key.function), task_label(key.function, key.behavior)
@@ -48,10 +48,10 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
         yield HelpEntry(SCENARIO, key.label, key.title or what, text, bool(why))
     for other, title in KEY_SCOPES:
         if other != scope and other not in COMMON:
-            yield from (_of_action(action, title, store) for action in actions_in(other))
+            yield from (_action_entry(action, title, store) for action in actions_in(other))
 
 
-def _of_action(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
+def _action_entry(action: ConsoleAction, group: str, store: Store) -> HelpEntry:
     why = why_unavailable(action, store)
     text = f"{action.help} Not now: {why}." if why else action.help
     keys = " ".join(key_label(key) for key in keys_of(action)) or key_text("palette")

@@ -101,8 +101,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         Label { width: 12; color: $rise-muted; }
         TextField, TextField:focus { background: $surface; width: 1fr; }
         TextField:focus { background: $rise-cursor; }
-        #told { height: auto; max-height: 9; margin: 1 0 0 0; }
-        #told Static { width: 100%; height: auto; }
+        #report { height: auto; max-height: 9; margin: 1 0 0 0; }
+        #report Static { width: 100%; height: auto; }
         #buttons { height: 1; margin: 1 0 0 0; align-horizontal: right; }
         #buttons Button { margin: 0 0 0 2; min-width: 12; }
     }
@@ -140,7 +140,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
             # These two begin empty: what was so in the session before would be wrong in a new one.
             for name, hint in (("participant", "who takes part next; empty: nobody named"), ("condition", conditions)):
                 yield from self._row(name, TextField(placeholder=hint, id=name, select_on_focus=False))
-            with VerticalScroll(id="told", can_focus=False):
+            with VerticalScroll(id="report", can_focus=False):
                 yield self.changes
                 yield self.findings
             with Horizontal(id="buttons"):
@@ -159,7 +159,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     @on(ChoiceField.Changed)
     def _show_changes(self) -> None:
         """What applying would do, as long as nothing is applied."""
-        chosen = self.chosen()
+        chosen = self.chosen_options()
         lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
         ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
@@ -185,7 +185,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     def _is_running_folder(self, folder: str) -> bool:
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
-    def chosen(self) -> SessionOptions:
+    def chosen_options(self) -> SessionOptions:
         """What the fields say: exactly what is shown runs. Paths as the scenario has them stay the scenario's."""
         folder = self._folder
         paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
@@ -242,7 +242,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self._apply_next = folder != self._folder_read  # then it is being read: first shown, then applied
         self.findings.update("reading …")
         if not self._apply_next:
-            self.run_worker(self._load(self.chosen()), exclusive=True, group="load")
+            self.run_worker(self._load(self.chosen_options()), exclusive=True, group="load")
 
     async def _load(self, settings: SessionOptions) -> None:
         """Show what is wrong with the scenario; when nothing is, ask."""
@@ -261,8 +261,8 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         then = f"Then a new one starts for {who}: {scenario.title} · {scenario.mode.upper()} · robot {robot}"
         question = end_session_dialog(self._store, clean(then))
 
-        def answered(yes: bool | None) -> None:
+        def dismiss_if_confirmed(yes: bool | None) -> None:
             if yes:
                 self.dismiss((scenario, settings))
 
-        self.app.push_screen(question, answered)
+        self.app.push_screen(question, dismiss_if_confirmed)

@@ -50,14 +50,14 @@ class AttentionBar(StoreLines):
 
     def draw(self) -> None:
         store = self.store
-        shown = [] if store.gone_reason else [line for line in (_control(store), _degraded(store)) if line]
+        shown = [] if store.gone_reason else [line for line in (_control_line(store), _degraded_line(store)) if line]
         self.set_class(bool(shown), "-on")
         self.set_class(len(shown) > 1, "-two")
         width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 
 
-def _control(store: Store) -> StyledLine:
+def _control_line(store: Store) -> StyledLine:
     if store.hello.replay:
         return ()
     if store.control_lost is not None and not store.has_control:
@@ -67,7 +67,7 @@ def _control(store: Store) -> StyledLine:
     return ()
 
 
-def _degraded(store: Store) -> StyledLine:
+def _degraded_line(store: Store) -> StyledLine:
     said = degraded_text(store)
     return ((f" {said} ", "wait"),) if said else ()
 

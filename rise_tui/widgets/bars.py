@@ -12,7 +12,6 @@ from rise_tui.key_labels import first_key_label, keys_of, why_unavailable
 from rise_tui.messages import RunAction
 from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.free_speech import SpeechEffect
-from rise_tui.model.input_lock import LOCKED_ACTIONS
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, wrap
@@ -80,8 +79,6 @@ class KeyHints(StaticLines):
         self._targets: list[tuple[int, int, str]] = []
 
     def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:
-        if store.input_mode == "LOCKED":
-            own, common = (), [BY_ID[id] for id in LOCKED_ACTIONS]
         if store.gone_reason:
             own = [action for action in own if not why_unavailable(action, store)]  # what is left is to read
             common = [BY_ID[id] for id in GONE_ACTIONS]

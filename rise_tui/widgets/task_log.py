@@ -60,16 +60,16 @@ class TaskLog(RowView):
         Of another list, what was in view stays in view, and the cursor stays on its task.
         """
         if restart or ids is not self.ids:
-            self._change(ids)
+            self._show_other_list(ids)
         else:
             self._shown = len(ids)
             self.virtual_size = Size(self.row_width, self._shown)
         top = self.scroll_offset.y
         if self.following:
-            self._to_end()
+            self._scroll_to_end()
         self._repaint_changed(scrolled=self.scroll_offset.y != top)
 
-    def _change(self, ids: Sequence[int]) -> None:
+    def _show_other_list(self, ids: Sequence[int]) -> None:
         """Another list. The one before may have been emptied by its owner."""
         old, top, unseen = self.ids, self.scroll_offset.y, self.unseen
         selected = old[self.cursor] if 0 <= self.cursor < min(self._shown, len(old)) else None
@@ -109,9 +109,9 @@ class TaskLog(RowView):
     def follow_newest(self) -> None:
         """Go to the newest task and stay there."""
         self._set_following(True)
-        self._to_end()
+        self._scroll_to_end()
 
-    def _to_end(self) -> None:
+    def _scroll_to_end(self) -> None:
         self._seen = self._shown
         if self.cursor != self._shown - 1:
             before, self.cursor = self.cursor, self._shown - 1

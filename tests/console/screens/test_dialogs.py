@@ -141,7 +141,7 @@ async def test_another_folder_shows_its_own_robot_mode_and_places_and_those_run(
         await it.until(lambda: (robot.value, mode.value) == ("floka", "real"))
         assert screen.query_one("#acts", TextField).value == "mine"
         await it.until(lambda: [each.name for each in robot.query(".-chosen").results(Button)] == ["floka"])
-        chosen = screen.chosen()
+        chosen = screen.chosen_options()
         assert (chosen.folder, chosen.robot, chosen.mode, chosen.paths) == (other, "floka", "real", {})
         screen.query_one("#folder", TextField).value = DEMO
         await it.until(lambda: (robot.value, mode.value) == ("pepper", "debug"))
@@ -208,7 +208,7 @@ async def test_a_new_session_does_not_keep_the_label_of_the_one_before(size: tup
         screen = await settings_of(it)
         ends = "ends the session of P07 · calm and starts a new one for nobody named"
         await it.until(lambda: ends in str(screen.changes.content))
-        chosen = screen.chosen()
+        chosen = screen.chosen_options()
         assert (chosen.participant, chosen.condition, chosen.seed) == ("", "", None)
         screen.query_one("#participant", TextField).value = "P08"
         await it.until(lambda: "for P08" in str(screen.changes.content))
@@ -308,7 +308,7 @@ async def test_every_word_and_answer_of_a_question_is_on_the_screen(key: str, si
         screen = it.app.screen
         box = screen.query_one("#box").region
         assert (box.height, box.right, box.bottom) <= (size[1], size[0], size[1])
-        for shown in screen.query("#said, Button"):
+        for shown in screen.query("#lines, Button"):
             where = screen.find_widget(shown)
             assert where.region.area and where.clip.contains_region(where.region), f"{shown} is cut off"
 

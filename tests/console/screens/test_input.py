@@ -163,7 +163,7 @@ def test_a_hold_act_fires_at_the_second_press_within_two_seconds() -> None:
     keys.press("h", HOLD)
     keys.wait(0.3)
     assert keys.fired == ["H"]
-    assert keys.input.armed is None
+    assert keys.input.armed_action is None
 
 
 def test_the_first_press_of_a_hold_act_lapses() -> None:
@@ -173,7 +173,7 @@ def test_the_first_press_of_a_hold_act_lapses() -> None:
     assert keys.armed == ["H", ""]
     keys.press("h", HOLD)
     keys.wait(0.5)
-    assert keys.fired == [] and keys.input.armed is HOLD
+    assert keys.fired == [] and keys.input.armed_action is HOLD
 
 
 def test_another_act_disarms() -> None:
@@ -182,7 +182,7 @@ def test_another_act_disarms() -> None:
     keys.wait(0.5)
     keys.press("a", A)
     keys.wait(0.5)
-    assert keys.fired == ["A"] and keys.input.armed is None
+    assert keys.fired == ["A"] and keys.input.armed_action is None
 
 
 def test_the_press_right_after_a_lapsed_hold_arms_anew_only() -> None:
@@ -191,7 +191,7 @@ def test_the_press_right_after_a_lapsed_hold_arms_anew_only() -> None:
     keys.wait(2.2)
     keys.press("h", HOLD)
     keys.wait(1.0)
-    assert keys.fired == [] and keys.input.armed is HOLD
+    assert keys.fired == [] and keys.input.armed_action is HOLD
 
 
 def test_reset_forgets_a_press_that_has_not_fired() -> None:
@@ -364,7 +364,7 @@ def test_keys_that_are_meant_for_a_line_that_is_being_opened_do_nothing() -> Non
     keys.wait(0.2)
     assert keys.handle("g") and keys.fired == []
     assert keys.told == ["g came before the line was open: it did nothing"]
-    keys.input.action_carried_out()  # it is open, and closed again
+    keys.input.end_opening()  # it is open, and closed again
     keys.wait(0.2)
     assert keys.handle("m") and keys.fired == ["Main"]
 
@@ -403,7 +403,7 @@ def test_choosing_a_mode_forgets_what_was_pressed() -> None:
     keys = Keyboard()
     keys.handle("b")
     keys.input.switch_safe()
-    assert keys.input.armed is None and keys.store.input_mode == "SAFE" and keys.modes == 1
+    assert keys.input.armed_action is None and keys.store.input_mode == "SAFE" and keys.modes == 1
     keys.input.switch_lock()
     assert keys.store.input_mode == "LOCKED"
 

@@ -174,7 +174,7 @@ async def shrunk(it: Console) -> TooSmallScreen:
     await it.until(lambda: isinstance(it.app.screen, TooSmallScreen))
     screen = it.app.screen
     assert isinstance(screen, TooSmallScreen)
-    await it.until(lambda: "60 x 20" in screen.said.text)
+    await it.until(lambda: "60 x 20" in screen.lines.text)
     return screen
 
 
