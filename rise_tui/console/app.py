@@ -243,7 +243,7 @@ class ConsoleApp(TerminalApp):
 
     # --- keys and actions that work everywhere ----------------------------------------------------------------------
 
-    def observe_key(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool) -> None:
         if (console := self.console_screen) is not None:
             console.observe_key(event, together)
 

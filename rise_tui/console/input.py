@@ -30,8 +30,6 @@ from rise_tui.model.task_messages import task_label
 
 TOGETHER_SECONDS = 0.012
 """Two different keys nearer than this cannot come from two fingers' intent."""
-SETTLE_SECONDS = 0.025
-"""A press waits this long for a key that would make it part of a paste."""
 PASTE_QUIET_SECONDS = 0.3
 """After a paste, keys count again once nothing has come for this long."""
 ARMED_SECONDS = 2.0
@@ -80,8 +78,8 @@ class InputActions(Protocol):
 class InputController:
     """All keys of one console: which count, and what they ask of the engine.
 
-    - Keys that arrive together are a paste, or a link that stalled: none of them counts. A terminal's driver may know
-      that (they came in one read) or know the opposite; where it does not, the time between two keys tells.
+    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader knows
+      that (they came in one read); and no two fingers are so quick as the pieces of a paste that came in several.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
     - A `hold` act needs a second press, or Enter, and a key that repeats because it is held down is not a second press.
     """
@@ -98,15 +96,13 @@ class InputController:
         """When the key was pressed that caused what happens now. None: it was the mouse."""
         self._last_key = ""
         self._last_at = float("-inf")
-        self._came_alone = False
-        """The driver is sure that the last key came alone, and has waited long enough for others."""
         self._paste_until = float("-inf")
         self._opening_at = float("-inf")
         """When a key was pressed that opens a line for letters, until that is done."""
         self._pressed: dict[tuple[str, str], float] = {}
         """By function and behavior: the last press, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
-        """A press that counts unless something comes meanwhile."""
+        """The second press of an act that needs two: it counts unless it turns out to be a held key."""
         self._armed: KeyAction | None = None
         self._disarm_timer: RunningTimer | None = None
         self._typed = ""
@@ -125,22 +121,21 @@ class InputController:
     # --- what came from the terminal --------------------------------------------------------------------------------
 
     def observe_key(
-        self, key: str, at: float, *, typing: bool = False, on_console: bool = True, together: bool | None = None
+        self, key: str, at: float, *, typing: bool = False, on_console: bool = True, together: bool = False
     ) -> None:
         """Every key, before anything acts on it.
 
         `typing`: it goes into a text field. `on_console`: no dialog is open above the console. `together`: whether it
-        came in one piece with others; None: nobody knows.
+        came in one piece with others.
         """
         self._key_at = at
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
-        # A fast typist's keys may come near each other; where the driver knows that they came alone, they are no paste.
-        if together or (near and not (typing and together is False)) or at < self._paste_until:
+        if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may come near
             if at >= self._paste_until and not typing:
                 self._actions.show_notice(PASTED_KEYS)
             self._paste_until = at + PASTE_QUIET_SECONDS
             self.reset()
-        self._last_key, self._last_at, self._came_alone = key, at, together is False
+        self._last_key, self._last_at = key, at
         if on_console and not typing and line_opener(key):
             self._opening_at = at
 
@@ -267,22 +262,21 @@ class InputController:
             return False
         if self._armed is not None and (self._armed.function, self._armed.behavior) == same:
             # A held key repeats: wait long enough to see whether another of its kind follows.
-            if at - last < HELD_KEY_SECONDS:
-                self._drop_pending()
-            else:
-                self._hold_back(action, at, HELD_KEY_SECONDS)
+            self._drop_pending()
+            if at - last >= HELD_KEY_SECONDS:
+                self._pending = action, at, self._set_timer(HELD_KEY_SECONDS, self._accept_pending)
         elif at - last < action.debounce:
             if self._pending is None and at - last >= HELD_KEY_SECONDS:
                 what = action.behavior or task_label(action.function, "")
                 self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, taken once")
         else:
-            self._hold_back(action, at, self._settle_seconds)
+            self._accept_at_once(action, at)
         return True
 
     def confirm_armed(self) -> None:
         """Enter, while an act is armed: starts it."""
         if self._armed is not None and not self.is_pasting:
-            self._hold_back(self._armed, self._last_at, self._settle_seconds)
+            self._accept_at_once(self._armed, self._last_at)
 
     def disarm(self) -> bool:
         """Forget the first of two presses. True when there was one."""
@@ -299,20 +293,12 @@ class InputController:
         self._drop_pending()
         self.disarm()
 
-    @property
-    def _settle_seconds(self) -> float:
-        return 0.0 if self._came_alone else SETTLE_SECONDS
-
-    def _hold_back(self, action: KeyAction, at: float, seconds: float) -> None:
-        """Let a press count after this time, unless something comes meanwhile."""
+    def _accept_at_once(self, action: KeyAction, at: float) -> None:
         if self._pending is not None and self._pending[0] != action:
             self._pending[2].stop()
             self._accept_pending()  # another key, not near enough to be a paste: the one before it counts
         self._drop_pending()
-        if seconds > 0:
-            self._pending = action, at, self._set_timer(seconds, self._accept_pending)
-        else:
-            self._accept_press(action, at)
+        self._accept_press(action, at)
 
     def _accept_pending(self) -> None:
         if self._pending is not None:

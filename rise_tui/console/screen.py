@@ -107,7 +107,7 @@ class ConsoleScreen(Screen[None]):
     def _is_typing(self) -> bool:
         return isinstance(self.app.focused, Input)
 
-    def observe_key(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool) -> None:
         """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""
         self.refresh_scheduler.dismiss_read_notices()
         on_console = self.app.screen is self

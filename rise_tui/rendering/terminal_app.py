@@ -67,10 +67,10 @@ class TerminalApp(App[Any]):
 
     # --- keys -------------------------------------------------------------------------------------------------------
 
-    def observe_key(self, event: events.Key, together: bool | None) -> None:
+    def observe_key(self, event: events.Key, together: bool) -> None:
         """Called once for each key, before anything acts on it, also for those that a binding or a dialog takes.
 
-        `together`: whether it came in one piece with other keys, as a paste does; None: nobody knows (tests).
+        `together`: whether it came in one piece with other keys, as a paste does.
         """
 
     def admits(self, event: events.Event) -> bool:
