@@ -10,7 +10,6 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
-from rise_engine.scenario.model import KeyBinding
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
 from rise_tui.model.failures import unanswered_failures
@@ -34,8 +33,6 @@ PASTE_QUIET_SECONDS = 0.3
 """After a paste, keys count again once nothing has come for this long."""
 ARMED_SECONDS = 2.0
 """How long the first press of a `hold` act stays armed."""
-OPENING_SECONDS = 2.0
-"""For so long a line for letters may take to open; keys meanwhile are meant for it."""
 
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
@@ -97,21 +94,15 @@ class InputController:
         self._last_key = ""
         self._last_at = float("-inf")
         self._paste_until = float("-inf")
-        self._opening_at = float("-inf")
-        """When a key was pressed that opens a line for letters, until that is done."""
         self._pressed: dict[tuple[str, str], float] = {}
         """By function and behavior: the last press, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
         """The second press of an act that needs two: it counts unless it turns out to be a held key."""
         self._armed: KeyAction | None = None
+        """The `hold` act whose first press was seen."""
         self._disarm_timer: RunningTimer | None = None
         self._typed = ""
         """The speech that is being pressed, as it stands in its field."""
-
-    @property
-    def armed_action(self) -> KeyAction | None:
-        """The `hold` act whose first press was seen."""
-        return self._armed
 
     @property
     def is_pasting(self) -> bool:
@@ -120,13 +111,10 @@ class InputController:
 
     # --- what came from the terminal --------------------------------------------------------------------------------
 
-    def observe_key(
-        self, key: str, at: float, *, typing: bool = False, on_console: bool = True, together: bool = False
-    ) -> None:
+    def observe_key(self, key: str, at: float, *, typing: bool = False, together: bool = False) -> None:
         """Every key, before anything acts on it.
 
-        `typing`: it goes into a text field. `on_console`: no dialog is open above the console. `together`: whether it
-        came in one piece with others.
+        `typing`: it goes into a text field. `together`: whether it came in one piece with others.
         """
         self._key_at = at
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
@@ -134,10 +122,8 @@ class InputController:
             if at >= self._paste_until and not typing:
                 self._actions.show_notice(PASTED_KEYS)
             self._paste_until = at + PASTE_QUIET_SECONDS
-            self.reset()
+            self.disarm()
         self._last_key, self._last_at = key, at
-        if on_console and not typing and line_opener(key):
-            self._opening_at = at
 
     def observe_mouse(self) -> None:
         """A press of the mouse: what happens now has no key."""
@@ -163,10 +149,6 @@ class InputController:
             self._actions.show_notice(f"LOCKED: {key_name('lock')} unlocks")
         return False
 
-    def end_opening(self) -> None:
-        """An action of the registry was carried out: a line that it opens is open."""
-        self._opening_at = float("-inf")
-
     def handle_key(self, key: str, at: float, *, selected_act: str) -> bool:
         """A key that no field has taken: one of the scenario, Enter for an armed act, Esc. False: none of these.
 
@@ -181,16 +163,10 @@ class InputController:
             if not self.disarm():
                 self._actions.leave_transient()
         elif (binding := self._store.scenario.keys.get(key)) is not None:
-            self._handle_study_key(binding, at)
+            self.start(action_of_key(self._store.scenario, binding), at)
         else:
             return False
         return True
-
-    def _handle_study_key(self, key: KeyBinding, at: float) -> None:
-        if at - self._opening_at < OPENING_SECONDS:  # meant for the line that is just being opened
-            self._actions.show_notice(f"{key.label} came before the line was open: it did nothing")
-        else:
-            self.start(action_of_key(self._store.scenario, key), at)
 
     # --- what is asked for ------------------------------------------------------------------------------------------
 
@@ -246,7 +222,7 @@ class InputController:
         self._switch(toggle_lock(self._store.input_mode))
 
     def _switch(self, mode: InputMode) -> None:
-        self.reset()
+        self.disarm()
         self._store.input_mode = mode
         self._actions.show_notice(mode_notice(mode, key_name))
         self._actions.show_mode()
@@ -279,7 +255,8 @@ class InputController:
             self._accept_at_once(self._armed, self._last_at)
 
     def disarm(self) -> bool:
-        """Forget the first of two presses. True when there was one."""
+        """Forget the presses of an act that needs two. True when there was one."""
+        self._drop_pending()
         was, self._armed = self._armed, None
         if self._disarm_timer is not None:
             self._disarm_timer.stop()
@@ -287,11 +264,6 @@ class InputController:
         if was is not None:
             self._actions.show_armed("")
         return was is not None
-
-    def reset(self) -> None:
-        """Forget everything that was pressed and does not count yet."""
-        self._drop_pending()
-        self.disarm()
 
     def _accept_at_once(self, action: KeyAction, at: float) -> None:
         if self._pending is not None and self._pending[0] != action:

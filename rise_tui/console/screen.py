@@ -29,7 +29,7 @@ from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.tour import is_tour_due
-from rise_tui.widgets.mistake_line import MistakeLine
+from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
 from rise_tui.widgets.note_line import NoteLine
 from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines
@@ -110,8 +110,7 @@ class ConsoleScreen(Screen[None]):
     def observe_key(self, event: events.Key, together: bool) -> None:
         """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""
         self.refresh_scheduler.dismiss_read_notices()
-        on_console = self.app.screen is self
-        self.input.observe_key(event.key, event.time, typing=self._is_typing, on_console=on_console, together=together)
+        self.input.observe_key(event.key, event.time, typing=self._is_typing, together=together)
 
     def admits(self, event: events.Event) -> bool:
         """Whether an event of the keyboard or the mouse may go on; all of them come by here, dialogs or not."""
@@ -125,20 +124,21 @@ class ConsoleScreen(Screen[None]):
         return self.input.admits_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
 
     def handle_key_first(self, event: events.Key) -> bool:
-        """Do at once what a scenario's key asks for, without its way through the focused list and all around it.
+        """Open a line in which letters mean something else: the next key is the line's, however soon it comes.
 
-        So are lines opened in which letters mean something else: the next key is theirs, however soon it comes. Only
-        when no dialog, field or first press of two is there that the key could be meant for.
+        The scenario's keys are carried out here too, so that none overtakes another. Only when no dialog and no field
+        is there that the key could be meant for.
         """
-        opener = line_opener(event.key)
-        if not (opener or event.key in self.store.scenario.keys) or self.input.armed_action is not None:
+        if self.app.screen is not self or isinstance(self.focused, Input):
             return False
-        if self.app.screen is not self or isinstance(self.focused, Input | MistakeLine):
+        if self.bars.mistake_line.is_open and is_mark_key(event.key):
             return False
-        if opener:
+        if opener := line_opener(event.key):
             self.action_do(opener)
-        else:
+        elif event.key in self.store.scenario.keys:
             self.on_key(event)
+        else:
+            return False
         return True
 
     def on_key(self, event: events.Key) -> None:
@@ -242,7 +242,6 @@ class ConsoleScreen(Screen[None]):
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
-        self.input.end_opening()
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
@@ -283,7 +282,7 @@ class ConsoleScreen(Screen[None]):
 
     def stop_all(self) -> None:
         """The stop key: no question, no condition, from any screen."""
-        self.input.reset()
+        self.input.disarm()
         self.send("stopAll")
         self.confirmations.close_release_question()
 

@@ -20,6 +20,11 @@ OPEN_SECONDS = 4.0
 """How long the line waits for a letter."""
 
 
+def is_mark_key(key: str) -> bool:
+    """Whether the line takes a key for itself while it is open."""
+    return key == "escape" or any(choice.key == key for choice in MISTAKE_MARKS)
+
+
 class MistakeLine(StoreLines, can_focus=True):
     """Stands where the notice stands. A key that is none of its own closes it and does what it always does."""
 

@@ -163,7 +163,7 @@ def test_a_hold_act_fires_at_the_second_press_within_two_seconds() -> None:
     keys.press("h", HOLD)
     keys.wait(0.3)
     assert keys.fired == ["H"]
-    assert keys.input.armed_action is None
+    assert keys.armed[-1:] in ([], [""])
 
 
 def test_the_first_press_of_a_hold_act_lapses() -> None:
@@ -173,7 +173,7 @@ def test_the_first_press_of_a_hold_act_lapses() -> None:
     assert keys.armed == ["H", ""]
     keys.press("h", HOLD)
     keys.wait(0.5)
-    assert keys.fired == [] and keys.input.armed_action is HOLD
+    assert keys.fired == [] and keys.armed[-1] == "H"
 
 
 def test_another_act_disarms() -> None:
@@ -182,7 +182,7 @@ def test_another_act_disarms() -> None:
     keys.wait(0.5)
     keys.press("a", A)
     keys.wait(0.5)
-    assert keys.fired == ["A"] and keys.input.armed_action is None
+    assert keys.fired == ["A"] and keys.armed[-1:] in ([], [""])
 
 
 def test_the_press_right_after_a_lapsed_hold_arms_anew_only() -> None:
@@ -191,15 +191,15 @@ def test_the_press_right_after_a_lapsed_hold_arms_anew_only() -> None:
     keys.wait(2.2)
     keys.press("h", HOLD)
     keys.wait(1.0)
-    assert keys.fired == [] and keys.input.armed_action is HOLD
+    assert keys.fired == [] and keys.armed[-1] == "H"
 
 
-def test_reset_forgets_a_press_that_has_not_fired() -> None:
+def test_disarming_forgets_a_second_press_that_has_not_fired() -> None:
     keys = Keyboard()
     keys.press("h", HOLD)
     keys.wait(0.5)
     keys.press("h", HOLD)
-    keys.input.reset()
+    keys.input.disarm()
     keys.wait(1)
     assert keys.fired == []
 
@@ -328,6 +328,17 @@ def test_esc_forgets_the_first_of_two_presses_and_else_leaves_what_is_open() -> 
     assert keys.handle("escape") and keys.transients == 1 and keys.fired == []
 
 
+def test_esc_forgets_a_second_press_that_is_still_looked_at() -> None:
+    keys = Keyboard()
+    keys.handle("b")
+    keys.wait(0.5)
+    keys.handle("b")
+    keys.wait(0.05)
+    keys.handle("escape")
+    keys.wait(1)
+    assert keys.fired == [] and keys.armed == ["Goodbye", ""]
+
+
 def test_what_cannot_be_started_when_it_counts_is_refused_then() -> None:
     keys = Keyboard()
     greet = KeyAction("startCommunicationRobotAct", "Greet", hold=True)
@@ -344,17 +355,6 @@ def test_without_control_a_key_says_who_has_it() -> None:
     keys.store.apply([ControlRecord(0, 0.0, "", status="taken", by="wizard:ben", holder="wizard:ben")])
     keys.handle("g")
     assert keys.fired == [] and keys.told[-1] == "act Greet not started: ben has control (F8)"
-
-
-def test_keys_that_are_meant_for_a_line_that_is_being_opened_do_nothing() -> None:
-    keys = Keyboard()
-    keys.press("ctrl+t", together=False)
-    keys.wait(0.2)
-    assert keys.handle("g") and keys.fired == []
-    assert keys.told == ["g came before the line was open: it did nothing"]
-    keys.input.end_opening()  # it is open, and closed again
-    keys.wait(0.2)
-    assert keys.handle("m") and keys.fired == ["Main"]
 
 
 @pytest.mark.parametrize(
@@ -391,7 +391,7 @@ def test_choosing_a_mode_forgets_what_was_pressed() -> None:
     keys = Keyboard()
     keys.handle("b")
     keys.input.switch_safe()
-    assert keys.input.armed_action is None and keys.store.input_mode == "SAFE" and keys.modes == 1
+    assert keys.armed[-1:] in ([], [""]) and keys.store.input_mode == "SAFE" and keys.modes == 1
     keys.input.switch_lock()
     assert keys.store.input_mode == "LOCKED"
 
