@@ -64,7 +64,7 @@ def _stoppable(store: Store) -> Obstacle:
 
 def _own_console(store: Store) -> Obstacle:
     """What concerns this console alone, and would mean nothing where no key ever starts anything."""
-    return _stoppable(store) or ("this is a replay" if store.attachment.replay else None)
+    return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
 
 
 def _logged(store: Store) -> Obstacle:
@@ -85,7 +85,7 @@ def _blocks(
 
 _change, _remark, _start = _blocks("change"), _blocks("remark"), _blocks("start")
 _controllable = _blocks(
-    "remark", lambda store: store.attachment.role != "observer", "this console only watches (--observe)"
+    "remark", lambda store: store.attach_reply.role != "observer", "this console only watches (--observe)"
 )
 _fillable = _blocks("start", lambda store: filler_acts(store.scenario), "this scenario has no filler")
 _markable = _blocks("remark", lambda store: store.view.tasks, "nothing has been started yet")

@@ -48,11 +48,11 @@ class Confirmations:
         dialog.add_class("-control")
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 
-    def stop_pressed(self) -> None:
+    def close_release_question(self) -> None:
         """The stop that a question is about is not the last one any more."""
         self._withdraw("-release", "stopped again: the question whether to release the stop was closed")
 
-    def control_may_have_changed(self) -> None:
+    def close_outdated_control_question(self) -> None:
         """Close the question about control when somebody else has it by now, or asks for it."""
         if self._holder_and_asker() != self._control_shown:
             self._withdraw("-control", "control has just changed: the question about it was closed")

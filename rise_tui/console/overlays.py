@@ -38,23 +38,20 @@ def open_theme_palette(console: ConsoleActions) -> None:
 
 
 def _theme_commands(console: ConsoleActions) -> list[PaletteCommand]:
-    def use(name: str) -> None:
+    def use_theme(name: str) -> None:
         console.app.theme = name
 
-    return list(theme_commands(use))
+    return list(theme_commands(use_theme))
 
 
 def _open_palette(console: ConsoleActions, commands: Sequence[PaletteCommand], placeholder: str) -> None:
-    def run_chosen(number: str | None) -> None:
-        if not number:
-            return
-        command = commands[int(number)]
-        if command.blocked_text:
+    def run_chosen(command: PaletteCommand | None) -> None:
+        if command is not None and command.blocked_text:
             console.show_notice(f"{command.title}: not now, {command.blocked_text}")
-        else:
+        elif command is not None:
             command.run()
 
-    console.app.push_screen(Palette(commands, placeholder=placeholder), run_chosen)
+    console.app.push_screen(Palette(commands, placeholder), run_chosen)
 
 
 def open_jump_mode(console: ConsoleActions, panes: Layout, hints: Region) -> None:
@@ -64,10 +61,10 @@ def open_jump_mode(console: ConsoleActions, panes: Layout, hints: Region) -> Non
         if name:
             panes.focus_pane(name)
 
-    console.app.push_screen(JumpScreen(_labels(panes), hints), focus_pane)
+    console.app.push_screen(JumpScreen(_title_labels(panes), hints), focus_pane)
 
 
-def _labels(panes: Layout) -> Iterator[TitleLabels]:
+def _title_labels(panes: Layout) -> Iterator[TitleLabels]:
     """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
     for pane in panes.visible_panes():
         names = tuple(panes.panes) if panes.is_zoomed else tuple(name for name, _ in pane.title.tabs)
@@ -76,16 +73,12 @@ def _labels(panes: Layout) -> Iterator[TitleLabels]:
 
 
 def open_tour(
-    console: ConsoleActions, panes: Layout, part_of: Callable[[str], Region], seen: Callable[[], None] | None
+    console: ConsoleActions, panes: Layout, part_of: Callable[[str], Region], on_end: Callable[[], None] | None
 ) -> None:
-    """`part_of`: where something stands that the tour points at. `seen` is called when it has ended."""
-
-    def ended(_: None) -> None:
-        if seen is not None:
-            seen()
-
+    """`part_of`: where something stands that the tour points at. `on_end` is called when it has ended."""
     panes.unzoom()
-    console.app.push_screen(TourScreen(part_of, lambda: panes.region), ended)
+    tour = TourScreen(part_of, lambda: panes.region)
+    console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
 
 
 def show_when_too_small(app: App[object], store: Store) -> None:

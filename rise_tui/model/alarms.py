@@ -59,8 +59,8 @@ def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
             (("   keys do nothing any more; what is shown is how it ended", "plain"),),
             (leave, (" leaves", "plain")),
         )
-    again = "recovers the session, or leaves" if store.attachment.folder else "leaves"
-    if store.attachment.role == "observer":
+    again = "recovers the session, or leaves" if store.attach_reply.folder else "leaves"
+    if store.attach_reply.role == "observer":
         again = "watches again once it is recovered, or leaves"
     stop = key_name("stop")
     return Alarm(
@@ -139,7 +139,7 @@ def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     until = "acts fail until the robot is back; rules and memory go on"
     was = f"broken off: {', '.join(broken)}; " if broken else ""
     switch = f"look at the robot and its network; {key_name('stop')} may not reach it, its own switch does"
-    then = "this is a replay: it was so then" if store.attachment.replay else switch
+    then = "this is a replay: it was so then" if store.attach_reply.replay else switch
     yield Alarm(
         ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),
         ((f"   {was}{until}", "plain"),),

@@ -131,7 +131,7 @@ def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLi
 
 def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
     """What can be done about it; for who has no control, who can."""
-    if store.attachment.replay:
+    if store.attach_reply.replay:
         return (("   this is a replay: it was so then", "plain"),)
     if store.cut_since is not None:
         return (("   the connection is cut", "plain"),)

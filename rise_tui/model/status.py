@@ -63,7 +63,7 @@ def status_line(store: Store, width: int) -> StyledLine:
         (f"  {store.scenario.title}", "muted") if participant else (f" {store.scenario.title}", "strong"),
     )
     room = width - line_width(participant) - 1
-    counts = not (store.gone_reason or store.cut_since is not None or store.attachment.replay)
+    counts = not (store.gone_reason or store.cut_since is not None or store.attach_reply.replay)
     best = sum(line_width(cell.variants[0]) for cell in _cells(store, padded=True))
     awaits = counts and store.key_state != "STOPPED"  # nobody answers then
     cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if awaits else 0
@@ -104,19 +104,19 @@ def _cells(store: Store, *, padded: bool) -> list[StatusCell]:
 
 
 def _mode_cell(store: Store) -> StatusCell:
-    attachment = store.attachment
-    mode: StyledSpan = (attachment.mode.upper(), "wait" if attachment.mode == "real" else "accent")
-    if attachment.replay:
+    attach_reply = store.attach_reply
+    mode: StyledSpan = (attach_reply.mode.upper(), "wait" if attach_reply.mode == "real" else "accent")
+    if attach_reply.replay:
         mode = (" REPLAY ", "call")
-    elif attachment.mode == "real" and store.scenario.robot.driver == "simulated":
+    elif attach_reply.mode == "real" and store.scenario.robot.driver == "simulated":
         mode = ("REAL (simulated!)", "fault")
     return StatusCell(((GAP, mode),))
 
 
 def _robot_cells(store: Store) -> list[StatusCell]:
     """Its name, its link in a word, and how long ago it was heard of."""
-    attachment, robot = store.attachment, store.view.robot
-    if attachment.replay:
+    attach_reply, robot = store.attach_reply, store.view.robot
+    if attach_reply.replay:
         return []
     status = robot.status if robot is not None else "no link"
     role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
@@ -128,8 +128,8 @@ def _robot_cells(store: Store) -> list[StatusCell]:
         role = "wait"
     link = f"{ROBOT_GLYPHS.get(status, '○')} {status}"
     links = (link, link.replace("connected", "ok"))
-    simulated = attachment.mode != "real"
-    name = shorten(attachment.robot, NAME)
+    simulated = attach_reply.mode != "real"
+    name = shorten(attach_reply.robot, NAME)
     names = (f"{name} (sim) ", f"{name} ") if simulated else (f"{name} ",)
     cells = [
         StatusCell(tuple((GAP, (text, role)) for text in names), (4,)),
@@ -143,14 +143,14 @@ def _robot_cells(store: Store) -> list[StatusCell]:
 
 
 def _recording_cell(store: Store) -> StatusCell:
-    if store.attachment.replay:
+    if store.attach_reply.replay:
         return StatusCell(((),))
     if store.journal_status.trouble:
         return StatusCell(((GAP, ("✗ NOT REC", "fault")),))
     if store.journal_status.behind > 1:
         late = f"{store.journal_status.behind:.0f} s behind"
         return StatusCell(((GAP, (f"◐ disk {late}", "wait")), (GAP, (f"disk {late}", "wait"))), (9,))
-    if not store.attachment.folder:
+    if not store.attach_reply.folder:
         return StatusCell(((GAP, ("○ NO REC", "wait")), (GAP, ("NO REC", "wait"))), (9,))
     return StatusCell(((GAP, ("● REC", "plain")), (GAP, ("REC", "plain")), ()), (9, 12))
 
@@ -170,19 +170,19 @@ def _cue_line(store: Store, room: int) -> StyledLine:
 def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
     """Whether keys start anything, and who may press them."""
     name = shorten(short_name(store.own_name), NAME)
-    own = StatusCell((((f" {store.attachment.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
+    own = StatusCell((((f" {store.attach_reply.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
     if store.gone_reason:
         return [StatusCell(((GAP, (" ENDED " if store.ended_in_order else " GONE ", "alarm"), (" ", "plain")),)), own]
     if store.cut_since is not None:
         return [StatusCell(((GAP, (" CUT, attaching again ", "alarm"), (" ", "plain")),))]
     words = _key_state_line(store)
-    if store.has_control and not store.attachment.replay:
+    if store.has_control and not store.attach_reply.replay:
         padding: StyledLine = ((" " * max(0, STATE - line_width(words)), "plain"),) if padded else ()
         return [StatusCell(((GAP, *words, *padding),)), own]
-    if store.attachment.replay:
+    if store.attach_reply.replay:
         return [StatusCell(((*((GAP, *words) if words else ()), (" ", "plain")),))]
     control = f"{shorten(short_name(store.view.control), NAME)} has control"
-    if store.view.control is not None or store.attachment.role != "wizard":
+    if store.view.control is not None or store.attach_reply.role != "wizard":
         control = f"WATCHING · {control}"
     shown: StyledLine = (GAP, (f" {control} ", "call"))
     # Where there is little room the red bar says the first of these.
@@ -198,6 +198,6 @@ def _key_state_line(store: Store) -> StyledLine:
         words.append((" PAUSED ", "alarm"))
     if store.input_mode != "LIVE":  # also beside a stop: it still holds when that is released
         words.append((f" {store.input_mode} ", "call"))
-    elif not words and store.has_control and not store.attachment.replay:
+    elif not words and store.has_control and not store.attach_reply.replay:
         words.append((" LIVE ", "strong"))
     return tuple(words)

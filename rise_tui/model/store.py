@@ -85,7 +85,7 @@ class SentTask(Struct, frozen=True):
 class Store:
     """One console's knowledge of one session."""
 
-    attachment: AttachReply
+    attach_reply: AttachReply
     wizard: str
     now: Callable[[], float]
     """Session time in seconds."""
@@ -143,23 +143,23 @@ class Store:
     def __post_init__(self) -> None:
         self._unhandled_events = UnhandledEvents(self.unhandled_tasks)
         self.study_keys, self.sentences = StudyKeys(self.scenario), SentenceTracker(self.scenario)
-        self._rebuild(self.attachment)
+        self._rebuild(self.attach_reply)
         self.shown_act = self.view.tasks[self.view.running[-1]].behavior if self.view.running else ""
         self.shown_rule = next(iter(self.view.running_rules()), "")
 
-    def reattach(self, attachment: AttachReply) -> None:
+    def reattach(self, attach_reply: AttachReply) -> None:
         """The connection was cut and is back: the truth is in the new snapshot."""
         had_control, former_name = self.has_control, self.own_name
         self.cut_since, self.stop_unsent = None, False
         self.sent.clear()
-        self._rebuild(attachment)
+        self._rebuild(attach_reply)
         lost = had_control and not self.has_control
         self.reclaims_control = lost and self.view.control in (None, former_name)
         if lost and not self.reclaims_control:
             self.control_lost = control.ControlLost(self.view.control, None)
 
-    def _rebuild(self, attachment: AttachReply) -> None:
-        self.attachment, self.view, self.journal_status = attachment, attachment.view, attachment.journaling
+    def _rebuild(self, attach_reply: AttachReply) -> None:
+        self.attach_reply, self.view, self.journal_status = attach_reply, attach_reply.view, attach_reply.journaling
         self.log.rebuild(self.view)
         self.unhandled_tasks.clear()
         self.marked_tasks.clear()
@@ -174,7 +174,7 @@ class Store:
 
     @property
     def scenario(self) -> Scenario:
-        return self.attachment.scenario
+        return self.attach_reply.scenario
 
     @property
     def memory(self) -> Mapping[str, Any]:
@@ -194,7 +194,7 @@ class Store:
     @property
     def own_name(self) -> str:
         """How the session calls this console."""
-        return self.attachment.you or f"wizard:{self.wizard}"
+        return self.attach_reply.you or f"wizard:{self.wizard}"
 
     @property
     def person(self) -> str:
@@ -204,7 +204,7 @@ class Store:
     @property
     def has_control(self) -> bool:
         """Whether this console may act. A replay names nobody, and nobody can act in it."""
-        return not self.attachment.you or self.view.control == self.attachment.you
+        return not self.attach_reply.you or self.view.control == self.attach_reply.you
 
     @property
     def asker(self) -> str | None:
@@ -217,10 +217,10 @@ class Store:
             return BlockedReason("over" if self.ended_in_order else "gone", self.gone_reason)
         if self.cut_since is not None:
             return BlockedReason("cut")
-        if deed != "reach" and self.attachment.replay:
+        if deed != "reach" and self.attach_reply.replay:
             return BlockedReason("replay")
         if deed in ("change", "start") and not self.has_control:
-            watches = self.attachment.role == "observer"
+            watches = self.attach_reply.role == "observer"
             return BlockedReason("control", holder=control.short_name(self.view.control), watches=watches)
         return self._start_blocked() if deed == "start" else None
 
@@ -320,8 +320,8 @@ class Store:
             if isinstance(record, StopRecord) and record.status == "released":
                 live = f": {self.input_mode}" if self.has_control or self.input_mode != "LIVE" else ""
                 self.notice = Notice(f"the stop is released{live}")
-            if isinstance(record, ControlRecord) and self.attachment.you:
-                notice, lost = control.control_notice(record, holder, self.attachment.you)
+            if isinstance(record, ControlRecord) and self.attach_reply.you:
+                notice, lost = control.control_notice(record, holder, self.attach_reply.you)
                 # A sentence about who had control before would now be wrong.
                 self.notice = notice or (None if lost else self.notice)
                 self.control_lost = lost or (None if self.has_control else self.control_lost)

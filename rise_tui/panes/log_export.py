@@ -67,7 +67,7 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
     """Write these rows as they are now to a file of this name."""
     tasks = list(rows_of(store, ids))
     try:
-        path = await asyncio.to_thread(save_tasks, name, tasks, export_folder(store.attachment.folder))
+        path = await asyncio.to_thread(save_tasks, name, tasks, export_folder(store.attach_reply.folder))
     except ExportFailed as why:
         return Saved(False, f"not saved: {why}")
     return Saved(True, f"saved {_rows_text(len(tasks))} to {abbreviate_home(str(path))}{_missing_text(store)}")
@@ -76,7 +76,7 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
 def _missing_text(store: Store) -> str:
     """What is not among the rows, and how to get it."""
     return (
-        f"; {store.forgotten_text}: rise-engine export {Path(store.attachment.folder).name}"
+        f"; {store.forgotten_text}: rise-engine export {Path(store.attach_reply.folder).name}"
         if store.forgotten_text
         else ""
     )

@@ -99,7 +99,7 @@ class MemoryPane(ListPane):
             rows += self._child_rows((key,), entry.value, columns)
         rows.append(ListRow(ADD, ((" + add a key", "muted"),)))
         if self.editor.is_open:
-            self.editor.check()
+            self.editor.draw()
         return rows
 
     def _columns(self, width: int) -> MemoryColumns:

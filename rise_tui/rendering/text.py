@@ -21,6 +21,13 @@ StyledSpan: TypeAlias = tuple[str, TextRole]
 StyledLine: TypeAlias = tuple[StyledSpan, ...]
 
 
+JSON_TYPES = (
+    *((type(None), "null"), (bool, "boolean"), (int, "integer"), (float, "number")),
+    *((str, "string"), (list, "array"), (tuple, "array")),
+)
+"""From the narrowest: a boolean is an integer, too."""
+
+
 class ListRow(NamedTuple):
     """One row of a list: what it stands for, and its text."""
 
@@ -197,21 +204,7 @@ def format_value(value: Any) -> str:
 
 def json_type_name(value: Any) -> str:
     """The JSON type of a value, in the words that the console uses."""
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "boolean"
-        case int():
-            return "integer"
-        case float():
-            return "number"
-        case str():
-            return "string"
-        case list() | tuple():
-            return "array"
-        case _:
-            return "object"
+    return next((name for kind, name in JSON_TYPES if isinstance(value, kind)), "object")
 
 
 def parse_typed_value(text: str) -> tuple[Any, str, str]:
@@ -221,33 +214,35 @@ def parse_typed_value(text: str) -> tuple[Any, str, str]:
     """
     bare = text.strip()
     try:
-        value = json.loads(bare, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_unique)
+        value = json.loads(
+            bare, parse_constant=_refuse_constant, parse_float=_finite_number, object_pairs_hook=_unique_members
+        )
     except RecursionError:
         return text, "string", "nested too deeply for JSON"
     except ValueError as error:
         looks_json = bare[:1] in ("{", "[", '"')
-        return text, "string", f"not JSON: {_reason(error)}" if looks_json else ""
+        return text, "string", f"not JSON: {_reason_text(error)}" if looks_json else ""
     return value, json_type_name(value), ""
 
 
-def _reason(error: ValueError) -> str:
+def _reason_text(error: ValueError) -> str:
     if isinstance(error, json.JSONDecodeError):
         return f"{error.msg.lower()} at {error.pos + 1}"
     return str(error)
 
 
-def _refuse(name: str) -> None:
+def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is no JSON")
 
 
-def _finite(text: str) -> float:
+def _finite_number(text: str) -> float:
     value = float(text)
     if value in (float("inf"), float("-inf")):
         raise ValueError("the number is too large")
     return value
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a key is given twice")

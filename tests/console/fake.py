@@ -191,9 +191,9 @@ class FakeClient:
         if self.gone:
             raise EngineGone(self.gone)
         self._attached = True
-        return self.attachment()
+        return self.attach_reply()
 
-    def attachment(self) -> AttachReply:
+    def attach_reply(self) -> AttachReply:
         """The state now."""
         return AttachReply(
             self.scenario,

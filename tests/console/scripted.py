@@ -111,23 +111,27 @@ class ScriptedEngine:
         writer.close()
 
     async def _welcome(self, writer: asyncio.StreamWriter) -> None:
-        attachment = await self.fake.attach()
+        attach_reply = await self.fake.attach()
         welcome = messages.HelloMessage(
             version=messages.VERSION,
-            you=attachment.you,
-            role=attachment.role,
-            mode=attachment.mode,
-            robot=attachment.robot,
-            seed=attachment.seed,
-            scenario_hash=attachment.scenario.hash,
-            folder=attachment.folder,
-            replay=attachment.replay,
-            journaling=attachment.journaling,
+            you=attach_reply.you,
+            role=attach_reply.role,
+            mode=attach_reply.mode,
+            robot=attach_reply.robot,
+            seed=attach_reply.seed,
+            scenario_hash=attach_reply.scenario.hash,
+            folder=attach_reply.folder,
+            replay=attach_reply.replay,
+            journaling=attach_reply.journaling,
             t=self.fake.time,
             speed=self.speed,
-            state=messages.without_tasks(attachment.view),
+            state=messages.without_tasks(attach_reply.view),
         )
-        for message in (welcome, messages.TasksMessage(list(attachment.view.tasks.values())), messages.ReadyMessage()):
+        for message in (
+            welcome,
+            messages.TasksMessage(list(attach_reply.view.tasks.values())),
+            messages.ReadyMessage(),
+        ):
             writer.write(messages.encode_line(message))
 
     async def _records(self, writer: asyncio.StreamWriter) -> None:

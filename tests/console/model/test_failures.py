@@ -56,7 +56,7 @@ def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int
     for happening in happenings:
         happening(client, task)
     client.end_task(task, "Instruct", "ABORTED", "it went wrong")
-    store = Store(client.attachment(), "anna", client.now)
+    store = Store(client.attach_reply(), "anna", client.now)
     return unsaid_texts(store.scenario, store.view.tasks[task], store.memory)
 
 
@@ -103,7 +103,7 @@ def test_they_are_told_to_whoever_attaches_later() -> None:
     client = FakeClient(demo())
     client.act("Greet", "ABORTED", reason="no voice")
     client.act("Praise", "ABORTED", reason="no voice")
-    view = client.attachment().view
+    view = client.attach_reply().view
     again = with_tasks(without_tasks(view), view.tasks.values())
     assert again.failed == view.failed == [1, 2]
 
@@ -112,7 +112,7 @@ def store_after(*acts: tuple[str, str], **options: object) -> Store:
     client = FakeClient(demo(), **options)  # type: ignore[arg-type]
     for name, status in acts:
         client.act(name, status, reason="action 1 (Speech) failed: no voice")
-    return Store(client.attachment(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def bar(store: Store, width: int = 80, most: int = 8) -> list[str]:
@@ -160,7 +160,7 @@ def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width:
     client = FakeClient(demo())
     text = " ".join(f"word{number}" for number in range(300))
     client.task("say", text, "ABORTED", reason="a reason of some length " * 20)
-    found = failure_lines(Store(client.attachment(), "anna", client.now), width, most, key_name)
+    found = failure_lines(Store(client.attach_reply(), "anna", client.now), width, most, key_name)
     assert len(found) <= most and all(line_width(line) <= width for line in found)
     assert "word0" in plain_text(found[-2]) + plain_text(found[3])
     assert plain_text(found[-2]).endswith("all of it: act pane" if width > 40 else "…")

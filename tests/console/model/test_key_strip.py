@@ -28,7 +28,7 @@ def scenario(name: str) -> Scenario:
 
 def store_of(of: Scenario, client: FakeClient | None = None) -> Store:
     client = client or FakeClient(of)
-    return Store(client.attachment(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def shown(store: Store, width: int = 80, rows: int = 2) -> list[str]:

@@ -35,7 +35,7 @@ class Played:
     def __init__(self, of: Scenario | None = None) -> None:
         self.client = FakeClient(of or demo())
         self.client.time = 100.0
-        self.store = Store(self.client.attachment(), "anna", self.client.now)
+        self.store = Store(self.client.attach_reply(), "anna", self.client.now)
         emit = self.client.emit
 
         def emitted(*records: Any, at: float | None = None) -> None:
@@ -227,7 +227,7 @@ def test_a_console_that_attaches_late_knows_what_was_said_last() -> None:
     task = it.greet()
     it.client.action(task, "Greet", "1", "Speech", "failed", message="Hello Ada!")
     it.client.end_task(task, "Greet", "ABORTED", "no voice")
-    late = Store(it.client.attachment(), "ben", it.client.now)
+    late = Store(it.client.attach_reply(), "ben", it.client.now)
     assert late.current_sentence() == it.store.current_sentence() and late.current_sentence().kind == "unsaid"
 
 

@@ -26,7 +26,7 @@ def made(client: FakeClient | None = None, participant: str = "P07", condition: 
     client = client or FakeClient(demo())
     started = SessionRecord(0, 0.0, "", status="started", participant=participant, condition=condition)
     client.emit(started, at=0.0)
-    return Store(client.attachment(), "anna", client.now)
+    return Store(client.attach_reply(), "anna", client.now)
 
 
 def text(store: Store, width: int) -> str:

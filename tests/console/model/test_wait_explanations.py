@@ -45,7 +45,7 @@ class Scene:
 
     @property
     def store(self) -> Store:
-        return Store(self.client.attachment(), "anna", self.client.now)
+        return Store(self.client.attach_reply(), "anna", self.client.now)
 
     def said(self, width: int = 90) -> list[str]:
         store = self.store

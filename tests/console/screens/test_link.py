@@ -240,7 +240,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
         client.task("raiseEventTopic", "/new", "SUCCEEDED")
         client.emit(MemoryRecord(0, 0.0, "", "task", 4, 2, "ros:node"))
         client._attached = True
-        state = client.attachment().view
+        state = client.attach_reply().view
         count = len(state.tasks)
         del state.tasks[old]
         client._queue.put_nowait([Resync(state, count)])
@@ -260,7 +260,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
 async def test_control_that_has_gone_meanwhile_is_seen() -> None:
     async with console() as it:
         client, store = it.client, it.screen.session.store
-        state = client.attachment().view
+        state = client.attach_reply().view
         had = store.has_control
         state.control = "wizard:ben"
         client._queue.put_nowait([Resync(state, len(state.tasks))])
