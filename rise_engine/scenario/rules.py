@@ -59,7 +59,7 @@ class _RuleReader(BlockReader):
         states: dict[str, State] = {}
         for child in element:
             if child.tag != "State":
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, ("State",)))
+                self.report_misplaced(child, element, ("State",))
                 continue
             state = self.read_state(child)
             if state is None:
@@ -166,7 +166,7 @@ class _RuleReader(BlockReader):
                 self.check_attributes(child, NO_ATTRIBUTES)
                 blocks[tag] = blocks.get(tag, ()) + self.read_block(child)
             else:
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, _STATE_PARTS))
+                self.report_misplaced(child, element, _STATE_PARTS)
         if not name:
             return None
         return State(
