@@ -8,7 +8,8 @@ from rise_engine.scenario.model import Scenario
 
 def study_conditions(scenario: Scenario) -> tuple[str, ...]:
     """The study's conditions, in its order; empty when it lists none."""
-    return tuple(scenario.study.get("conditions", ()))
+    found = scenario.study.get("conditions")
+    return tuple(name for name in found if isinstance(name, str)) if isinstance(found, list) else ()
 
 
 def condition_problem(scenario: Scenario, condition: str) -> str:

@@ -100,9 +100,7 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
             elif isinstance(value, date | time):
                 holder[key] = value.isoformat()
             elif isinstance(value, float) and not isfinite(value):
-                diagnostics.error(
-                    "wrong-value", file.value_location(*item), f"`{value}` is no number that can be used"
-                )
+                diagnostics.error("wrong-value", file.value_location(*item), f"`{value}` is no number that can be used")
             elif isinstance(value, int) and not is_64_bit(value):
                 sentence = "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)"
                 diagnostics.error("wrong-value", file.value_location(*item), sentence)
