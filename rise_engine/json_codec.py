@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.text import escape_all_surrogates
+from rise_engine.text import escape_all_surrogates, match_end
 from rise_engine.typography import find_typographic_closing, typography_problem
 
 MAX_LEVELS = 64
@@ -87,10 +87,10 @@ def decode(text: str) -> Any:
     {'task': 2, 'names': ['Ada']}
     """
 
-    def twice(key: str, offset: int, first: int) -> None:
+    def refuse_duplicate(key: str, offset: int, first: int) -> None:
         raise JsonError(f"the key `{key}` is there twice", offset)
 
-    return plain(read_json(text, twice))
+    return to_plain(read_json(text, refuse_duplicate))
 
 
 def encode(value: Any) -> bytes:
@@ -108,7 +108,7 @@ def encode(value: Any) -> bytes:
 
 
 def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
-    """The value of a JSON text. Objects and arrays know where their items stand; `plain` makes ordinary ones.
+    """The value of a JSON text. Objects and arrays know where their items stand; `to_plain` makes ordinary ones.
 
     Keys given twice are reported to `duplicate`, and reading goes on with the first value. Raises JsonError for what is
     not JSON; NaN and infinities are only reported, and read as null, when there is a `no_number`.
@@ -117,7 +117,7 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
     if half is not None:
         raise JsonError("here stands one half of a character", half.start())
     try:
-        return _whole(_JsonReader(text, duplicate, no_number))
+        return _read_document(_JsonReader(text, duplicate, no_number))
     except JsonError as error:
         at = find_typographic_closing(text, error.offset) if str(error) == _UNCLOSED else error.offset
         known = typography_problem(text, at, quote='"') if at >= 0 else ""
@@ -126,20 +126,20 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
         raise
 
 
-def _whole(reader: _JsonReader) -> Any:
-    value, at = reader.value(reader.skip(0), 0)
-    at = reader.skip(at)
+def _read_document(reader: _JsonReader) -> Any:
+    value, at = reader.read_value(reader.skip_blanks(0), 0)
+    at = reader.skip_blanks(at)
     if at < len(reader.text):
         raise JsonError("something follows after the end of the JSON value", at)
     return value
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """The same value in ordinary dicts and lists."""
     if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: to_plain(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [plain(item) for item in value]
+        return [to_plain(item) for item in value]
     return value
 
 
@@ -149,44 +149,43 @@ class _JsonReader:
         self.duplicate = duplicate
         self.no_number = no_number
 
-    def unfit(self, message: str, offset: int) -> None:
+    def report_unfit(self, message: str, offset: int) -> None:
         if self.no_number is None:
             raise JsonError(message, offset)
         self.no_number(message, offset)
 
-    def skip(self, at: int) -> int:
-        space = _SPACE.match(self.text, at)
-        return space.end() if space else at
+    def skip_blanks(self, at: int) -> int:
+        return match_end(_SPACE, self.text, at)
 
-    def value(self, at: int, depth: int) -> tuple[Any, int]:
+    def read_value(self, at: int, depth: int) -> tuple[Any, int]:
         character = self.text[at : at + 1]
         if character == '"':
-            return self.string(at)
+            return self.read_string(at)
         if character in ("{", "["):
             if depth >= MAX_LEVELS:
                 raise JsonError(f"arrays and objects are nested more than {MAX_LEVELS} deep", at)
-            return self.object(at, depth) if character == "{" else self.array(at, depth)
+            return self.read_object(at, depth) if character == "{" else self.read_array(at, depth)
         number = _NUMBER.match(self.text, at)
         if number is not None:
-            return self.number(number), number.end()
-        return self.word(at)
+            return self.read_number(number), number.end()
+        return self.read_word(at)
 
-    def number(self, found: re.Match[str]) -> int | float | None:
-        if found.group(1) is None and found.group(2) is None:
+    def read_number(self, found: re.Match[str]) -> int | float | None:
+        if found.lastindex is None:
             whole = int(found.group()) if found.end() - found.start() <= 20 else 2**64
             if is_64_bit(whole):
                 return whole
-            self.unfit(
+            self.report_unfit(
                 "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)", found.start()
             )
             return None
         value = float(found.group())
         if value in (float("inf"), float("-inf")):
-            self.unfit(f"the number {found.group()} is too large", found.start())
+            self.report_unfit(f"the number {found.group()} is too large", found.start())
             return None
         return value
 
-    def word(self, at: int) -> tuple[Any, int]:
+    def read_word(self, at: int) -> tuple[Any, int]:
         found = _WORD.match(self.text, at)
         if found is None:
             raise JsonError("the file ends where a value should stand", at)
@@ -194,7 +193,7 @@ class _JsonReader:
         if word in _WORDS:
             return _WORDS[word], found.end()
         if word.lstrip("+-") in ("NaN", "Infinity"):
-            self.unfit(f"{word} is not a JSON value; write null, or a number", at)
+            self.report_unfit(f"{word} is not a JSON value; write null, or a number", at)
             return None, found.end()
         if word.lower() in _WORDS:
             raise JsonError(f"write {word.lower()} in lower case", at)
@@ -206,7 +205,7 @@ class _JsonReader:
             raise JsonError("this is not a JSON number; write it as 12, -0.5 or 1e3", at)
         raise JsonError(f"`{word}` is not a JSON value; texts stand in double quotation marks", at)
 
-    def string(self, at: int) -> tuple[str, int]:
+    def read_string(self, at: int) -> tuple[str, int]:
         simple = _STRING.match(self.text, at)
         if simple is not None:
             return simple.group(1), simple.end()
@@ -221,21 +220,21 @@ class _JsonReader:
             if character == '"':
                 return "".join(pieces), position + 1
             if character == "\\":
-                piece, position = self.escape(position)
+                piece, position = self.read_escape(position)
                 pieces.append(piece)
             elif character in ("\n", "\r", ""):
                 raise JsonError(_UNCLOSED, at)
             else:
                 raise JsonError(f"a control character (U+{ord(character):04X}) must be written as an escape", position)
 
-    def escape(self, at: int) -> tuple[str, int]:
+    def read_escape(self, at: int) -> tuple[str, int]:
         letter = self.text[at + 1 : at + 2]
         if letter in _ESCAPES:
             return _ESCAPES[letter], at + 2
         if letter == "u":
-            code = self.unit(at)
+            code = self.read_code_unit(at)
             if 0xD800 <= code < 0xDC00 and self.text.startswith("\\u", at + 6):
-                low = self.unit(at + 6)
+                low = self.read_code_unit(at + 6)
                 if 0xDC00 <= low < 0xE000:
                     return chr(0x10000 + ((code - 0xD800) << 10) + low - 0xDC00), at + 12
             if 0xD800 <= code < 0xE000:
@@ -243,18 +242,18 @@ class _JsonReader:
             return chr(code), at + 6
         raise JsonError('a backslash stands before one of " \\ / b f n r t u; write \\\\ for itself', at)
 
-    def unit(self, at: int) -> int:
+    def read_code_unit(self, at: int) -> int:
         digits = self.text[at + 2 : at + 6]
         if re.fullmatch(r"[0-9A-Fa-f]{4}", digits) is None:
             raise JsonError("\\u needs four hexadecimal digits", at)
         return int(digits, 16)
 
-    def object(self, start: int, depth: int) -> tuple[JsonObject, int]:
+    def read_object(self, start: int, depth: int) -> tuple[JsonObject, int]:
         result = JsonObject()
         result.at = start
         members: list[JsonMember] = []
         first: dict[str, int] = {}
-        at = self.skip(start + 1)
+        at = self.skip_blanks(start + 1)
         if self.text.startswith("}", at):
             return result, at + 1
         while True:
@@ -263,49 +262,49 @@ class _JsonReader:
                     raise JsonError("no comma before the closing `}`", self.text.rfind(",", 0, at))
                 raise JsonError('here a key in double quotation marks should stand: "key": value', at)
             key_at = at
-            key, at = self.string(at)
-            at = self.skip(at)
+            key, at = self.read_string(at)
+            at = self.skip_blanks(at)
             if not self.text.startswith(":", at):
                 raise JsonError(f'after the key "{key}" a colon should stand', at)
-            value_at = self.skip(at + 1)
-            value, at = self.value(value_at, depth + 1)
+            value_at = self.skip_blanks(at + 1)
+            value, at = self.read_value(value_at, depth + 1)
             if key in first:
                 self.duplicate(key, key_at, first[key])
             else:
                 first[key] = key_at
                 result[key] = value
                 members.append(JsonMember(key, value, key_at, value_at))
-            at, ended = self.separator(at, "}", "object", start)
+            at, ended = self.read_separator(at, "}", "object", start)
             if ended:
                 result.members = tuple(members)
                 return result, at
 
-    def array(self, start: int, depth: int) -> tuple[JsonArray, int]:
+    def read_array(self, start: int, depth: int) -> tuple[JsonArray, int]:
         result = JsonArray()
         result.at = start
         offsets: list[int] = []
-        at = self.skip(start + 1)
+        at = self.skip_blanks(start + 1)
         if self.text.startswith("]", at):
             return result, at + 1
         while True:
             if self.text.startswith("]", at):
                 raise JsonError("no comma before the closing `]`", self.text.rfind(",", 0, at))
             offsets.append(at)
-            value, at = self.value(at, depth + 1)
+            value, at = self.read_value(at, depth + 1)
             result.append(value)
-            at, ended = self.separator(at, "]", "array", start)
+            at, ended = self.read_separator(at, "]", "array", start)
             if ended:
                 result.items_at = tuple(offsets)
                 return result, at
 
-    def separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:
+    def read_separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:
         """Behind a value: the offset after the comma, or after the closing bracket with True."""
         behind = at
-        at = self.skip(at)
+        at = self.skip_blanks(at)
         if self.text.startswith(closing, at):
             return at + 1, True
         if self.text.startswith(",", at):
-            return self.skip(at + 1), False
+            return self.skip_blanks(at + 1), False
         if at >= len(self.text):
             raise JsonError(f"this {kind} is never closed; `{closing}` is missing", start)
         raise JsonError(f"a comma or `{closing}` is missing here", behind)

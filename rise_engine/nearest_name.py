@@ -19,30 +19,30 @@ _COMPARISONS = 20_000
 """How many names are compared with misspelt ones while one scenario is read: that is slow, and nobody reads more."""
 _LONGEST = 80
 """Characters of a name that somebody may have misspelt."""
-_left: ContextVar[list[int]] = ContextVar("comparisons that are left")
+_budget: ContextVar[list[int]] = ContextVar("comparisons that are left")
 
 
 @contextmanager
 def limited_comparisons() -> Iterator[None]:
     """Within it, `nearest_name` compares `_COMPARISONS` names at most: nothing but mistakes is read as fast."""
-    token = _left.set([_COMPARISONS])
+    token = _budget.set([_COMPARISONS])
     try:
         yield
     finally:
-        _left.reset(token)
+        _budget.reset(token)
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str | None:
     """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
-    left = _left.get([_COMPARISONS])
-    if left[0] <= 0 or len(word) > _LONGEST:
+    budget = _budget.get([_COMPARISONS])
+    if budget[0] <= 0 or len(word) > _LONGEST:
         return None
     folded: dict[str, str] = {}
-    for name in islice(known, left[0]):
+    for name in islice(known, budget[0]):
         if len(name) <= _LONGEST:
-            folded.setdefault(_folded(name), name)
-    left[0] -= len(folded)
-    matches = get_close_matches(_folded(word), folded, n=1, cutoff=0.6)
+            folded.setdefault(_fold(name), name)
+    budget[0] -= len(folded)
+    matches = get_close_matches(_fold(word), folded, n=1, cutoff=0.6)
     return folded[matches[0]] if matches else None
 
 
@@ -68,33 +68,34 @@ def lookalike_note(word: str, known: str) -> str:
         return ""
     pairs = enumerate(zip(word, known, strict=False))
     at = next((index for index, (here, there) in pairs if here != there), min(len(word), len(known)))
-    if _seen(normalize("NFC", word)) == _seen(normalize("NFC", known)):
+    if _visible_part(normalize("NFC", word)) == _visible_part(normalize("NFC", known)):
         while at > 0 and any(combining(each) for each in (word[at : at + 1], known[at : at + 1]) if each):
             at -= 1  # to the letter that the accent belongs to
-    elif not _other_script(word[at : at + 1], known[at : at + 1]):
+    elif not _are_of_two_scripts(word[at : at + 1], known[at : at + 1]):
         return ""
-    here, there = _letter(word, at), _letter(known, at)
+    here, there = _letter_at(word, at), _letter_at(known, at)
+    named_here, named_there = _describe_characters(here), _describe_characters(there)
     if len(here) == len(there) or not here or not there:
-        return f" They look alike, but here stands {_characters(here)}, there {_characters(there)}; copy it from there."
+        return f" They look alike, but here stands {named_here}, there {named_there}; copy it from there."
     return (
-        f" They look alike, but its `{there}` is written as {_characters(here)} here, and as {_characters(there)} "
+        f" They look alike, but its `{there}` is written as {named_here} here, and as {named_there} "
         "there; copy the name from there."
     )
 
 
-def _folded(name: str) -> str:
+def _fold(name: str) -> str:
     """A name without what readers overlook."""
     if name.isascii():
         return name.casefold()
     return normalize("NFC", name).casefold()
 
 
-def _seen(name: str) -> str:
+def _visible_part(name: str) -> str:
     """What of a name can be seen."""
     return " ".join(UNSEEN.sub("", name).split())
 
 
-def _letter(name: str, at: int) -> str:
+def _letter_at(name: str, at: int) -> str:
     """The letter that begins at an offset, with its accents."""
     end = at + 1
     while end < len(name) and combining(name[end]):
@@ -102,13 +103,13 @@ def _letter(name: str, at: int) -> str:
     return name[at:end]
 
 
-def _other_script(here: str, there: str) -> bool:
+def _are_of_two_scripts(here: str, there: str) -> bool:
     """Whether one of two letters is from another alphabet, such as a Cyrillic `а` in a Latin word."""
     scripts = [unicode_name(each, "").partition(" ")[0] for each in (here, there) if each.isalpha()]
     return len(set(scripts)) == 2 and set(scripts) <= {"LATIN", "CYRILLIC", "GREEK", "FULLWIDTH"}
 
 
-def _characters(letter: str) -> str:
+def _describe_characters(letter: str) -> str:
     if not letter:
         return "nothing"
     written = " and ".join(character_name(each) for each in letter)

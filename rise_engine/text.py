@@ -51,7 +51,7 @@ def clean(text: str, *, keep: str = "") -> str:
     return UNSEEN.sub(mark, text)
 
 
-def counted(number: int, noun: str) -> str:
+def pluralize(number: int, noun: str) -> str:
     """A number of things in words: `1 record`, `2 records`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
@@ -74,6 +74,12 @@ def find_unseen(text: str, start: int = 0, end: int | None = None) -> int:
         if found[0] not in BLANKS:
             return found.start()
     return -1
+
+
+def match_end(pattern: re.Pattern[str], text: str, start: int) -> int:
+    """Where what a pattern matches from `start` on ends; `start` itself when it does not match there."""
+    found = pattern.match(text, start)
+    return found.end() if found is not None else start
 
 
 def character_name(character: str) -> str:

@@ -25,7 +25,7 @@ from rise_engine.scenario.model import ActionSpec, RobotProfile, Scenario, Sourc
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, read_robot, robot_names
 from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines
 from rise_engine.scenario.source_files import FileReader
-from rise_engine.text import clean, counted
+from rise_engine.text import clean, pluralize
 
 # --- check ----------------------------------------------------------------------------------------------------------
 
@@ -56,7 +56,7 @@ def check_report(folder: str, *, robot: str | None, mode: str | None, as_json: b
         for each in silenced if all_of_them else ():
             diagnostic = each.diagnostic
             print(f"{diagnostic.location}: silenced {diagnostic.code}: {diagnostic.message} (reason: {each.reason})")
-        found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}" if diagnostics else "no findings"
+        found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if diagnostics else "no findings"
         found += f", {len(silenced)} silenced" if silenced else ""
         print(f"{found}{_contents_text(scenario)}")
     return 1 if errors else 0
@@ -95,7 +95,7 @@ def load_or_refuse(folder: str, *, robot: str | None, mode: str | None) -> Scena
         print(f"{diagnostic}", file=sys.stderr)
     if loaded.scenario is None:
         errors = sum(diagnostic.severity == "error" for diagnostic in loaded.diagnostics)
-        print(f"the scenario is refused: {counted(errors, 'error')}", file=sys.stderr)
+        print(f"the scenario is refused: {pluralize(errors, 'error')}", file=sys.stderr)
     return loaded.scenario
 
 
@@ -103,8 +103,8 @@ def _contents_text(scenario: Scenario | None) -> str:
     if scenario is None:
         return ""
     return (
-        f" ({counted(len(scenario.acts), 'act')}, {counted(len(scenario.rules), 'rule')}, "
-        f"{counted(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
+        f" ({pluralize(len(scenario.acts), 'act')}, {pluralize(len(scenario.rules), 'rule')}, "
+        f"{pluralize(len(scenario.memory), 'memory key')}, robot {scenario.robot.name})"
     )
 
 

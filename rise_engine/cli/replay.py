@@ -17,7 +17,7 @@ from rise_engine.session.export import ExportFormat, SessionExport
 from rise_engine.session.folder import JOURNAL, find_session
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import ReplayComparison, compare_replay
-from rise_engine.text import clean, counted
+from rise_engine.text import clean, pluralize
 
 
 def play_report(session: str, speed: float) -> int:
@@ -99,17 +99,16 @@ def _comparison_lines(found: ReplayComparison) -> list[str]:
     if found.difference is not None:
         lines.append(f"different: {found.difference}")
         lines.append(
-            f"({counted(found.records, 'record')} before it {'is' if found.records == 1 else 'are'} identical)"
+            f"({pluralize(found.records, 'record')} before it {'is' if found.records == 1 else 'are'} identical)"
         )
         return lines
-    same = (
-        f"{counted(found.inputs, 'input')}, {counted(found.records, 'record')}, {found.seconds:.1f} s of session time"
-    )
+    inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")
+    same = f"{inputs}, {records}, {found.seconds:.1f} s of session time"
     if found.identical:
         return [*lines, f"identical: {same}"]
     lines += [f"different: {JOURNAL}:{line} cannot be read: {why}" for line, why in found.damaged.items()]
     if found.missing:
-        lines.append(f"different: {counted(found.missing, 'record')} of the replay cannot be read in the journal")
+        lines.append(f"different: {pluralize(found.missing, 'record')} of the replay cannot be read in the journal")
     return [*lines, f"(all else is identical: {same})"]
 
 

@@ -14,7 +14,7 @@ from typing import Any, get_args
 from msgspec import Struct
 
 from rise_engine.errors import RiseError
-from rise_engine.json_codec import JsonError, plain, read_json
+from rise_engine.json_codec import JsonError, read_json, to_plain
 from rise_engine.kernel.inputs import Submit, TaskFunction
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Scenario
@@ -61,7 +61,7 @@ class TaskFileReader:
             return None
         problems: list[str] = []
         try:
-            value = plain(read_json(text, lambda key, at, first: problems.append(f"`{key}` is there twice")))
+            value = to_plain(read_json(text, lambda key, at, first: problems.append(f"`{key}` is there twice")))
         except JsonError as error:
             raise self._make_error([f"this is not JSON: {error}"], before + error.offset + 1) from None
         if not isinstance(value, dict):

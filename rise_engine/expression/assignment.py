@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from math import isfinite
 
 from rise_engine.expression.environment import Environment, Json, list_index, lookup
-from rise_engine.expression.errors import EvaluationError, ExpressionError, shortened
+from rise_engine.expression.errors import EvaluationError, ExpressionError, shorten
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key
-from rise_engine.expression.values import described, nesting_levels
+from rise_engine.expression.values import describe, nesting_levels
 from rise_engine.json_codec import MAX_LEVELS, JsonError, decode
+from rise_engine.text import match_end
 
 _BLANKS = re.compile(r"\s*")
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
@@ -58,7 +59,7 @@ class Assignment:
         """As `parse`, but a JSON object may hold several keys (at least one), assigned in its order."""
         if len(text) > MAX_LENGTH:
             raise ExpressionError(f"the assignment is longer than {MAX_LENGTH:,} characters", text[:200], 1)
-        start = _blanks_end(text, 0)
+        start = match_end(_BLANKS, text, 0)
         if text.startswith("{", start):
             pairs = _read_json(text, start)
             if not pairs:
@@ -113,9 +114,6 @@ class Assignment:
     def __repr__(self) -> str:
         return f"Assignment.parse({self.text!r})"
 
-    def __reduce__(self) -> tuple[Callable[[str, str], Assignment], tuple[str, str]]:
-        return _restore, (self.text, self.key)
-
 
 def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
     """Which top-level key gets which new value when `key` is set. The memory itself is not changed.
@@ -131,36 +129,33 @@ def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[s
     if len(rest) + nesting_levels(value) > MAX_LEVELS:
         raise EvaluationError(
             f"`{head}` would be nested too deeply: more than {MAX_LEVELS} lists and objects within each other",
-            shortened(key),
+            shorten(key),
         )
-    top = here = memory[head].copy()
-    way = head
+    top = container = memory[head].copy()
+    path = head
     for part in rest[:-1]:
-        if isinstance(here, dict) and part not in here:
+        index = _index_or_name(container, part, path, key)
+        if isinstance(container, dict) and part not in container:
             inner: Json = {}
         else:
-            inner = here[_index_or_name(here, part, way, key)]
+            inner = container[index]
             if not isinstance(inner, (dict, list)):
-                raise EvaluationError(f"`{way}.{part}` is {described(inner)}; nothing can be set inside it", key)
+                raise EvaluationError(f"`{path}.{part}` is {describe(inner)}; nothing can be set inside it", key)
             inner = inner.copy()
-        here[_index_or_name(here, part, way, key)] = inner
-        here = inner
-        way += f".{part}"
-    here[_index_or_name(here, rest[-1], way, key)] = value
+        container[index] = inner
+        container = inner
+        path += f".{part}"
+    container[_index_or_name(container, rest[-1], path, key)] = value
     return head, top
 
 
-def _index_or_name(container: Json, part: str, way: str, key: str) -> str | int:
+def _index_or_name(container: Json, part: str, path: str, key: str) -> str | int:
     if isinstance(container, dict):
         return part
     index = list_index(container, part)
     if index is None:
-        raise EvaluationError(f"`{way}` is a list of {len(container)} and has no entry `{part}`", key)
+        raise EvaluationError(f"`{path}` is a list of {len(container)} and has no entry `{part}`", key)
     return index
-
-
-def _restore(text: str, key: str) -> Assignment:
-    return next(assignment for assignment in Assignment.parse_all(text) if assignment.key == key)
 
 
 def _read_key(text: str, start: int) -> tuple[str, int]:
@@ -182,7 +177,7 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
     if compound:
         hint = f"write `{key} = {key} {compound[1]} ...`"
         raise ExpressionError(f"`{compound[1]}=` is no operator", text, compound.start(1) + 1, hint)
-    at = _blanks_end(text, end)
+    at = match_end(_BLANKS, text, end)
     if at == len(text):
         raise ExpressionError("the `=` is missing", text, at + 1, f"write `{key} = value`")
     if text.startswith("==", at):
@@ -199,7 +194,7 @@ def _read_key(text: str, start: int) -> tuple[str, int]:
 
 
 def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
-    at = _blanks_end(text, start)
+    at = match_end(_BLANKS, text, start)
     if at == len(text):
         raise ExpressionError("there is no value after the `=`", text, at + 1, 'write `""` for an empty text')
     if text[at] in "[{":
@@ -220,8 +215,3 @@ def _read_json(text: str, start: int) -> Json:
     except JsonError as error:
         message, _, hint = str(error).partition("; ")
         raise ExpressionError(f"this is no valid JSON: {message}", text, start + error.offset + 1, hint) from None
-
-
-def _blanks_end(text: str, start: int) -> int:
-    match = _BLANKS.match(text, start)
-    return match.end() if match else start

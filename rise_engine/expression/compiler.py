@@ -6,15 +6,13 @@ reads it, so that no type is looked at twice.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from operator import neg
+from typing import Any, TypeAlias
 
-from rise_engine.expression import arithmetic, comparisons, logic
-from rise_engine.expression.arithmetic import Number
-from rise_engine.expression.comparisons import Operand, Refuse
 from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC, power
-from rise_engine.expression.logic import Condition
 from rise_engine.expression.nodes import (
     Chain,
     Compare,
@@ -30,7 +28,19 @@ from rise_engine.expression.nodes import (
     Power,
     with_all_brackets,
 )
-from rise_engine.expression.values import described, is_true, native_number, to_double
+from rise_engine.expression.operators import (
+    Condition,
+    Number,
+    Operand,
+    Refuse,
+    compile_call,
+    compile_chain,
+    compile_comparison,
+    compile_logic,
+)
+from rise_engine.expression.values import describe, is_true, native_number, to_double
+
+Compute: TypeAlias = Callable[[Any], Json]
 
 
 class ExpressionCompiler:
@@ -41,75 +51,70 @@ class ExpressionCompiler:
     def __init__(self, text: str) -> None:
         self.text = text
 
-    def condition(self, node: Node) -> Condition:
+    def compile_condition(self, node: Node) -> Condition:
         """The truth of a node."""
         match node:
             case Logic(operator, operands):
-                return logic.combine(operator, [self.condition(operand) for operand in operands])
+                return compile_logic(operator, [self.compile_condition(operand) for operand in operands])
             case Key(name):
 
-                def holds(env: Environment) -> bool:  # not by way of `operand`: benchmarks/kernel_events shows 4 %
+                def is_key_true(env: Environment) -> bool:  # its own closure: benchmarks/kernel_events shows 4 %
                     try:
                         value = env.memory[name]
                     except KeyError:
                         value = env.value_of_absent_key(name, False)
                     return is_true(value)
 
-                return holds
+                return is_key_true
             case Compare():
-                return self.comparison(node)
+                return compile_comparison(
+                    node.operator,
+                    self.compile_operand(node.left),
+                    self.compile_operand(node.right),
+                    self.comparison_error(node),
+                )
             case Not(operand):
-                return logic.negation(self.condition(operand))
+                negated = self.compile_condition(operand)
+                return lambda env: not negated(env)
             case Literal(value):
                 fixed = is_true(value)
                 return lambda env: fixed
             case Defined(name):
                 return lambda env: lookup(env.memory, name)[0]
             case Chain() | Power() | Negative():
-                number = self.number(node)
+                number = self.compile_number(node)
                 return lambda env: number(env) > 0
             case _:
-                read = self.operand(node)
+                read = self.compile_operand(node)
                 return lambda env: is_true(read(env))
 
-    def comparison(self, node: Compare) -> Condition:
-        operator, left, right = node
-        a, b = self.operand(left), self.operand(right)
-        if operator == "==" or operator == "!=":
-            return comparisons.equals(a, b, operator == "!=")
-        if operator == "contains":
-            return comparisons.includes(a, b, self.refuse(node))
-        if operator in ("starts with", "ends with"):
-            return comparisons.affix(operator, a, b, self.refuse(node))
-        return comparisons.order(operator, a, b, self.refuse(node))
-
-    def number(self, node: Node) -> Number:
+    def compile_number(self, node: Node) -> Number:
         """The value of a node as a double: booleans are 1 and 0, a key that does not exist is 0."""
         match node:
-            case Key(name):
-                return self.key_number(name)
             case Literal(value) if isinstance(value, (int, float)):
                 fixed = float(value)
                 return lambda env: fixed
             case Chain(first, rest):
-                return arithmetic.chain(self.number(first), [(sign, self.number(operand)) for sign, operand in rest])
+                return compile_chain(
+                    self.compile_number(first), [(sign, self.compile_number(operand)) for sign, operand in rest]
+                )
             case Negative(operand):
-                return arithmetic.call(neg, [self.number(operand)])
+                return compile_call(neg, [self.compile_number(operand)])
             case Power(base, exponent):
-                return arithmetic.call(power, [self.number(base), self.number(exponent)])
+                return compile_call(power, [self.compile_number(base), self.compile_number(exponent)])
             case FunctionCall(function, arguments) if function in NUMERIC:
-                return arithmetic.call(NUMERIC[function], [self.number(argument) for argument in arguments])
+                return compile_call(NUMERIC[function], [self.compile_number(argument) for argument in arguments])
             case FunctionCall("rand", arguments):
-                return self.rand([self.number(argument) for argument in arguments])
+                return self.compile_rand([self.compile_number(argument) for argument in arguments])
             case FunctionCall("length", (argument,)):
-                return self.length(argument)
+                return self.compile_function(_length, argument, (str, list, dict), 0.0, "has no length")
             case Logic() | Not() | Compare() | Defined():
-                condition = self.condition(node)
+                condition = self.compile_condition(node)
                 return lambda env: 1.0 if condition(env) else 0.0
             case _:
-                return self.checked_number(node)
+                return self.compile_function(to_double, node, (int, float), 0.0, "is not a number")
 
-    def operand(self, node: Node) -> Operand:
+    def compile_operand(self, node: Node) -> Operand:
         """The value of a node in its own type; MISSING for a key that does not exist; computed numbers as doubles."""
         match node:
             case Key(name):
@@ -130,15 +135,15 @@ class ExpressionCompiler:
                 opposite = -value  # exact, which a double need not be
                 return lambda env: opposite
             case Logic() | Not() | Compare() | Defined():
-                return self.condition(node)
+                return self.compile_condition(node)
             case FunctionCall("lower", (argument,)):
-                return self.lower(argument)
+                return self.compile_function(str.lower, argument, str, "", "is not a text")
             case _:
-                return self.number(node)
+                return self.compile_number(node)
 
-    def value(self, node: Node) -> Operand:
+    def compile_value(self, node: Node) -> Operand:
         """The value of a whole expression, as the memory would keep it."""
-        operand = self.operand(node)
+        operand = self.compile_operand(node)
         if isinstance(node, Key):
 
             def stored(env: Environment) -> Json:
@@ -155,32 +160,24 @@ class ExpressionCompiler:
             return computed
         return operand
 
-    def key_number(self, name: str) -> Number:
-        def run(env: Environment) -> float:
-            try:
-                value = env.memory[name]
-            except KeyError:
-                value = env.value_of_absent_key(name, 0)
-            if value.__class__ is float:
-                return value
-            if isinstance(value, (int, float)):
-                return to_double(value)
-            raise self.not_a_number(Key(name), value)
+    def compile_function(
+        self, compute: Compute, node: Node, types: type | tuple[type, ...], absent: Json, problem: str
+    ) -> Operand:
+        """What `compute` makes of the value of a node, if it is of these types, and `absent` for a missing key."""
+        operand = self.compile_operand(node)
 
-        return run
-
-    def checked_number(self, node: Node) -> Number:
-        operand = self.operand(node)
-
-        def run(env: Environment) -> float:
+        def run(env: Environment) -> Json:
             value = operand(env)
-            if isinstance(value, (int, float)):
-                return to_double(value)
-            raise self.not_a_number(node, value)
+            if isinstance(value, types):
+                return compute(value)
+            if value is MISSING:
+                return absent
+            shown = f"`{with_all_brackets(node)}` is {describe(value)}"
+            raise EvaluationError(f"{shown}, which {problem}", self.text)
 
         return run
 
-    def rand(self, bounds: list[Number]) -> Number:
+    def compile_rand(self, bounds: list[Number]) -> Number:
         """`rand(max)` or `rand(min, max)`: draws exactly one number from the session's source."""
 
         def run(env: Environment) -> float:
@@ -192,42 +189,18 @@ class ExpressionCompiler:
 
         return run
 
-    def length(self, node: Node) -> Number:
-        operand = self.operand(node)
-
-        def run(env: Environment) -> float:
-            value = operand(env)
-            if value is MISSING:
-                return 0.0
-            if isinstance(value, (str, list, dict)):
-                return float(len(value))
-            raise EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which has no length", self.text)
-
-        return run
-
-    def lower(self, node: Node) -> Operand:
-        operand = self.operand(node)
-
-        def run(env: Environment) -> str:
-            value = operand(env)
-            if value is MISSING:
-                return ""
-            if isinstance(value, str):
-                return value.lower()
-            raise EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which is not a text", self.text)
-
-        return run
-
-    def refuse(self, node: Compare) -> Refuse:
-        """The error for a comparison whose sides do not fit."""
+    def comparison_error(self, node: Compare) -> Refuse:
+        """Makes the error for a comparison whose sides do not fit."""
 
         def error(left: Json, right: Json) -> EvaluationError:
             action = "order" if node.operator in ("<", "<=", ">", ">=") else f"use `{node.operator}` on"
             return EvaluationError(
-                f"cannot {action} {described(left)} and {described(right)} in `{with_all_brackets(node)}`", self.text
+                f"cannot {action} {describe(left)} and {describe(right)} in `{with_all_brackets(node)}`",
+                self.text,
             )
 
         return error
 
-    def not_a_number(self, node: Node, value: Json) -> EvaluationError:
-        return EvaluationError(f"`{with_all_brackets(node)}` is {described(value)}, which is not a number", self.text)
+
+def _length(value: str | list[Json] | dict[str, Json]) -> float:
+    return float(len(value))

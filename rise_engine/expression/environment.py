@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, MutableSet
+from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 Json: TypeAlias = Any
@@ -24,24 +25,16 @@ class Missing:
 MISSING: Final = Missing()
 
 
+@dataclass(slots=True, eq=False)
 class Environment:
-    """The argument of a compiled expression. Build one, keep it, and change the memory behind it.
+    """The argument of a compiled expression. Build one, keep it, and change the memory behind it."""
 
-    `memory` is a plain dict in the engine; `rand` gives the next number in [0, 1) (null: `rand()` is an evaluation
-    error); `missing` collects the keys that an evaluation wanted and that do not exist (null: not collected).
-    """
-
-    __slots__ = ("memory", "missing", "rand")
-
-    def __init__(
-        self,
-        memory: Mapping[str, Json],
-        rand: Callable[[], float] | None = None,
-        missing: MutableSet[str] | None = None,
-    ) -> None:
-        self.memory = memory
-        self.rand = rand
-        self.missing = missing
+    memory: Mapping[str, Json]
+    """A plain dict in the engine."""
+    rand: Callable[[], float] | None = None
+    """Gives the next number in [0, 1); null: `rand()` is an evaluation error."""
+    missing: MutableSet[str] | None = None
+    """Collects the keys that an evaluation wanted and that do not exist; null: not collected."""
 
     def value_of_absent_key(self, key: str, default: Json) -> Json:
         """The value of a key that is no flat key: from within an object, or else `default`, and it is reported."""
@@ -65,15 +58,21 @@ def lookup(memory: Mapping[str, Json], key: str) -> tuple[bool, Json]:
     head, *rest = key.split(".")
     if not rest or head not in memory:
         return False, None
-    value = memory[head]
+    found, value = True, memory[head]
     for part in rest:
-        if isinstance(value, dict) and part in value:
-            value = value[part]
-        elif isinstance(value, list) and (index := list_index(value, part)) is not None:
-            value = value[index]
-        else:
-            return False, None
-    return True, value
+        found, value = reach_into(value, part)
+        if not found:
+            break
+    return found, value
+
+
+def reach_into(value: Json, part: str) -> tuple[bool, Json]:
+    """Whether a part of a key is there in an object or a list, and its value (else null)."""
+    if isinstance(value, dict) and part in value:
+        return True, value[part]
+    if isinstance(value, list) and (index := list_index(value, part)) is not None:
+        return True, value[index]
+    return False, None
 
 
 def list_index(items: list[Json], part: str) -> int | None:

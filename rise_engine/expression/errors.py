@@ -42,16 +42,16 @@ class EvaluationError(LanguageError):
     """A value of this moment does not fit the expression: a text is added, a number has no beginning, ..."""
 
     def __str__(self) -> str:
-        if _bare(f"`{self.text}`") in _bare(self.message):  # it has been said already
+        if _normalize(f"`{self.text}`") in _normalize(self.message):  # it has been said already
             return self.message
-        return f"{self.message} (in `{shortened(self.text)}`)"
+        return f"{self.message} (in `{shorten(self.text)}`)"
 
 
-def _bare(text: str) -> str:
+def _normalize(text: str) -> str:
     """A text without what differs between how an expression is written and how a message shows it."""
     return "".join(text.split()).replace("==", "=").replace("'", '"')
 
 
-def shortened(text: str, limit: int = 80) -> str:
+def shorten(text: str, limit: int = 80) -> str:
     """A text for a message: cut when it is long."""
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -47,17 +47,17 @@ class Expression:
         rise_engine.expression.errors.ExpressionError: something is missing after `>` (column 7)
         """
         parsed = parse(text)
-        return cls(text, parsed.root, frozenset(parsed.keys), frozenset(parsed.constants))
+        return cls(text, parsed.root, parsed.keys, parsed.constants)
 
     @cached_property
     def compiled_condition(self) -> Callable[[Environment], bool]:
         """Compiled: whether it holds."""
-        return ExpressionCompiler(self.text).condition(self.root)
+        return ExpressionCompiler(self.text).compile_condition(self.root)
 
     @cached_property
     def compiled_value(self) -> Callable[[Environment], Json]:
         """Compiled: its value in its own type. Lists and objects are the memory's own, never to be changed in place."""
-        return ExpressionCompiler(self.text).value(self.root)
+        return ExpressionCompiler(self.text).compile_value(self.root)
 
     @cached_property
     def with_all_brackets(self) -> str:
@@ -67,7 +67,7 @@ class Expression:
     @cached_property
     def keys_read(self) -> frozenset[str]:
         """Those of `keys` whose value is read; of the others it is only asked whether they are `defined`."""
-        return self.keys if "defined" not in self.text else frozenset(nodes.read_keys(self.root))
+        return self.keys if "defined" not in self.text else nodes.read_keys(self.root)
 
     @property
     def bare_key(self) -> str | None:
@@ -108,6 +108,3 @@ class Expression:
 
     def __repr__(self) -> str:
         return f"Expression.parse({self.text!r})"
-
-    def __reduce__(self) -> tuple[Callable[[str], Expression], tuple[str]]:
-        return Expression.parse, (self.text,)

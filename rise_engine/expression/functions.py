@@ -38,8 +38,8 @@ def power(a: float, b: float) -> float:
         return copysign(inf, a) if math.fmod(b, 2) in (1.0, -1.0) else inf
 
 
-def _total(function: Callable[[float], float]) -> Callable[[float], float]:
-    def total(x: float) -> float:
+def _without_errors(function: Callable[[float], float]) -> Callable[[float], float]:
+    def guarded(x: float) -> float:
         try:
             return function(x)
         except ValueError:
@@ -47,7 +47,7 @@ def _total(function: Callable[[float], float]) -> Callable[[float], float]:
         except OverflowError:
             return inf
 
-    return total
+    return guarded
 
 
 def _logarithm(function: Callable[[float], float]) -> Callable[[float], float]:
@@ -57,55 +57,46 @@ def _logarithm(function: Callable[[float], float]) -> Callable[[float], float]:
     return logarithm
 
 
-def _whole(function: Callable[[float], float]) -> Callable[[float], float]:
-    def whole(x: float) -> float:
+def _rounding(function: Callable[[float], float]) -> Callable[[float], float]:
+    def rounded(x: float) -> float:
         return float(function(x)) if math.isfinite(x) else x
 
-    return whole
+    return rounded
 
 
-def _minimum(*numbers: float) -> float:
-    return nan if any(number != number for number in numbers) else min(numbers)
+def _of_numbers(function: Callable[..., float]) -> Callable[..., float]:
+    def extreme(*numbers: float) -> float:
+        return nan if any(number != number for number in numbers) else function(numbers)
 
-
-def _maximum(*numbers: float) -> float:
-    return nan if any(number != number for number in numbers) else max(numbers)
-
-
-def _lerp(a: float, b: float, t: float) -> float:
-    return a + (b - a) * t
+    return extreme
 
 
 def _clamp(x: float, low: float, high: float) -> float:
     return low if x < low else high if x > high else x
 
 
-def _clamp01(x: float) -> float:
-    return _clamp(x, 0.0, 1.0)
-
-
 NUMERIC: dict[str, Callable[..., float]] = {
-    "sin": _total(math.sin),
-    "cos": _total(math.cos),
-    "tan": _total(math.tan),
-    "asin": _total(math.asin),
-    "acos": _total(math.acos),
+    "sin": _without_errors(math.sin),
+    "cos": _without_errors(math.cos),
+    "tan": _without_errors(math.tan),
+    "asin": _without_errors(math.asin),
+    "acos": _without_errors(math.acos),
     "atan": math.atan,
     "atan2": math.atan2,
     "abs": abs,
-    "floor": _whole(math.floor),
-    "ceil": _whole(math.ceil),
-    "round": _whole(round),
-    "min": _minimum,
-    "max": _maximum,
-    "exp": _total(math.exp),
+    "floor": _rounding(math.floor),
+    "ceil": _rounding(math.ceil),
+    "round": _rounding(round),
+    "min": _of_numbers(min),
+    "max": _of_numbers(max),
+    "exp": _without_errors(math.exp),
     "ln": _logarithm(math.log),
     "log10": _logarithm(math.log10),
-    "sqrt": _total(math.sqrt),
+    "sqrt": _without_errors(math.sqrt),
     "pow": power,
-    "lerp": _lerp,
+    "lerp": lambda a, b, t: a + (b - a) * t,
     "clamp": _clamp,
-    "clamp01": _clamp01,
+    "clamp01": lambda x: _clamp(x, 0.0, 1.0),
 }
 
 ARITY: dict[str, tuple[int, int]] = {

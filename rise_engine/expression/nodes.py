@@ -92,25 +92,23 @@ def children(node: Node) -> Iterator[Node]:
                 yield operand
 
 
-def depth(node: Node) -> int:
-    """Levels of the tree; a leaf has 1. Does not recurse, so any tree can be measured."""
-    deepest = 0
+def walk(node: Node) -> Iterator[tuple[Node, int]]:
+    """Every node of a tree with its level, from 1 on. Does not recurse, so any tree can be walked."""
     waiting = [(node, 1)]
     while waiting:
-        at, level = waiting.pop()
-        deepest = max(deepest, level)
-        waiting.extend((child, level + 1) for child in children(at))
-    return deepest
+        node, level = waiting.pop()
+        yield node, level
+        waiting.extend((child, level + 1) for child in children(node))
 
 
-def read_keys(node: Node) -> Iterator[str]:
-    """The keys whose value is read anywhere in a tree. Does not recurse."""
-    waiting = [node]
-    while waiting:
-        at = waiting.pop()
-        if isinstance(at, Key):
-            yield at.name
-        waiting.extend(children(at))
+def depth(node: Node) -> int:
+    """Levels of the tree; a leaf has 1."""
+    return max(level for _, level in walk(node))
+
+
+def read_keys(node: Node) -> frozenset[str]:
+    """The keys whose value is read anywhere in a tree."""
+    return frozenset(each.name for each, _ in walk(node) if isinstance(each, Key))
 
 
 def map_children(node: Node, change: Callable[[Node], Node]) -> Node:
@@ -144,17 +142,17 @@ def with_all_brackets(node: Node) -> str:
         case Defined(name):
             return f"defined({name})"
         case Not(operand):
-            return f"not {_bracketed(operand)}"
+            return f"not {_bracket(operand)}"
         case Negative(operand):
-            return f"-{_bracketed(operand)}"
+            return f"-{_bracket(operand)}"
         case Logic(operator, operands):
-            return f" {operator} ".join(map(_bracketed, operands))
+            return f" {operator} ".join(map(_bracket, operands))
         case Compare(operator, left, right):
-            return f"{_bracketed(left)} {operator} {_bracketed(right)}"
+            return f"{_bracket(left)} {operator} {_bracket(right)}"
         case Chain(first, rest):
-            return _bracketed(first) + "".join(f" {operator} {_bracketed(operand)}" for operator, operand in rest)
+            return _bracket(first) + "".join(f" {operator} {_bracket(operand)}" for operator, operand in rest)
         case Power(base, exponent):
-            return f"{_bracketed(base)} ^ {_bracketed(exponent)}"
+            return f"{_bracket(base)} ^ {_bracket(exponent)}"
         case FunctionCall(function, arguments):
             return f"{function}({', '.join(map(with_all_brackets, arguments))})"
 
@@ -166,7 +164,7 @@ def literal_text(value: bool | int | float | str | None) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return _quoted(value)
+        return _quote(value)
     return number_text(value)
 
 
@@ -179,12 +177,12 @@ def number_text(value: int | float) -> str:
     return "inf" if isinstance(value, float) and isinf(value) else text.replace("e+", "e")
 
 
-def _bracketed(node: Node) -> str:
+def _bracket(node: Node) -> str:
     text = with_all_brackets(node)
     return text if isinstance(node, _ATOMS) else f"({text})"
 
 
-def _quoted(value: str) -> str:
+def _quote(value: str) -> str:
     quote = "'" if '"' in value and "'" not in value else '"'
     escaped = value.replace("\\", "\\\\").replace("\n", "\\n").replace("\t", "\\t").replace("\r", "\\r")
     return quote + escaped.replace(quote, "\\" + quote) + quote

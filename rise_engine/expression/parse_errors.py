@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from rise_engine.expression.errors import ExpressionError, shortened
+from rise_engine.expression.errors import ExpressionError, shorten
 from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
 from rise_engine.expression.nodes import Compare, with_all_brackets
-from rise_engine.expression.signatures import signature
+from rise_engine.expression.signatures import find_signature
 from rise_engine.expression.tokens import RESERVED, Token
 from rise_engine.nearest_name import nearest_name
 
@@ -97,7 +97,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
     token = tokens[at]
     column = token.start + 1
     before = tokens[at - 1]
-    shown = shortened(text[token.start : token.end], 40)
+    shown = shorten(text[token.start : token.end], 40)
     if token.kind == ")":
         return ExpressionError("this bracket was never opened", text, column, "remove it, or add `(`")
     if token.kind == "," and before.kind == "number" and tokens[at + 1].kind == "number":
@@ -109,23 +109,20 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
         word = token.value.lower()
         if is_reserved_in_wrong_case(token.value):
             return wrong_case_error(text, token)
-        if word in _TEXT_OPERATORS:
-            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{_TEXT_OPERATORS[word]}`")
-        if word in _OTHER_WORDS:
-            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{_OTHER_WORDS[word]}`")
+        if meant := _TEXT_OPERATORS.get(word) or _OTHER_WORDS.get(word):
+            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{meant}`")
         if word == "with" and before.value in ("starts", "ends"):
             return ExpressionError(
                 f"`{before.value} with` needs a value on its left", text, before.start + 1, "write the key before it"
             )
         near = nearest_name(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
-        if near and token.value not in ("with",):
+        if near and token.value != "with":
             return ExpressionError(f"`{shown}` is no operator", text, column, f"did you mean `{near}`?")
     if token.kind == "(" and before.kind in ("number", ")"):
         return ExpressionError("an operator is missing before the bracket", text, column, "a product needs its `*`")
-    if before.kind == "word" and token.kind == "word":
-        hint = "put texts in quotes, and join conditions by `and` or `or`"
-        return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
-    return ExpressionError(f"an operator is missing before `{shown}`", text, column)
+    two_words = before.kind == "word" and token.kind == "word"
+    hint = "put texts in quotes, and join conditions by `and` or `or`" if two_words else ""
+    return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
 
 
 def unknown_function_error(text: str, token: Token) -> ExpressionError:
@@ -139,12 +136,11 @@ def unknown_function_error(text: str, token: Token) -> ExpressionError:
     else:
         near = nearest_name(name, ARITY)
         hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(ARITY))
-    return ExpressionError(f"there is no function `{shortened(name, 40)}`", text, token.start + 1, hint)
+    return ExpressionError(f"there is no function `{shorten(name, 40)}`", text, token.start + 1, hint)
 
 
 def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
     """A function with too few or too many arguments."""
-
     least, most = ARITY[token.value]
     wanted = (
         f"{least} or more" if most == ANY_NUMBER_OF_ARGUMENTS else str(least) if least == most else f"{least} or {most}"
@@ -156,6 +152,6 @@ def argument_count_error(text: str, token: Token, given: int, arguments: Sequenc
         if given > most and adjacent and (left.kind, comma.kind, right.kind) == ("number", ",", "number"):
             number = f"{text[left.start : left.end]}.{text[right.start : right.end]}"
             hint = f"numbers have a point, not a comma: write `{number}`"
-    if not hint and (known := signature(token.value)) is not None:
-        hint = f"write {known.call}: {known.meaning.partition(';')[0].partition('. ')[0]}"
+    if not hint and (known := find_signature(token.value)) is not None:
+        hint = f"write {known.usage}: {known.meaning.partition(';')[0].partition('. ')[0]}"
     return ExpressionError(f"`{token.value}` takes {wanted} argument{plural}, not {given}", text, token.start + 1, hint)

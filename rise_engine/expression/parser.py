@@ -7,6 +7,8 @@ unknown function, an operator without operand) is refused here.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from rise_engine.expression import parse_errors
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.functions import ARITY, CONSTANTS
@@ -47,28 +49,25 @@ _WORD_OPERATORS = frozenset({"starts", "ends", "contains"})
 _VALUES = {"true": Literal(True), "false": Literal(False), "null": Literal(None)}
 
 
-class Parsed:
+class Parsed(NamedTuple):
     """What parsing finds out: the tree, the keys that it reads, and the constants (which a key may hide)."""
 
-    __slots__ = ("constants", "keys", "root")
-
-    def __init__(self, root: Node, keys: set[str], constants: set[str]) -> None:
-        self.root = root
-        self.keys = keys
-        self.constants = constants
+    root: Node
+    keys: frozenset[str]
+    constants: frozenset[str]
 
 
 def parse(text: str) -> Parsed:
     """Read an expression. Raises ExpressionError, whatever the text is."""
     parser = _Parser(text)
     try:
-        root = parser.whole()
+        root = parser.parse_text()
     except RecursionError:  # the caller's own stack was nearly full
         raise parse_errors.too_deep_error(text, 0) from None
     # Too shallow to be too deep: a level of the tree needs at least one token.
     if len(parser.tokens) > MAX_DEPTH and depth(root) > MAX_DEPTH:
         raise parse_errors.too_deep_error(text, 0)
-    return Parsed(root, parser.keys, parser.constants)
+    return Parsed(root, frozenset(parser.keys), frozenset(parser.constants))
 
 
 class _Parser:
@@ -82,18 +81,19 @@ class _Parser:
         self.keys: set[str] = set()
         self.constants: set[str] = set()
 
-    def whole(self) -> Node:
-        root = self.expression(_OR)
+    def parse_text(self) -> Node:
+        """The whole text, with nothing behind the expression."""
+        root = self.parse_expression(_OR)
         if self.tokens[self.at].kind != "end":
             raise parse_errors.stray_token_error(self.text, self.tokens, self.at)
         return root
 
-    def expression(self, loosest: int) -> Node:
+    def parse_expression(self, loosest: int) -> Node:
         """An expression of operators that bind at least as tightly as `loosest`."""
         self.nesting += 1
         if self.nesting > MAX_NESTING:
             raise parse_errors.too_deep_error(self.text, self.tokens[self.at].start)
-        left = self.operand(loosest)
+        left = self.parse_operand(loosest)
         tokens = self.tokens
         while True:
             operator = tokens[self.at].kind
@@ -107,33 +107,33 @@ class _Parser:
                 operands = [left]
                 while tokens[self.at].kind == operator:
                     self.at += 1
-                    operands.append(self.expression(level + 1))
+                    operands.append(self.parse_expression(level + 1))
                 left = Logic(operator, tuple(operands))
             elif level <= _ORDERING:
-                left = self.comparison(left, operator, level)
+                left = self.parse_comparison(left, operator, level)
             elif level <= _PRODUCT:
                 rest = []
                 while _LEVEL.get(sign := tokens[self.at].kind) == level:
                     self.at += 1
-                    rest.append((sign, self.expression(level + 1)))
+                    rest.append((sign, self.parse_expression(level + 1)))
                 left = Chain(left, tuple(rest))
             else:
                 self.at += 1
-                left = Power(left, self.expression(_POWER))
+                left = Power(left, self.parse_expression(_POWER))
 
-    def comparison(self, left: Node, operator: str, level: int) -> Node:
+    def parse_comparison(self, left: Node, operator: str, level: int) -> Node:
         if operator in _WORD_OPERATORS:
-            operator = self.word_operator()
+            operator = self.read_word_operator()
         else:
             self.at += 1
-        result = Compare(operator, left, self.expression(level + 1))
+        result = Compare(operator, left, self.parse_expression(level + 1))
         following = self.tokens[self.at]
         again = _LEVEL.get(following.kind) == level
         if again or (level == _ORDERING and following.kind == "word" and following.value in _WORD_OPERATORS):
             raise parse_errors.chained_comparison_error(self.text, result, following)
         return result
 
-    def word_operator(self) -> str:
+    def read_word_operator(self) -> str:
         """`starts with`, `ends with` or `contains`: operators only where an operator can stand, else plain keys."""
         word = self.tokens[self.at]
         self.at += 1
@@ -147,35 +147,35 @@ class _Parser:
         self.at += 1
         return f"{word.value} with"
 
-    def operand(self, loosest: int) -> Node:
+    def parse_operand(self, loosest: int) -> Node:
         token = self.tokens[self.at]
         kind = token.kind
         self.at += 1
         if kind == "word":
             if self.tokens[self.at].kind == "(":
-                return self.call(token)
-            return self.name(token)
+                return self.parse_call(token)
+            return self.parse_name(token)
         if kind == "number" or kind == "text":
             return Literal(token.value)
         if kind in _VALUES:
             return _VALUES[kind]
         if kind == "(":
-            inner = self.expression(_OR)
+            inner = self.parse_expression(_OR)
             if self.tokens[self.at].kind != ")":
                 raise parse_errors.unclosed_bracket_error(self.text, self.tokens, self.at, token)
             self.at += 1
             return inner
         if kind == "not":
             # `not` takes its whole comparison, unless it stands inside one: `a == not b`.
-            return Not(self.expression(max(_EQUALITY, loosest)))
+            return Not(self.parse_expression(max(_EQUALITY, loosest)))
         if kind == "-":
-            return Negative(self.expression(_POWER))
+            return Negative(self.parse_expression(_POWER))
         if kind == "+" and self.tokens[self.at].kind == "number":  # RISE reads `+3` as 3
             self.at += 1
             return Literal(self.tokens[self.at - 1].value)
         raise parse_errors.missing_operand_error(self.text, self.tokens, self.at - 1)
 
-    def name(self, token: Token) -> Node:
+    def parse_name(self, token: Token) -> Node:
         name: str = token.value
         if name in CONSTANTS:
             self.constants.add(name)
@@ -185,19 +185,19 @@ class _Parser:
         self.keys.add(name)
         return Key(name)
 
-    def call(self, token: Token) -> Node:
+    def parse_call(self, token: Token) -> Node:
         name: str = token.value
         if name not in ARITY:
             raise parse_errors.unknown_function_error(self.text, token)
         first = self.at = self.at + 1
         if name == "defined":
-            return self.defined(token)
+            return self.parse_defined(token)
         arguments: list[Node] = []
         if self.tokens[self.at].kind != ")":
-            arguments.append(self.expression(_OR))
+            arguments.append(self.parse_expression(_OR))
             while self.tokens[self.at].kind == ",":
                 self.at += 1
-                arguments.append(self.expression(_OR))
+                arguments.append(self.parse_expression(_OR))
             if self.tokens[self.at].kind != ")":
                 raise parse_errors.unclosed_bracket_error(self.text, self.tokens, self.at, self.tokens[first - 1])
         least, most = ARITY[name]
@@ -206,7 +206,7 @@ class _Parser:
         self.at += 1
         return FunctionCall(name, tuple(arguments))
 
-    def defined(self, token: Token) -> Node:
+    def parse_defined(self, token: Token) -> Node:
         key, closing = self.tokens[self.at], self.tokens[min(self.at + 1, len(self.tokens) - 1)]
         if key.kind != "word" or closing.kind != ")":
             raise ExpressionError(

@@ -42,7 +42,7 @@ _DEEP = 10
 def rise1_reading(text: str) -> str | None:
     """What RISE's parser would make of a condition, with all brackets explicit; null when it would refuse it."""
     try:
-        return with_all_brackets(_canonical(split_as_rise1(text)))
+        return with_all_brackets(_make_canonical(split_as_rise1(text)))
     except Rise1RefusalError:
         return None
 
@@ -53,15 +53,15 @@ def rise1_difference(expression: Expression) -> str | None:
     if _obviously_alike(text):
         return None
     try:
-        theirs = _canonical(split_as_rise1(text))
+        theirs = _make_canonical(split_as_rise1(text))
     except Rise1RefusalError as refusal:
-        return f"RISE refuses this: {refusal}{_remedy(expression)}"
+        return f"RISE refuses this: {refusal}{_find_remedy(expression)}"
     reading = with_all_brackets(theirs)
-    if reading == with_all_brackets(_canonical(expression.root)):
+    if reading == with_all_brackets(_make_canonical(expression.root)):
         return None
     if isinstance(theirs, Key) and theirs.name not in expression.keys:
-        return f"RISE reads `{reading}` as the name of one key{_remedy(expression)}"
-    return f"RISE reads this as `{reading}`{_remedy(expression)}"
+        return f"RISE reads `{reading}` as the name of one key{_find_remedy(expression)}"
+    return f"RISE reads this as `{reading}`{_find_remedy(expression)}"
 
 
 def _obviously_alike(text: str) -> bool:
@@ -77,7 +77,7 @@ def _obviously_alike(text: str) -> bool:
     return True
 
 
-def _remedy(expression: Expression) -> str:
+def _find_remedy(expression: Expression) -> str:
     """A spelling that both read alike, if there is one, checked by reading it both ways."""
     explicit_text = expression.with_all_brackets
     whole = explicit_text if isinstance(expression.root, FunctionCall) else f"({explicit_text})"
@@ -86,7 +86,7 @@ def _remedy(expression: Expression) -> str:
         if candidate == expression.text:
             continue
         try:
-            alike = rise1_reading(candidate) == with_all_brackets(_canonical(Expression.parse(candidate).root))
+            alike = rise1_reading(candidate) == with_all_brackets(_make_canonical(Expression.parse(candidate).root))
         except ExpressionError:
             continue
         if alike:
@@ -94,9 +94,9 @@ def _remedy(expression: Expression) -> str:
     return ""
 
 
-def _canonical(node: Node) -> Node:
+def _make_canonical(node: Node) -> Node:
     """The same tree with differences of shape removed that make no difference of value: (-a) * b is -(a * b)."""
-    node = map_children(node, _canonical)
+    node = map_children(node, _make_canonical)
     if isinstance(node, Chain) and isinstance(node.first, Negative) and node.rest[0][0] in "*/":
         return Negative(Chain(node.first.operand, node.rest))
     return node

@@ -5,6 +5,7 @@ decimal sign, comma as separator). It has two entries, one for truth values and 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from rise_engine.errors import RiseError
 from rise_engine.expression.errors import ExpressionError
@@ -22,7 +23,7 @@ from rise_engine.expression.nodes import (
     Not,
     Power,
 )
-from rise_engine.expression.tokens import unquote
+from rise_engine.expression.tokens import number_of, unquote
 
 _TEXT = re.compile(r'"(?:[^"\\]|\\.)*"|' + r"'(?:[^'\\]|\\.)*'", re.DOTALL)
 _BUDGET = 20
@@ -46,7 +47,7 @@ class Rise1RefusalError(RiseError):
 
 def split_as_rise1(text: str) -> Node:
     """What the parser makes of a text that stands as a condition. Raises Rise1RefusalError."""
-    return _Splitter().start(text)
+    return _Splitter().split(text)
 
 
 class _Splitter:
@@ -57,19 +58,27 @@ class _Splitter:
         self.texts: list[str] = []
         self.levels = 0
 
-    def start(self, text: str) -> Node:
+    def split(self, text: str) -> Node:
         masked = _TEXT.sub(self._hide_text, text) if "\ue000" not in text else "$"
         if "$" in masked or _CLOSE in masked:
             raise Rise1RefusalError("it has a character that the parser uses for itself")
-        return self.truth(masked.replace(" = ", " == "), _BUDGET)
+        return self._split_truth(masked.replace(" = ", " == "), _BUDGET)
 
-    def truth(self, text: str, budget: int) -> Node:
+    def _split_truth(self, text: str, budget: int) -> Node:
         """The entry for truth values."""
-        text = self._prepare(text)
-        budget -= 1
+        return self._descend(self._truth, text, budget)
+
+    def _split_number(self, text: str, budget: int) -> Node:
+        """The entry for numbers: the sides of comparisons, and arguments."""
+        return self._descend(self._number, text, budget)
+
+    def _descend(self, split: Callable[[str, int], Node], text: str, budget: int) -> Node:
+        if self.levels > _MOST_LEVELS:
+            raise Rise1RefusalError("it is nested too deeply")
+        text = self._cut_out_brackets(text)
         self.levels += 1
         try:
-            return self._truth(text, budget)
+            return split(text, budget - 1)
         finally:
             self.levels -= 1
 
@@ -83,69 +92,58 @@ class _Splitter:
                 sides = [side for side in text.split(operator) if side]
                 if len(sides) != 2:
                     raise Rise1RefusalError(f"`{operator}` must have a value on each side")
-                return Compare(operator, self.number(sides[0], budget), self.number(sides[1], budget))
+                return Compare(operator, self._split_number(sides[0], budget), self._split_number(sides[1], budget))
         word = _TEXT_OPERATOR.search(text)
         if word is not None and text[: word.start()].strip() and text[word.end() :].strip():
-            left, right = self.number(text[: word.start()], budget), self.number(text[word.end() :], budget)
+            left, right = (
+                self._split_number(text[: word.start()], budget),
+                self._split_number(text[word.end() :], budget),
+            )
             return Compare(" ".join(word[1].split()), left, right)
         if text.startswith("not "):
-            return Not(self.truth(text[4:], budget))
+            return Not(self._split_truth(text[4:], budget))
         if text.startswith("!"):
-            return Not(self.truth(text[1:], budget))
+            return Not(self._split_truth(text[1:], budget))
         if text in ("true", "false"):
             return Literal(text == "true")
-        return self._bracket(text, budget, number=False) or self._leaf(text, budget) or self._fall_back(text, budget)
-
-    def number(self, text: str, budget: int) -> Node:
-        """The entry for numbers: the sides of comparisons, and arguments."""
-        text = self._prepare(text)
-        budget -= 1
-        self.levels += 1
-        try:
-            return self._number(text, budget)
-        finally:
-            self.levels -= 1
+        if _BRACKET_MARK.search(text):
+            return self._split_truth(self._bracket_content(text), budget)
+        return self._leaf(text) or self._fall_back(text, budget)
 
     def _number(self, text: str, budget: int) -> Node:
         if "," in text:  # a list outside a function: only its first value counts
-            values = [self.number(part, budget) for part in text.split(",") if part.strip()]
+            values = [self._split_number(part, budget) for part in text.split(",") if part.strip()]
             return values[0] if values else Literal(0)
         if "+" in text:
             parts = [part for part in text.split("+") if part.strip()]
-            return _chain([("+", self.number(part, budget), "-" in part) for part in parts])
+            return _chain([("+", self._split_number(part, budget), "-" in part) for part in parts])
         for sign, inverse in (("+", "-"), ("*", "/")):
             if sign == "*" and "*" in text:
-                return _chain([("*", self.number(part, budget), "/" in part) for part in text.split("*")])
+                return _chain([("*", self._split_number(part, budget), "/" in part) for part in text.split("*")])
             if inverse in text:
                 first, *others = text.split(inverse)
-                steps = [(sign, self.number(first, budget), False)] if first.strip() else []
-                steps += [(inverse, self.number(part, budget), False) for part in others if part.strip()]
+                steps = [(sign, self._split_number(first, budget), False)] if first.strip() else []
+                steps += [(inverse, self._split_number(part, budget), False) for part in others if part.strip()]
                 return _chain(steps)
         if "^" in text:
             base, _, exponent = text.partition("^")
-            return Power(self.number(base, budget), self.number(exponent, budget))
+            return Power(self._split_number(base, budget), self._split_number(exponent, budget))
         name, mark, after = text.partition(_OPEN)
         if mark and name.strip() in _FUNCTIONS:
-            return FunctionCall(name.strip(), self._arguments(self._content(mark + after), budget))
-        bracket = self._bracket(text, budget, number=True)
-        if bracket is not None:
-            return bracket
+            return FunctionCall(name.strip(), self._arguments(self._bracket_content(mark + after), budget))
+        if _BRACKET_MARK.search(text):
+            return self._split_number(self._bracket_content(text), budget)
         if _NUMBER.fullmatch(text):
-            if len(digits := text.strip()) < 20 and digits.isdigit() and int(digits) < 2**63:
-                return Literal(int(digits))  # in truth a double; how exact a number is makes no other reading
-            value = float(text)
-            return Literal(int(value) if value.is_integer() and value < 2**63 else value)
-        leaf = self._leaf(text, budget)
+            return Literal(number_of(text.strip()))  # in truth a double; how exact it is makes no other reading
+        leaf = self._leaf(text)
         if leaf is not None:
             return leaf
         if budget <= 0:
             raise Rise1RefusalError("it cannot split this into values and operators")
-        return self.truth(text, budget)
+        return self._split_truth(text, budget)
 
-    def _prepare(self, text: str) -> str:
-        """Cuts out the outermost brackets."""
-        if self.levels > _MOST_LEVELS:
-            raise Rise1RefusalError("it is nested too deeply")
+    def _cut_out_brackets(self, text: str) -> str:
+        """The text with a mark for each of its outermost brackets."""
         text = text.strip()
         if "(" not in text:
             return text
@@ -172,7 +170,7 @@ class _Splitter:
         operands: list[Node] = []
         for part in parts:
             if part := part.strip():
-                operand = self.truth(part, budget)
+                operand = self._split_truth(part, budget)
                 bracketed = _BRACKET_MARK.fullmatch(part)
                 # `a or b || c` is split in two steps, but it is one chain.
                 if isinstance(operand, Logic) and operand.operator == operator and not bracketed:
@@ -184,23 +182,17 @@ class _Splitter:
         return operands[0] if len(operands) == 1 else Logic(operator, tuple(operands))
 
     def _arguments(self, text: str, budget: int) -> tuple[Node, ...]:
-        text = self._prepare(text)
-        return tuple(self.number(part, budget - 1) for part in text.split(",") if part.strip())
+        text = self._cut_out_brackets(text)
+        return tuple(self._split_number(part, budget - 1) for part in text.split(",") if part.strip())
 
-    def _content(self, text: str) -> str:
+    def _bracket_content(self, text: str) -> str:
+        """What the first bracket holds, whatever stands around it."""
         match = _BRACKET_MARK.search(text)
         if match is None:
             raise Rise1RefusalError("it cannot be read")
         return self.brackets[int(match[1])]
 
-    def _bracket(self, text: str, budget: int, number: bool) -> Node | None:
-        """The content of the first bracket, whatever stands around it."""
-        if _BRACKET_MARK.search(text) is None:
-            return None
-        content = self._content(text)
-        return self.number(content, budget) if number else self.truth(content, budget)
-
-    def _leaf(self, text: str, budget: int) -> Node | None:
+    def _leaf(self, text: str) -> Node | None:
         mark = _TEXT_MARK.fullmatch(text)
         if mark is not None:
             quoted = self.texts[int(mark[1])]
@@ -221,7 +213,7 @@ class _Splitter:
             raise Rise1RefusalError("it cannot split this into values and operators" if text else "a value is missing")
         if text.isascii() is False and text[0].isalpha() and not text[0].isascii():
             raise Rise1RefusalError(f"a key must begin with a letter from a to z or `_`, not with `{text[0]}`")
-        return self.number(text, budget)
+        return self._split_number(text, budget)
 
     def _hide_text(self, match: re.Match[str]) -> str:
         self.texts.append(match[0])

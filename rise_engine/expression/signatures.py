@@ -21,52 +21,52 @@ class Signature(NamedTuple):
     """What the example gives, as `rise-engine eval` shows it; of chance, a range."""
 
     @property
-    def call(self) -> str:
+    def usage(self) -> str:
         """All ways to call it, in backquotes."""
         return " or ".join(f"`{each}`" for each in self.written)
 
 
-def _one(call: str, says: str, example: str, result: str) -> Signature:
-    return Signature(call.partition("(")[0], (call,), says, example, result)
+def _declare(calls: str, meaning: str, example: str, result: str) -> Signature:
+    """A function from the ways to call it, with `or` between them."""
+    return Signature(calls.partition("(")[0], tuple(calls.split(" or ")), meaning, example, result)
 
 
 SIGNATURES: tuple[Signature, ...] = (
-    Signature(
-        "rand",
-        ("rand(most)", "rand(least, most)"),
+    _declare(
+        "rand(most) or rand(least, most)",
         "a number by chance, from `least` (0 if left out) up to, but without, `most`; a new one each time, from the "
         "session's seed. A whole number from 1 to 6: `floor(rand(1, 7))`",
         "floor(rand(1, 7))",
         "1 to 6",
     ),
-    _one("length(value)", "how many characters a text has, entries a list, keys an object", "length('Anna')", "4"),
-    _one("lower(text)", "the text in small letters", "lower('Yes, PLEASE')", '"yes, please"'),
-    _one("defined(key)", "whether the memory has this key, whatever its value", "defined(nobody)", "false"),
-    _one("abs(x)", "x without its sign", "abs(-2.5)", "2.5"),
-    _one("floor(x)", "the next whole number below", "floor(-2.5)", "-3"),
-    _one("ceil(x)", "the next whole number above", "ceil(2.1)", "3"),
-    _one("round(x)", "the nearest whole number; of two, the even one", "round(2.5)", "2"),
-    _one("min(a, b, ...)", "the smallest of two or more numbers", "min(3, 1, 2)", "1"),
-    _one("max(a, b, ...)", "the largest of two or more numbers", "max(3, 1, 2)", "3"),
-    _one("clamp(x, low, high)", "x, but not below `low` and not above `high`", "clamp(12, 0, 10)", "10"),
-    _one("clamp01(x)", "x, but not below 0 and not above 1", "clamp01(1.5)", "1"),
-    _one("lerp(a, b, t)", "the number on the way from a (t = 0) to b (t = 1)", "lerp(10, 20, 0.25)", "12.5"),
-    _one("sqrt(x)", "the square root", "sqrt(9)", "3"),
-    _one("pow(x, y)", "x to the power of y, as `x ^ y`", "pow(2, 10)", "1024"),
-    _one("exp(x)", "e to the power of x", "exp(0)", "1"),
-    _one("ln(x)", "the natural logarithm", "ln(e)", "1"),
-    _one("log10(x)", "the logarithm to base 10", "log10(1000)", "3"),
-    _one("sin(x)", "the sine; x in radians (`x * d2r` for degrees)", "sin(90 * d2r)", "1"),
-    _one("cos(x)", "the cosine; x in radians", "cos(0)", "1"),
-    _one("tan(x)", "the tangent; x in radians", "tan(0)", "0"),
-    _one("asin(x)", "the angle in radians, -pi/2 to pi/2, whose sine is x", "asin(1) * r2d", "90"),
-    _one("acos(x)", "the angle in radians, 0 to pi, whose cosine is x", "acos(1)", "0"),
-    _one("atan(x)", "the angle in radians, -pi/2 to pi/2, whose tangent is x", "atan(0)", "0"),
-    _one("atan2(y, x)", "the angle in radians, -pi to pi, of the direction (x, y)", "atan2(1, 0) * r2d", "90"),
+    _declare("length(value)", "how many characters a text has, entries a list, keys an object", "length('Anna')", "4"),
+    _declare("lower(text)", "the text in small letters", "lower('Yes, PLEASE')", '"yes, please"'),
+    _declare("defined(key)", "whether the memory has this key, whatever its value", "defined(nobody)", "false"),
+    _declare("abs(x)", "x without its sign", "abs(-2.5)", "2.5"),
+    _declare("floor(x)", "the next whole number below", "floor(-2.5)", "-3"),
+    _declare("ceil(x)", "the next whole number above", "ceil(2.1)", "3"),
+    _declare("round(x)", "the nearest whole number; of two, the even one", "round(2.5)", "2"),
+    _declare("min(a, b, ...)", "the smallest of two or more numbers", "min(3, 1, 2)", "1"),
+    _declare("max(a, b, ...)", "the largest of two or more numbers", "max(3, 1, 2)", "3"),
+    _declare("clamp(x, low, high)", "x, but not below `low` and not above `high`", "clamp(12, 0, 10)", "10"),
+    _declare("clamp01(x)", "x, but not below 0 and not above 1", "clamp01(1.5)", "1"),
+    _declare("lerp(a, b, t)", "the number on the way from a (t = 0) to b (t = 1)", "lerp(10, 20, 0.25)", "12.5"),
+    _declare("sqrt(x)", "the square root", "sqrt(9)", "3"),
+    _declare("pow(x, y)", "x to the power of y, as `x ^ y`", "pow(2, 10)", "1024"),
+    _declare("exp(x)", "e to the power of x", "exp(0)", "1"),
+    _declare("ln(x)", "the natural logarithm", "ln(e)", "1"),
+    _declare("log10(x)", "the logarithm to base 10", "log10(1000)", "3"),
+    _declare("sin(x)", "the sine; x in radians (`x * d2r` for degrees)", "sin(90 * d2r)", "1"),
+    _declare("cos(x)", "the cosine; x in radians", "cos(0)", "1"),
+    _declare("tan(x)", "the tangent; x in radians", "tan(0)", "0"),
+    _declare("asin(x)", "the angle in radians, -pi/2 to pi/2, whose sine is x", "asin(1) * r2d", "90"),
+    _declare("acos(x)", "the angle in radians, 0 to pi, whose cosine is x", "acos(1)", "0"),
+    _declare("atan(x)", "the angle in radians, -pi/2 to pi/2, whose tangent is x", "atan(0)", "0"),
+    _declare("atan2(y, x)", "the angle in radians, -pi to pi, of the direction (x, y)", "atan2(1, 0) * r2d", "90"),
 )
 """Those that studies use most come first."""
 
 
-def signature(name: str) -> Signature | None:
+def find_signature(name: str) -> Signature | None:
     """The function of that name."""
     return next((each for each in SIGNATURES if each.name == name), None)

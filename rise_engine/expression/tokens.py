@@ -6,10 +6,12 @@ Synonyms meet here (`&&` is `and`, `=` is `==`), so the parser knows one spellin
 from __future__ import annotations
 
 import re
+from math import inf
 from typing import Any, NamedTuple
 from unicodedata import combining, normalize
 
 from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.values import native_number
 from rise_engine.json_codec import MAX_LEVELS
 
 MAX_LENGTH = 100_000
@@ -137,12 +139,17 @@ def _number(text: str, digits: str, start: int, end: int) -> int | float:
             start + 1,
             "a key begins with a letter or `_`, and a product needs its `*`",
         )
+    value = number_of(digits)
+    if value == inf:
+        raise ExpressionError("this number is too large", text, start + 1)
+    return value
+
+
+def number_of(digits: str) -> int | float:
+    """The number that is written so: an integer when it is whole and 64 bits hold it."""
     if len(digits) < 20 and digits.isdigit() and (whole := int(digits)) < 2**63:
         return whole
-    value = float(digits)
-    if value == float("inf"):
-        raise ExpressionError("this number is too large", text, start + 1)
-    return int(value) if value.is_integer() and value < 2**63 else value
+    return native_number(float(digits))
 
 
 def _word_at(text: str, start: int) -> str:

@@ -83,7 +83,7 @@ def contains(whole: Json, part: Json) -> bool:
     raise TypeError
 
 
-def described(value: Json) -> str:
+def describe(value: Json) -> str:
     """A value in a message."""
     if value is MISSING:
         return "a key that does not exist"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Any, get_args
+from collections.abc import Callable, Collection
+from functools import partial
+from typing import Any, TypeVar, get_args
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.draft import Mention
+from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.expression_checks import (
     UNREADABLE_CONDITION,
     expression_message,
@@ -16,8 +17,9 @@ from rise_engine.scenario.expression_checks import (
     note_expression,
 )
 from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
-from rise_engine.scenario.xml import Element, LazyLocation, XmlFile
-from rise_engine.scenario.xml_checks import check_no_text
+from rise_engine.scenario.xml import Element
+
+Code = TypeVar("Code", Expression, Assignment)
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
@@ -41,46 +43,21 @@ _PLACES = {
 }
 
 
-class BlockReader:
+class BlockReader(ElementReader):
     """Reads the functions of one rule."""
 
-    def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-        self.file = file
-        self.draft = draft
-        self.diagnostics = diagnostics
-        self.has_text = file.has_text
-
-    def check_no_text(self, element: Element) -> None:
-        """A finding for text inside an element; rules have none anywhere."""
-        if self.has_text:
-            check_no_text(self.file, element, self.diagnostics)
-
-    def report_error(self, code: str, element: Element, message: str) -> None:
-        self.diagnostics.error(code, self.file.element_location(element), message)
-
-    def check_attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
-        """An element's attributes, with a finding for each that nobody reads."""
-        attributes = element.attributes
-        if not known.issuperset(attributes):
-            for name in attributes:
-                if name not in known:
-                    self.diagnostics.error(
-                        "unknown-attribute",
-                        self.file.attribute_location(element, name),
-                        f"`<{element.tag}>` has no attribute `{name}`{did_you_mean(name, sorted(known))}",
-                    )
-        return attributes
-
-    def misplaced_message(self, element: Element, parent: Element, known: tuple[str, ...]) -> str:
-        """What to say about an element that does not belong where it stands."""
+    def report_misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> None:
+        """An error about an element that does not belong where it stands."""
         name = element.tag
         if name in _PLACES:
-            return f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
-        return f"unknown element `<{name}>` in `<{parent.tag}>`{did_you_mean(name, known)}"
+            message = f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
+        else:
+            message = f"unknown element `<{name}>` in `<{parent.tag}>`{did_you_mean(name, known)}"
+        self.report_error("unknown-element", element, message)
 
     def read_block(self, parent: Element) -> Block:
         """The statements inside `onEntry`, `onExit` or `transition`."""
-        if not parent and not self.has_text:
+        if not parent and not self.file.has_text:
             return ()
         return self.read_statements(parent, 0, chain=False)[0]
 
@@ -103,9 +80,9 @@ class BlockReader:
             if tag in _ELSE:
                 if chain:
                     if before is not None:
-                        self.diagnostics.warning(
+                        self.report_warning(
                             "ambiguous-else",
-                            self.file.element_location(child),
+                            child,
                             f"this `<{tag}>` belongs to the outer `if`, "
                             f"in line {self.file.element_location(parent).line}; "
                             "if the inner one is meant, move it inside that",
@@ -143,21 +120,20 @@ class BlockReader:
                         "no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none"
                     )
             else:
-                self.report_error("unknown-element", child, self.misplaced_message(child, parent, _STATEMENTS))
+                self.report_misplaced(child, parent, _STATEMENTS)
         for index, branches in open_ifs:
             statements[index] = If(tuple(branches), statements[index].location)
         return tuple(statements), later
 
     def read_branches(self, element: Element, depth: int) -> list[Branch]:
         """The branches of an `if` or `elseif`, those nested inside it included."""
-        text = self.check_attributes(element, _COND).get("cond")
-        if text is None:
+        if "cond" not in self.check_attributes(element, _COND):
             self.report_error(
                 "missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
             )
-        condition = self.read_condition(element, text) if text is not None else None
+        condition = self.read_condition(element) or UNREADABLE_CONDITION
         block, later = self.read_statements(element, depth + 1, chain=True)
-        return [Branch(condition or UNREADABLE_CONDITION, block), *later]
+        return [Branch(condition, block), *later]
 
     def add_branches(self, branches: list[Branch], element: Element, depth: int) -> None:
         """Add what an `else` or `elseif` brings to the branches of its `if`."""
@@ -173,24 +149,23 @@ class BlockReader:
         """One call. Names that it uses are noted for the checks across files."""
         given = element.attributes
         name: Any = next((name for name in given if name in _FUNCTIONS), None)
-        if name is None or len(given) != 1 or element or self.has_text:
+        if name is None or len(given) != 1 or element or self.file.has_text:
             self.check_function(element, given)
             if name is None:
                 return None
-        written = given[name]
-        argument = written.strip()
-        where = LazyLocation(self.file, element, name)
+        argument = given[name].strip()
+        locate = partial(self.file.value_location, element, name)
         assignment: Assignment | None = None
         if not argument or (name == "raiseEventTopic" and not normal_topic(argument)):
-            self.diagnostics.error("missing-value", where.location, f"`{name}` is empty")
+            self.report_value("missing-value", element, name, f"`{name}` is empty")
         elif name == "assignValue":
-            assignment = self.read_assignment(element, written)
+            assignment = self.read_assignment(element)
         elif name == "raiseEventTopic":
-            self.draft.raised_topics.append(Mention(normal_topic(argument), where))
+            self.draft.raised_topics.append(Mention(normal_topic(argument), locate))
         elif name in ("startCommunicationRobotAct", "stopCommunicationRobotAct"):
-            self.draft.act_mentions.append(Mention(argument, where))
+            self.draft.act_mentions.append(Mention(argument, locate))
         else:
-            self.draft.rule_mentions.append(Mention(argument, where))
+            self.draft.rule_mentions.append(Mention(argument, locate))
         return Function(name, argument, assignment, self.file.element_location(element))
 
     def check_function(self, element: Element, given: Collection[str]) -> None:
@@ -203,41 +178,39 @@ class BlockReader:
         known = [name for name in given if name in _FUNCTIONS]
         for name in given:
             if name not in _FUNCTIONS:
-                self.diagnostics.error(
-                    "unknown-attribute",
-                    self.file.attribute_location(element, name),
-                    f"there is no function `{name}`{did_you_mean(name, FUNCTIONS)}",
-                )
+                message = f"there is no function `{name}`{did_you_mean(name, FUNCTIONS)}"
+                self.report_attribute("unknown-attribute", element, name, message)
         if len(known) > 1:
-            self.diagnostics.error(
-                "one-function",
-                self.file.attribute_location(element, known[1]),
-                f"a `<function>` does one thing; write another one for `{known[1]}`",
-            )
+            message = f"a `<function>` does one thing; write another one for `{known[1]}`"
+            self.report_attribute("one-function", element, known[1], message)
         elif not given:
             self.report_error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
 
-    def read_condition(self, element: Element, text: str) -> Expression | None:
-        """The condition in the attribute `cond`."""
-        known = self.draft.expressions
-        try:
-            expression = known.get(text) or known.setdefault(text, Expression.parse(text))
-        except ExpressionError as error:
-            self.diagnostics.error(
-                "condition", self.file.value_location(element, "cond", error.column - 1), expression_message(error)
-            )
+    def read_condition(self, element: Element) -> Expression | None:
+        """The condition in the attribute `cond`, if there is one that can be read."""
+        if "cond" not in element.attributes:
             return None
-        note_expression(expression, LazyLocation(self.file, element, "cond"), self.draft, self.diagnostics)
+        expression = self.parse_attribute("condition", element, "cond", Expression.parse, self.draft.expressions)
+        if expression is not None:
+            locate = partial(self.file.value_location, element, "cond")
+            note_expression(expression, locate, self.draft, self.diagnostics)
         return expression
 
-    def read_assignment(self, element: Element, text: str) -> Assignment | None:
-        where = LazyLocation(self.file, element, "assignValue")
-        known = self.draft.assignments
-        try:
-            assignment = known.get(text) or known.setdefault(text, Assignment.parse(text))
-        except ExpressionError as error:
-            location = self.file.value_location(element, "assignValue", error.column - 1)
-            self.diagnostics.error("assignment", location, expression_message(error))
-            return None
-        note_assignment(assignment, where, self.draft)
+    def read_assignment(self, element: Element) -> Assignment | None:
+        parse, known = Assignment.parse, self.draft.assignments
+        assignment = self.parse_attribute("assignment", element, "assignValue", parse, known)
+        if assignment is not None:
+            note_assignment(assignment, partial(self.file.value_location, element, "assignValue"), self.draft)
         return assignment
+
+    def parse_attribute(
+        self, code: str, element: Element, attribute: str, parse: Callable[[str], Code], known: dict[str, Code]
+    ) -> Code | None:
+        """The value of an attribute that is written in the language; None, after a finding, when it cannot be read."""
+        text = element.attributes[attribute]
+        try:
+            return known.get(text) or known.setdefault(text, parse(text))
+        except ExpressionError as error:
+            location = self.file.value_location(element, attribute, error.column - 1)
+            self.diagnostics.error(code, location, expression_message(error))
+            return None

@@ -60,26 +60,21 @@ class Diagnostics:
 
     def __init__(self) -> None:
         self._found: list[Diagnostic] = []
-        self._errors = 0
+        self.errors = 0
+        """How many errors there are so far."""
 
     def error(self, code: str, location: SourceLocation, message: str) -> None:
-        self._errors += 1
+        self.errors += 1
         self._found.append(Diagnostic("error", code, message, location))
 
     def warning(self, code: str, location: SourceLocation, message: str) -> None:
         self._found.append(Diagnostic("warning", code, message, location))
 
-    @property
-    def errors(self) -> int:
-        """How many errors there are so far."""
-        return self._errors
-
     def sorted(self) -> list[Diagnostic]:
         """All findings in reading order: by file, line and column, each once."""
-        unique = dict.fromkeys(
-            (f.location.file, f.location.line, f.location.column, f.severity, f.code, f.message) for f in self._found
-        )
-        return [
-            Diagnostic(severity, code, message, SourceLocation(file, line, column))
-            for file, line, column, severity, code, message in sorted(unique)
-        ]
+        return sorted(set(self._found), key=_reading_order)
+
+
+def _reading_order(found: Diagnostic) -> tuple[str, int, int, str, str, str]:
+    location = found.location
+    return location.file, location.line, location.column, found.severity, found.code, found.message

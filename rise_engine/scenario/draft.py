@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -10,34 +10,18 @@ from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Act, Json, Rule, SourceLocation
 
 
-class HasLocation(Protocol):
-    """Something that can tell its location when a finding needs it."""
-
-    @property
-    def location(self) -> SourceLocation: ...
-
-
-class KnownLocation(Struct, frozen=True):
-    """A location that is known already."""
-
-    location: SourceLocation
-
-
 class Mention(Struct, frozen=True):
     """A name and where it stands."""
 
     name: str
-    origin: Any
-    """A `HasLocation`. (msgspec wants a class here, and would look into a protocol.)"""
+    locate: Callable[[], SourceLocation]
+    """Works out the location, when a finding needs it."""
 
 
-class BareKey(Struct, frozen=True):
+class BareKey(Mention, frozen=True):
     """A parameter value that can only be meant as a memory key."""
 
-    key: str
-    origin: Any
-    """A `HasLocation`."""
-    sentence: str
+    problem: str
     """What is wrong with it if there is no such key."""
 
 

@@ -30,11 +30,11 @@ def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     >>> expected_seconds(ActionSpec("Wait", {}), {"duration": 1500})
     1.5
     """
-    seconds = _expected(spec, parameters)
+    seconds = _estimate_seconds(spec, parameters)
     return seconds if 0 <= seconds <= MAX_SECONDS else MAX_SECONDS if seconds > 0 else 0.0
 
 
-def _expected(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
+def _estimate_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
     message = parameters.get("message")
     if isinstance(message, str) and "duration" not in parameters:
         rate = _number(parameters.get("rate"), 1.0) or 1.0

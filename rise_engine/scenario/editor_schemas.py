@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 
 from rise_engine.scenario.model import ActionSpec, Parameter
@@ -105,5 +106,4 @@ def _doc(text: str, indent: int = 6) -> str:
 
 
 def _escape(text: str) -> str:
-    text = _NOT_XML.sub("\ufffd", text)
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return escape(_NOT_XML.sub("\ufffd", text), quote=False)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import partial
 
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.expression.rise1_compat import rise1_difference
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.draft import HasLocation, Mention, ScenarioDraft
-from rise_engine.scenario.xml import LazyLocation
+from rise_engine.scenario.draft import Mention, ScenarioDraft
+from rise_engine.scenario.model import SourceLocation
 from rise_engine.typography import typography_problem
 
 _PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
@@ -21,22 +23,22 @@ def expression_message(error: ExpressionError) -> str:
     return f"{error.message}; {error.hint}" if error.hint else error.message
 
 
-def note_expression(expression: Expression, where: HasLocation, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently."""
-    _note_reads(expression, where, draft)
+def note_expression(
+    expression: Expression, locate: partial[SourceLocation], draft: ScenarioDraft, diagnostics: Diagnostics
+) -> None:
+    """Note the keys that a condition reads, and warn when RISE's own parser would have read it differently.
+
+    `locate` gives the location of the condition, or of the character of that number in it.
+    """
+    _note_reads(expression, locate, draft)
     blank = _find_odd_blank(expression.text)
     if blank >= 0:
-        location = (
-            LazyLocation(where.file, where.element, where.attribute, blank).location
-            if isinstance(where, LazyLocation)
-            else where.location
-        )
         sentence = typography_problem(expression.text, blank)
-        diagnostics.warning("reads-differently", location, f"{sentence} (RISE does not take it for one)")
+        diagnostics.warning("reads-differently", locate(blank), f"{sentence} (RISE does not take it for one)")
         return
     difference = rise1_difference(expression)
     if difference is not None:
-        diagnostics.warning("reads-differently", where.location, difference)
+        diagnostics.warning("reads-differently", locate(), difference)
 
 
 def _find_odd_blank(text: str) -> int:
@@ -46,19 +48,19 @@ def _find_odd_blank(text: str) -> int:
     return next((found.start() for found in _PIECE.finditer(text) if found.group(1)), -1)
 
 
-def note_assignment(assignment: Assignment, where: HasLocation, draft: ScenarioDraft) -> None:
+def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
     """Note the key that an assignment sets and those that it reads."""
     draft.settable_keys.add(assignment.key)
-    draft.key_writes.append(Mention(assignment.key, where))
+    draft.key_writes.append(Mention(assignment.key, locate))
     word = assignment.bare_word
     if word is not None:
-        draft.bare_words.append(Mention(word, where))
+        draft.bare_words.append(Mention(word, locate))
         return
     if assignment.expression is not None:
-        _note_reads(assignment.expression, where, draft)
+        _note_reads(assignment.expression, locate, draft)
 
 
-def _note_reads(expression: Expression, where: HasLocation, draft: ScenarioDraft) -> None:
+def _note_reads(expression: Expression, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
     values = expression.keys_read
     for key in expression.keys:
-        (draft.key_reads if key in values else draft.optional_key_reads).append(Mention(key, where))
+        (draft.key_reads if key in values else draft.optional_key_reads).append(Mention(key, locate))

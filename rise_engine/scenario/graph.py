@@ -36,11 +36,12 @@ def _strongly_connected_components(edges: Mapping[str, Iterable[str]]) -> Iterat
     stack: list[str] = []
     on_stack: set[str] = set()
     for start in edges:
-        pending = [] if start in number else [(start, iter(edges[start]))]
-        if pending:
-            number[start] = lowest[start] = len(number)
-            stack.append(start)
-            on_stack.add(start)
+        if start in number:
+            continue
+        number[start] = lowest[start] = len(number)
+        stack.append(start)
+        on_stack.add(start)
+        pending = [(start, iter(edges[start]))]
         while pending:
             node, others = pending[-1]
             for following in others:

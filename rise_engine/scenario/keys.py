@@ -162,9 +162,7 @@ def _character(character: str) -> str:
 def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
     name = _character(base) if len(base) == 1 else _ALIASES.get(base.lower(), base.lower())
     plain = not modifiers
-    if plain and (name in PUNCTUATION.values() or name in CONSOLE_KEYS or name in FREE_FUNCTION_KEYS):
-        return name
-    if plain and name in _REFUSED:
+    if plain and any(name in known for known in (PUNCTUATION.values(), CONSOLE_KEYS, FREE_FUNCTION_KEYS, _REFUSED)):
         return name
     unknown = [modifier for modifier in modifiers if modifier not in ("ctrl", "shift", "alt", "super", "meta", "cmd")]
     if unknown or plain or not base:

@@ -32,6 +32,7 @@ from rise_engine.scenario.suppressions import (
     read_suppressions,
 )
 from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.xml import XmlFile, read_xml
 
 
@@ -54,10 +55,6 @@ class LoadResult(Struct, frozen=True):
     @property
     def errors(self) -> list[Diagnostic]:
         return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
-
-    @property
-    def warnings(self) -> list[Diagnostic]:
-        return [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "warning"]
 
 
 def load(
@@ -113,13 +110,13 @@ class _Loader:
         settings = ScenarioSettings(self.file, draft, diagnostics)
         if mode is not None and mode not in ("debug", "real"):
             diagnostics.error("wrong-value", self.caller, f'the mode asked for is "debug" or "real", not "{mode}"')
-        profile = self.robot(robot if robot is not None else settings.robot, asked=robot is not None)
+        profile = self.read_robot_profile(robot if robot is not None else settings.robot, asked=robot is not None)
         self.named = {**settings.paths, **paths}
         paths = {key: self.named.get(key) or usual_path for key, usual_path in DEFAULT_PATHS.items()}
 
-        for file in self.xml_files("acts", paths["acts"]):
+        for file in self.read_xml_files("acts", paths["acts"]):
             read_acts(file, profile, draft, diagnostics)
-        for file in self.xml_files("rules", paths["rules"]):
+        for file in self.read_xml_files("rules", paths["rules"]):
             read_rules(file, draft, diagnostics)
         self.read_memory(paths["memory"])
         check_cross_references(draft, diagnostics)
@@ -128,13 +125,10 @@ class _Loader:
             *read_suppressions(self.files.sources, diagnostics),
             *memory_suppressions(settings.suppressions, draft.memory_key_locations),
         ]
-        found = diagnostics.sorted()
-        silenced: list[SuppressedWarning] = []
-        if suppressions:
-            found, silenced = apply_suppressions(found, suppressions, diagnostics, complete=not diagnostics.errors)
+        found, silenced = apply_suppressions(suppressions, diagnostics)
         if diagnostics.errors:
             return LoadResult(None, found, suppressed=silenced)
-        files = self.by_usual_path(paths)
+        files = self.files_by_usual_path(paths)
         scenario = Scenario(
             title=settings.title or self.folder.name,
             folder=str(self.folder),
@@ -161,38 +155,34 @@ class _Loader:
         file = read_toml(source, self.diagnostics) if source is not None else None
         self.file = file or self.file
 
-    def robot(self, name: str, *, asked: bool) -> RobotProfile:
+    def read_robot_profile(self, name: str, *, asked: bool) -> RobotProfile:
         file = self.file
         location = self.caller if asked else file.value_location("robot")
         profile = read_robot(name or DEFAULT_ROBOT, self.files, location, asked=asked)
-        if "actions" in file.values:
-            profile = replace(profile, actions=apply_declarations(file, profile.actions, "scenario", self.diagnostics))
-        return profile
+        table = TomlTable(file, (), file.values, self.diagnostics)
+        return replace(profile, actions=apply_declarations(table, profile.actions, "scenario"))
 
     def read_memory(self, relative_path: str) -> None:
         path = self.folder / relative_path
-        if self.exists("memory", path):
+        if self.check_exists("memory", path):
             source = self.files.read(path)
             if source is None:
                 self.draft.unreadable_parts.add("memory")
             else:
                 read_memory(source, self.draft, self.diagnostics)
 
-    def xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
+    def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
         """The XML files of a folder in the order of their names, or the one file that was named."""
         path = self.folder / relative_path
-        if not self.exists(kind, path):
+        if not self.check_exists(kind, path):
             return
         paths = [path]
         if path.is_dir():
             try:
                 names = sorted(each.name for each in path.iterdir())
             except OSError as error:
-                self.diagnostics.error(
-                    "unreadable",
-                    SourceLocation(relative_path),
-                    f"this folder cannot be read: {error.strerror or error}",
-                )
+                message = f"this folder cannot be read: {error.strerror or error}"
+                self.diagnostics.error("unreadable", SourceLocation(relative_path), message)
                 names = []
             paths = [path / name for name in names if name.lower().endswith(".xml") and not name.startswith(".")]
         for each in paths:
@@ -203,7 +193,7 @@ class _Loader:
             else:
                 yield file
 
-    def exists(self, kind: str, path: Path) -> bool:
+    def check_exists(self, kind: str, path: Path) -> bool:
         """Whether a place is there. One that was named must be; the usual ones need not."""
         try:
             if os.path.lexists(path):  # a link that leads nowhere is there, and cannot be read
@@ -216,7 +206,7 @@ class _Loader:
             self.draft.unreadable_parts.add(kind)
         return False
 
-    def by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
+    def files_by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
         """What was read, by its usual place."""
         settings = {SCENARIO_FILE, self.path.name}
         acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from unicodedata import normalize
 
-from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, plain, read_json
+from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.source_files import SourceFile
@@ -15,83 +15,97 @@ _WRITABLE = re.compile(r"[^\W\d]\w*(?:\.\w+)*\Z")
 _WORDS = frozenset({"true", "false", "null", "or", "xor", "and", "not", "starts", "ends", "contains", "with"})
 
 
+_FORM = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key": value}, ...]}'
+
+
 def read_memory(source: SourceFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Read a memory file, in RISE's form or as a plain object, into `draft`."""
-
-    def duplicate(key: str, offset: int, first: int) -> None:
-        line = source.location(first).line
-        diagnostics.error("duplicate-key", source.location(offset), f'the key "{key}" stands in line {line} already')
-
-    def no_number(message: str, offset: int) -> None:
-        diagnostics.error("json-value", source.location(offset), message)
-
-    if not source.text.strip():
-        diagnostics.error(
-            "json-syntax", source.location(0), "this file is empty; write {} for a memory without start values"
-        )
-        return
-    try:
-        value = read_json(source.text, duplicate, no_number)
-    except JsonError as error:
-        diagnostics.error("json-syntax", source.location(error.offset), str(error))
-        draft.unreadable_parts.add("memory")
-        return
-    form = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key": value}, ...]}'
-    if not isinstance(value, JsonObject):
-        diagnostics.error("memory-form", source.location(0), form)
-        draft.unreadable_parts.add("memory")
-        return
-    members: list[JsonMember] = []
-    lists = [member for member in value.members if member.key.casefold() == LIST_KEY.casefold()]
-    for member in value.members:
-        if member.key.casefold() != LIST_KEY.casefold():
-            members.append(member)
-            if lists:
-                message = f'nothing stands beside "{LIST_KEY}" here; {form}'
-                diagnostics.error("memory-form", source.location(member.key_at), message)
-            continue
-        if member.key != LIST_KEY:
-            diagnostics.error("memory-form", source.location(member.key_at), f'write "{LIST_KEY}", not "{member.key}"')
-        if isinstance(member.value, JsonArray):
-            members += _listed(member.value, source, diagnostics)
-            continue
-        message = f'"{LIST_KEY}" is a list of objects; {form}'
-        diagnostics.error("memory-form", source.location(member.value_at), message)
-        if isinstance(member.value, JsonObject):
-            members += member.value.members
-    first: dict[str, int] = {}
-    for member in members:
-        if member.key in first:
-            duplicate(member.key, member.key_at, first[member.key])
-            continue
-        first[member.key] = member.key_at
-        if not member.key.strip():
-            diagnostics.error("bad-name", source.location(member.key_at), "a memory key cannot be empty")
-            continue
-        if not _WRITABLE.match(member.key) or member.key in _WORDS:
-            draft.memory_key_locations[member.key] = source.location(member.key_at)
-            remedy = "use letters, digits, `_` and dots"
-            if _WRITABLE.match(whole := normalize("NFC", member.key)):
-                remedy = f'its letters with accents are two characters each; write "{whole}" with one for each'
-            diagnostics.warning(
-                "unwritable-key",
-                source.location(member.key_at),
-                f'the key "{member.key}" cannot be written in a condition; {remedy}',
-            )
-        draft.memory[member.key] = plain(member.value)
-    draft.settable_keys.update(draft.memory)
+    _MemoryReader(source, draft, diagnostics).read()
 
 
-def _listed(items: JsonArray, source: SourceFile, diagnostics: Diagnostics) -> list[JsonMember]:
-    """The entries of RISE's form: a list of objects, each with one key."""
-    members: list[JsonMember] = []
-    for item, offset in zip(items, items.items_at, strict=True):
-        if not isinstance(item, JsonObject):
-            diagnostics.error(
-                "memory-form", source.location(offset), 'each entry of the list is an object: {"key": value}'
-            )
-            continue
-        if not item.members:
-            diagnostics.warning("memory-form", source.location(offset), "this entry is empty")
-        members += item.members
-    return members
+class _MemoryReader:
+    def __init__(self, source: SourceFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+        self.source = source
+        self.draft = draft
+        self.diagnostics = diagnostics
+
+    def report_error(self, code: str, offset: int, message: str) -> None:
+        self.diagnostics.error(code, self.source.location(offset), message)
+
+    def report_duplicate(self, key: str, offset: int, first: int) -> None:
+        line = self.source.location(first).line
+        self.report_error("duplicate-key", offset, f'the key "{key}" stands in line {line} already')
+
+    def report_no_number(self, message: str, offset: int) -> None:
+        self.report_error("json-value", offset, message)
+
+    def read(self) -> None:
+        if not self.source.text.strip():
+            message = "this file is empty; write {} for a memory without start values"
+            self.report_error("json-syntax", 0, message)
+            return
+        try:
+            value = read_json(self.source.text, self.report_duplicate, self.report_no_number)
+        except JsonError as error:
+            self.report_error("json-syntax", error.offset, str(error))
+            self.draft.unreadable_parts.add("memory")
+            return
+        if not isinstance(value, JsonObject):
+            self.report_error("memory-form", 0, _FORM)
+            self.draft.unreadable_parts.add("memory")
+            return
+        first: dict[str, int] = {}
+        for member in self.read_members(value):
+            if member.key in first:
+                self.report_duplicate(member.key, member.key_at, first[member.key])
+                continue
+            first[member.key] = member.key_at
+            if not member.key.strip():
+                self.report_error("bad-name", member.key_at, "a memory key cannot be empty")
+                continue
+            if not _WRITABLE.match(member.key) or member.key in _WORDS:
+                self.warn_of_key(member)
+            self.draft.memory[member.key] = to_plain(member.value)
+        self.draft.settable_keys.update(self.draft.memory)
+
+    def read_members(self, value: JsonObject) -> list[JsonMember]:
+        """The keys and values of either form."""
+        members: list[JsonMember] = []
+        has_list = any(member.key.casefold() == LIST_KEY.casefold() for member in value.members)
+        for member in value.members:
+            if member.key.casefold() != LIST_KEY.casefold():
+                members.append(member)
+                if has_list:
+                    message = f'nothing stands beside "{LIST_KEY}" here; {_FORM}'
+                    self.report_error("memory-form", member.key_at, message)
+                continue
+            if member.key != LIST_KEY:
+                self.report_error("memory-form", member.key_at, f'write "{LIST_KEY}", not "{member.key}"')
+            if isinstance(member.value, JsonArray):
+                members += self.read_entries(member.value)
+                continue
+            self.report_error("memory-form", member.value_at, f'"{LIST_KEY}" is a list of objects; {_FORM}')
+            if isinstance(member.value, JsonObject):
+                members += member.value.members
+        return members
+
+    def read_entries(self, items: JsonArray) -> list[JsonMember]:
+        """The entries of RISE's form: a list of objects, each with one key."""
+        members: list[JsonMember] = []
+        for item, offset in zip(items, items.items_at, strict=True):
+            if not isinstance(item, JsonObject):
+                self.report_error("memory-form", offset, 'each entry of the list is an object: {"key": value}')
+                continue
+            if not item.members:
+                self.diagnostics.warning("memory-form", self.source.location(offset), "this entry is empty")
+            members += item.members
+        return members
+
+    def warn_of_key(self, member: JsonMember) -> None:
+        location = self.source.location(member.key_at)
+        self.draft.memory_key_locations[member.key] = location
+        remedy = "use letters, digits, `_` and dots"
+        if _WRITABLE.match(whole := normalize("NFC", member.key)):
+            remedy = f'its letters with accents are two characters each; write "{whole}" with one for each'
+        message = f'the key "{member.key}" cannot be written in a condition; {remedy}'
+        self.diagnostics.warning("unwritable-key", location, message)

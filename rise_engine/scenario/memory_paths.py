@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 
 from rise_engine.expression import lookup
-from rise_engine.expression.environment import list_index
-from rise_engine.expression.values import described
+from rise_engine.expression.environment import reach_into
+from rise_engine.expression.values import describe
 from rise_engine.nearest_name import in_backquotes, nearest_name
 from rise_engine.scenario.model import Json
 
@@ -36,26 +36,35 @@ class MemoryPaths:
 
     def reading_problem(self, key: str) -> str:
         """Why a known key can never have a value, or empty."""
-        if "." not in key or self._is_written(key) or lookup(self._start, key)[0]:
+        if key in self._start or self._is_written(key) or key.partition(".")[0] not in self._start:
             return ""
-        return self._dead_end(key)
+        value, path, missing = self._follow(key)
+        if value is None or not missing:
+            return ""
+        remedy = self._suggested_path(value, path, missing)
+        return f"the memory never has `{key}`: {_why_it_ends(value, path, missing[0])}{remedy}"
 
     def writing_problem(self, key: str) -> str:
         """Why a key can never be set, or empty."""
-        head, *rest = key.split(".")
-        if not rest or key in self._start or not isinstance(self._start.get(head), dict | list):
+        if key in self._start or not isinstance(self._start.get(key.partition(".")[0]), dict | list):
             return ""
         if any(path in self._written for path in _key_prefixes(key)):
             return ""
-        value, path = self._start[head], head
-        for part in rest:
-            if value is None or (isinstance(value, dict) and part not in value):
-                return ""  # objects on the path are made
-            if not isinstance(value, dict) and (not isinstance(value, list) or list_index(value, part) is None):
-                return f"`{key}` cannot be set: {_why_it_ends(value, path)}"
-            value = value[part] if isinstance(value, dict) else value[int(part)]
-            path += f".{part}"
-        return ""
+        value, path, missing = self._follow(key)
+        if value is None or not missing or isinstance(value, dict):  # objects on the path are made
+            return ""
+        return f"`{key}` cannot be set: {_why_it_ends(value, path)}"
+
+    def _follow(self, key: str) -> tuple[Json, str, list[str]]:
+        """How far a key leads into the start values: the value there, the path to it, and the parts that are left."""
+        path, *parts = key.split(".")
+        value = self._start[path]
+        while parts:
+            found, inner = reach_into(value, parts[0])
+            if not found:
+                break
+            value, path = inner, f"{path}.{parts.pop(0)}"
+        return value, path, parts
 
     def _is_written(self, key: str) -> bool:
         if key in self._written or any(path in self._written for path in _key_prefixes(key)):
@@ -63,32 +72,14 @@ class MemoryPaths:
         head = key.partition(".")[0]
         return key in self._within and (head in self._start or head in self._written)
 
-    def _dead_end(self, key: str) -> str:
-        head, *rest = key.split(".")
-        if head not in self._start:
-            return ""
-        value, path = self._start[head], head
-        for at, part in enumerate(rest):
-            if value is None:
-                return ""
-            if isinstance(value, dict) and part in value:
-                value = value[part]
-            elif isinstance(value, list) and list_index(value, part) is not None:
-                value = value[int(part)]
-            else:
-                remedy = self._suggested_path(path, rest[at:])
-                return f"the memory never has `{key}`: {_why_it_ends(value, path, part)}{remedy}"
-            path += f".{part}"
-        return ""
-
-    def _suggested_path(self, path: str, missing: list[str]) -> str:
+    def _suggested_path(self, value: Json, path: str, missing: list[str]) -> str:
         """The right path that was most likely meant, as the end of a message."""
-        value = lookup(self._start, path)[1]
-        if isinstance(value, dict):
-            sibling = nearest_name(missing[0], value)
-            if sibling is not None:
-                return f"; did you mean `{self._existing_part(path, [sibling, *missing[1:]])}`?"
-        if isinstance(value, dict) and 0 < len(value) <= _FEW:
+        if not isinstance(value, dict):
+            return ""
+        sibling = nearest_name(missing[0], value)
+        if sibling is not None:
+            return f"; did you mean `{self._existing_part(path, [sibling, *missing[1:]])}`?"
+        if 0 < len(value) <= _FEW:
             known = in_backquotes(f"{path}.{name}" for name in value)
             return f"; known: {known}" if len(known) < _SHORT else ""
         return ""
@@ -109,7 +100,7 @@ def _why_it_ends(value: Json, path: str, part: str = "") -> str:
     elif isinstance(value, dict):
         end = f"in the start values `{path}` has no `{part}`"
     else:
-        end = f"in the start values `{path}` is {described(value)}, which has nothing inside"
+        end = f"in the start values `{path}` is {describe(value)}, which has nothing inside"
     return f"{end}, and nothing in this scenario sets it"
 
 

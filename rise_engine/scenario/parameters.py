@@ -55,18 +55,18 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
             case "text":
                 return spoken_text(value)
             case "number":
-                return _in_range(parameter, _number(parameter, value, origin), origin)
+                return _check_range(parameter, _convert_to_number(parameter, value, origin), origin)
             case "integer":
-                number = _number(parameter, value, origin)
+                number = _convert_to_number(parameter, value, origin)
                 if isinstance(number, float):
                     if not number.is_integer():
-                        raise ParameterError(f"{parameter.name} is a whole number; {_shown(value)}{origin} is not")
-                    number = _whole(parameter, int(number), origin)
-                return _in_range(parameter, number, origin)
+                        raise ParameterError(f"{parameter.name} is a whole number; {_show(value)}{origin} is not")
+                    number = _check_64_bit(parameter, int(number), origin)
+                return _check_range(parameter, number, origin)
             case "boolean":
-                return _boolean(parameter, value, origin)
+                return _convert_to_boolean(parameter, value, origin)
             case "name":
-                return _name(parameter, value, origin)
+                return _convert_to_name(parameter, value, origin)
     except (OverflowError, RecursionError):  # lists within lists without end, as a text
         raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
 
@@ -96,9 +96,9 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
             if parameter.type == "text":
                 result[name] = template.fill(memory)
             else:
-                result[name] = convert_parameter(parameter, template.fill_value(memory), _origin(template))
+                result[name] = convert_parameter(parameter, template.fill_value(memory), _describe_origin(template))
         except (OverflowError, RecursionError):
-            raise ParameterError(f"{name} cannot be made of a value of this size{_origin(template)}") from None
+            raise ParameterError(f"{name} cannot be made of a value of this size{_describe_origin(template)}") from None
     return result
 
 
@@ -106,7 +106,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
     """Raises ParameterError when no memory value at all can make the parameter's value out of a template with slots."""
     if parameter.type == "text":
         return
-    slots = [part for part in template.parts if not isinstance(part, str)]
+    slots = template.slots
     if any(slot.before or slot.after for slot in slots):
         raise ParameterError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
     if all(slot.fallback is not None for slot in slots):
@@ -154,7 +154,7 @@ def accepts_any_name(parameter: Parameter) -> bool:
     return ANY_NAME in parameter.names or not (parameter.codes or parameter.names)
 
 
-def _number(parameter: Parameter, value: Any, origin: str) -> int | float:
+def _convert_to_number(parameter: Parameter, value: Any, origin: str) -> int | float:
     if isinstance(value, str):
         text = value.strip()
         if _WHOLE.match(text):
@@ -162,12 +162,12 @@ def _number(parameter: Parameter, value: Any, origin: str) -> int | float:
         elif _NUMBER.match(text):
             value = float(text)
         elif re.fullmatch(r"[-+]?\d+,\d+", text):
-            point = _shown(text.replace(",", ".")).strip("`")
+            point = _show(text.replace(",", ".")).strip("`")
             raise ParameterError(f"{parameter.name} is a number; write {point} with a point{origin}")
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ParameterError(f"{parameter.name} is a number{_unit(parameter)}; {_shown(value)}{origin} is not")
+        raise ParameterError(f"{parameter.name} is a number{_unit(parameter)}; {_show(value)}{origin} is not")
     if isinstance(value, int):
-        return _whole(parameter, value, origin)
+        return _check_64_bit(parameter, value, origin)
     if not math.isfinite(value):
         raise ParameterError(
             f"{parameter.name} is a number{_unit(parameter)}; `{value}`{origin} cannot be sent to a robot"
@@ -175,7 +175,7 @@ def _number(parameter: Parameter, value: Any, origin: str) -> int | float:
     return value
 
 
-def _whole(parameter: Parameter, value: int, origin: str) -> int:
+def _check_64_bit(parameter: Parameter, value: int, origin: str) -> int:
     if is_64_bit(value):
         return value
     raise ParameterError(
@@ -184,7 +184,7 @@ def _whole(parameter: Parameter, value: int, origin: str) -> int:
     )
 
 
-def _in_range(parameter: Parameter, number: int | float, origin: str) -> int | float:
+def _check_range(parameter: Parameter, number: int | float, origin: str) -> int | float:
     low, high = parameter.minimum, parameter.maximum
     longest = _LONGEST.get(parameter.unit)
     if longest is not None and (high is None or high > longest):
@@ -198,17 +198,17 @@ def _in_range(parameter: Parameter, number: int | float, origin: str) -> int | f
     return number
 
 
-def _boolean(parameter: Parameter, value: Any, origin: str) -> bool:
+def _convert_to_boolean(parameter: Parameter, value: Any, origin: str) -> bool:
     if isinstance(value, bool):
         return value
     if isinstance(value, str) and value.strip() in ("true", "false"):
         return value.strip() == "true"
     if isinstance(value, int | float) and value in (0, 1):
         return bool(value)
-    raise ParameterError(f"{parameter.name} is true or false; {_shown(value)}{origin} is neither")
+    raise ParameterError(f"{parameter.name} is true or false; {_show(value)}{origin} is neither")
 
 
-def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
+def _convert_to_name(parameter: Parameter, value: Any, origin: str) -> str | int:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if isinstance(value, str) and _WHOLE.match(value.strip()):
@@ -217,24 +217,24 @@ def _name(parameter: Parameter, value: Any, origin: str) -> str | int:
         if value in parameter.codes.values():
             return value
         if not parameter.codes and accepts_any_name(parameter):
-            return _whole(parameter, value, origin)
+            return _check_64_bit(parameter, value, origin)
         codes = ", ".join(f"{code} {name}" for name, code in parameter.codes.items())
         number = value if is_64_bit(value) else "of that size"
         raise ParameterError(
             f"{parameter.name} has no number {number}{origin}" + (f"; known: {codes}" if codes else "")
         )
     if not isinstance(value, str):
-        raise ParameterError(f"{parameter.name} is a name; {_shown(value)}{origin} is not")
+        raise ParameterError(f"{parameter.name} is a name; {_show(value)}{origin} is not")
     name = value.strip()
     if name in parameter.codes or name in parameter.names or (accepts_any_name(parameter) and name):
         return name
     near = did_you_mean(name[:80], listed_names(parameter), limit=20)
-    raise ParameterError(f"{parameter.name} has no name {_shown(name)}{origin}{near}")
+    raise ParameterError(f"{parameter.name} has no name {_show(name)}{origin}{near}")
 
 
-def _origin(template: Template) -> str:
+def _describe_origin(template: Template) -> str:
     """The memory keys that a template reads, for the reason why its value cannot be used."""
-    keys = list(dict.fromkeys(part.key for part in template.parts if not isinstance(part, str)))
+    keys = list(dict.fromkeys(slot.key for slot in template.slots))
     if not keys:
         return ""
     return f" (memory key{'s' if len(keys) > 1 else ''} {', '.join(f'`{key}`' for key in keys)})"
@@ -244,7 +244,7 @@ def _unit(parameter: Parameter) -> str:
     return f" ({parameter.unit})" if parameter.unit else ""
 
 
-def _shown(value: Any) -> str:
+def _show(value: Any) -> str:
     """A value in a message: short, whatever it is."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]

@@ -8,14 +8,13 @@ from collections.abc import Iterator
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.scenario.action_declarations import apply_declarations, core_actions, report_unknown_keys
-from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.action_declarations import apply_declarations, core_actions
 from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
-from rise_engine.scenario.toml_locations import TomlTable, read_toml
+from rise_engine.scenario.toml_locations import read_toml
+from rise_engine.scenario.toml_tables import TomlTable
 
 ENTRY_POINT_GROUP = "rise.robots"
 """Entry-point group: each entry names a package whose *.toml files are robot profiles."""
@@ -43,16 +42,14 @@ def read_profile(path: Path, name: str, files: FileReader) -> RobotProfile:
     file = read_toml(source, files.diagnostics) if source is not None else None
     if file is None:
         return builtin_robot()
-    diagnostics = files.diagnostics
-    table = TomlTable(file, (), file.values)
-    report_unknown_keys(table, _KEYS, diagnostics)
-    actions = apply_declarations(file, core_actions(), "profile", diagnostics)
+    table = TomlTable(file, (), file.values, files.diagnostics)
+    table.report_unknown_keys(_KEYS)
     return RobotProfile(
         name=name,
-        title=_text(table, "title", name, diagnostics),
-        driver=_text(table, "driver", "simulated", diagnostics),
-        actions=actions,
-        options=_options(table, diagnostics),
+        title=table.read("title", str, name),
+        driver=table.read("driver", str, "simulated"),
+        actions=apply_declarations(table, core_actions(), "profile"),
+        options=table.read("options", dict, {}, form=": [options]"),
     )
 
 
@@ -95,11 +92,8 @@ def profile_folders(folder: Path) -> Iterator[Path]:
 
 def package_folders() -> Iterator[Path]:
     """The folders of the packages that installed distributions name in the entry-point group."""
-    seen: set[str] = set()
-    for entry in entry_points(group=ENTRY_POINT_GROUP):
-        if entry.module not in seen:
-            seen.add(entry.module)
-            yield from _package_folder(entry.module)
+    for package in dict.fromkeys(entry.module for entry in entry_points(group=ENTRY_POINT_GROUP)):
+        yield from _package_folder(package)
 
 
 def _package_folder(package: str) -> Iterator[Path]:
@@ -116,19 +110,3 @@ def _package_folder(package: str) -> Iterator[Path]:
         return
     for location in (spec.submodule_search_locations or ()) if spec is not None else ():
         yield Path(location)
-
-
-def _text(table: TomlTable, key: str, otherwise: str, diagnostics: Diagnostics) -> str:
-    value = table.values.get(key, otherwise)
-    if isinstance(value, str):
-        return value
-    diagnostics.error("wrong-type", table.value_location(key), f"`{key}` is a text")
-    return otherwise
-
-
-def _options(table: TomlTable, diagnostics: Diagnostics) -> dict[str, Any]:
-    value = table.values.get("options", {})
-    if isinstance(value, dict):
-        return value
-    diagnostics.error("wrong-type", table.value_location("options"), "`options` is a table: [options]")
-    return {}

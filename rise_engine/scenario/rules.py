@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from functools import partial
 
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
@@ -13,8 +14,7 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.graph import component_numbers, reachable_from
 from rise_engine.scenario.model import Block, Function, If, OneOf, Rule, State, Transition, normal_topic
-from rise_engine.scenario.xml import Element, LazyLocation, XmlFile
-from rise_engine.scenario.xml_checks import top_elements
+from rise_engine.scenario.xml import Element, XmlFile
 
 WRAPPERS = ("InteractionRules",)
 _AFTER = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
@@ -32,29 +32,23 @@ _STATE_PARTS = ("onEntry", "onExit", "transition")
 
 def read_rules(file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     """Read every rule of a file into `draft`."""
-    for element in top_elements(file, "InteractionRule", WRAPPERS, diagnostics):
-        rule = _RuleReader(file, draft, diagnostics).rule(element)
-        if rule is None:
-            continue
-        if rule.name in draft.rules:
-            first = draft.rules[rule.name].location
-            diagnostics.error(
-                "duplicate-name",
-                file.value_location(element, "name"),
-                f"there is another rule `{rule.name}` in {first.file}, line {first.line}",
-            )
-        else:
-            draft.rules[rule.name] = rule
+    _RuleReader(file, draft, diagnostics).read_rules()
 
 
 class _RuleReader(BlockReader):
     def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         super().__init__(file, draft, diagnostics)
         self.targets: list[tuple[str, Element]] = []
+        """Of the rule that is being read."""
         self.short: list[tuple[str, str, Element]] = []
-        """Transitions after less than SHORT_AFTER: state, target, element."""
+        """Its transitions after less than SHORT_AFTER: state, target, element."""
 
-    def rule(self, element: Element) -> Rule | None:
+    def read_rules(self) -> None:
+        self.read_parts("InteractionRule", WRAPPERS, "rule", self.draft.rules, self.read_rule)
+
+    def read_rule(self, element: Element) -> Rule | None:
+        self.targets.clear()
+        self.short.clear()
         self.check_attributes(element, _RULE)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
@@ -65,35 +59,28 @@ class _RuleReader(BlockReader):
         states: dict[str, State] = {}
         for child in element:
             if child.tag != "State":
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, ("State",)))
+                self.report_misplaced(child, element, ("State",))
                 continue
-            state = self.state(child)
+            state = self.read_state(child)
             if state is None:
                 continue
             if state.id in states:
-                self.diagnostics.error(
-                    "duplicate-state",
-                    self.file.value_location(child, "id"),
-                    f"there is another state `{state.id}` in line {states[state.id].location.line}",
-                )
+                message = f"there is another state `{state.id}` in line {states[state.id].location.line}"
+                self.report_value("duplicate-state", child, "id", message)
             else:
                 states[state.id] = state
-        initial = self.initial(element, states)
+        initial = self.read_initial(element, states)
         for target, transition in self.targets:
             if target not in states:
-                self.diagnostics.error(
-                    "unknown-state",
-                    self.file.value_location(transition, "target"),
-                    f"there is no state `{target}` in this rule{did_you_mean(target, states)}",
-                )
-        priority = self.priority(element)
+                self.report_unknown_state(transition, "target", target, states)
+        priority = self.read_priority(element)
         if initial is not None:
             self.check_reachable(initial, states)
         self.check_short_loops(states)
         # A rule whose beginning is wrong is there all the same: others may name it.
         return Rule(name, initial or "", states, priority, self.file.element_location(element)) if name else None
 
-    def initial(self, element: Element, states: dict[str, State]) -> str | None:
+    def read_initial(self, element: Element, states: dict[str, State]) -> str | None:
         initial = element.get("initial")
         has_states = bool(states) or any(child.tag == "State" for child in element)
         if not has_states:
@@ -105,32 +92,29 @@ class _RuleReader(BlockReader):
         initial = initial.strip()
         if initial in states:
             return initial
-        if not has_states:
-            return None
-        self.diagnostics.error(
-            "unknown-state",
-            self.file.value_location(element, "initial"),
-            f"there is no state `{initial}` in this rule{did_you_mean(initial, states)}",
-        )
+        if has_states:
+            self.report_unknown_state(element, "initial", initial, states)
         return None
 
-    def priority(self, element: Element) -> float:
+    def report_unknown_state(self, element: Element, attribute: str, name: str, states: dict[str, State]) -> None:
+        message = f"there is no state `{name}` in this rule{did_you_mean(name, states)}"
+        self.report_value("unknown-state", element, attribute, message)
+
+    def read_priority(self, element: Element) -> float:
         text = element.get("priority")
         if text is None:
             return 0
         value = float(text) if _NUMBER.match(text) else math.nan
         if not math.isfinite(value):
-            self.diagnostics.error(
-                "wrong-type", self.file.value_location(element, "priority"), f"priority is a number; `{text}` is not"
-            )
+            self.report_value("wrong-type", element, "priority", f"priority is a number; `{text}` is not")
             return 0
         return int(value) if value.is_integer() else value
 
     def check_reachable(self, initial: str, states: dict[str, State]) -> None:
-        ways = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
-        found = reachable_from(initial, ways)
+        targets = {name: [t.target for t in state.transitions if t.target] for name, state in states.items()}
+        reachable = reachable_from(initial, targets)
         for name, state in states.items():
-            if name not in found:
+            if name not in reachable:
                 self.diagnostics.warning(
                     "unreachable-state", state.location, f"no transition leads to the state `{name}` from `{initial}`"
                 )
@@ -139,27 +123,26 @@ class _RuleReader(BlockReader):
         """Warn of a short `after` on a way that leads back to its beginning and waits for nothing else."""
         if not self.short:
             return
-        ways: dict[str, list[str]] = {}
+        targets: dict[str, list[str]] = {}
         for name, state in states.items():
-            own = set(_raised(state.on_entry))
-            ways[name] = [
-                way.target
-                for way in state.transitions
-                if way.target in states
-                and (way.event in own if way.event is not None else way.after is None or way.after < SHORT_AFTER)
+            own = set(_raised_topics(state.on_entry))
+            targets[name] = [
+                t.target
+                for t in state.transitions
+                if t.target in states
+                and (t.event in own if t.event is not None else t.after is None or t.after < SHORT_AFTER)
             ]
-        knot = component_numbers(ways)
+        knot = component_numbers(targets)
         for name, target, element in self.short:
             if name in states and target in states and knot[name] == knot[target]:
                 after = element.attributes["after"].strip()
-                self.diagnostics.warning(
-                    "short-loop",
-                    self.file.value_location(element, "after"),
+                message = (
                     f"after {after} this way leads back to `{name}` and waits for nothing else: each round is recorded "
-                    f"and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event",
+                    f"and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event"
                 )
+                self.diagnostics.warning("short-loop", self.file.value_location(element, "after"), message)
 
-    def state(self, element: Element) -> State | None:
+    def read_state(self, element: Element) -> State | None:
         attributes = self.check_attributes(element, _STATE)
         self.check_no_text(element)
         name = attributes.get("id", "").strip()
@@ -167,11 +150,11 @@ class _RuleReader(BlockReader):
             self.report_error("missing-attribute", element, 'a state needs a name: <State id="...">')
         blocks: dict[str, Block] = {}
         transitions: list[Transition] = []
-        always: dict[tuple[str, object], Transition] = {}
+        always: dict[str | float, Transition] = {}
         for child in element:
             tag = child.tag
             if tag == "transition":
-                transition = self.transition(child)
+                transition = self.read_transition(child)
                 if transition is not None:
                     transitions.append(transition)
                     if transition.target and transition.after is not None and transition.after < SHORT_AFTER:
@@ -183,7 +166,7 @@ class _RuleReader(BlockReader):
                 self.check_attributes(child, NO_ATTRIBUTES)
                 blocks[tag] = blocks.get(tag, ()) + self.read_block(child)
             else:
-                self.report_error("unknown-element", child, self.misplaced_message(child, element, _STATE_PARTS))
+                self.report_misplaced(child, element, _STATE_PARTS)
         if not name:
             return None
         return State(
@@ -194,45 +177,39 @@ class _RuleReader(BlockReader):
             self.file.element_location(element),
         )
 
-    def transition(self, element: Element) -> Transition | None:
+    def read_transition(self, element: Element) -> Transition | None:
         get = self.check_attributes(element, _TRANSITION).get
         event, condition, after = get("eventTopic"), get("cond"), get("after")
         if event is not None and after is not None:
-            self.diagnostics.error(
-                "trigger",
-                self.file.attribute_location(element, "after"),
-                "a transition waits for an event or for a time, not for both; write two transitions",
-            )
+            message = "a transition waits for an event or for a time, not for both; write two transitions"
+            self.report_attribute("trigger", element, "after", message)
         if event is None and condition is None and after is None:
             self.report_error("trigger", element, "a transition waits for something: give it eventTopic, cond or after")
         topic: str | None = None
         if event is not None:
             topic = normal_topic(event)
             if topic:
-                self.draft.awaited_topics.append(Mention(topic, LazyLocation(self.file, element, "eventTopic")))
+                locate = partial(self.file.value_location, element, "eventTopic")
+                self.draft.awaited_topics.append(Mention(topic, locate))
             else:
-                self.diagnostics.error(
-                    "trigger", self.file.value_location(element, "eventTopic"), "eventTopic is empty"
-                )
+                self.report_value("trigger", element, "eventTopic", "eventTopic is empty")
         target = get("target")
         if target is not None:
             target = target.strip()
             self.targets.append((target, element))
         block = self.read_block(element)
         if target is None and not block and not len(element):
-            self.diagnostics.warning(
-                "no-effect", self.file.element_location(element), "this transition has neither a target nor functions"
-            )
+            self.report_warning("no-effect", element, "this transition has neither a target nor functions")
         return Transition(
             event=topic,
-            condition=self.read_condition(element, condition) if condition is not None else None,
-            after=self.after(element, after) if after is not None else None,
+            condition=self.read_condition(element),
+            after=self.read_after(element, after) if after is not None else None,
             target=target,
             block=block,
             location=self.file.element_location(element),
         )
 
-    def after(self, element: Element, text: str) -> float | None:
+    def read_after(self, element: Element, text: str) -> float | None:
         found = _AFTER.match(text)
         if found is not None:
             seconds = float(found.group(1)) * _UNITS[found.group(2)]
@@ -240,21 +217,17 @@ class _RuleReader(BlockReader):
                 return seconds
             remedy = "; without `after` and with a condition, a transition is taken at once" if seconds == 0 else ""
             message = f"`after` is from 1ms to 24 hours (1440min); `{text.strip()[:40]}` is outside{remedy}"
-            self.diagnostics.error("out-of-range", self.file.value_location(element, "after"), message)
+            self.report_value("out-of-range", element, "after", message)
             return None
         number = re.match(r"\s*\d+(?:\.\d+)?\s*\Z", text, re.ASCII)
         remedy = f"; write {text.strip()}ms or {text.strip()}s" if number else "; write 500ms, 2s, 1.5s or 3min"
-        self.diagnostics.error("time", self.file.value_location(element, "after"), f"`{text}` is not a time{remedy}")
+        self.report_value("time", element, "after", f"`{text}` is not a time{remedy}")
         return None
 
-    def check_order(self, transition: Transition, always: dict[tuple[str, object], Transition]) -> None:
+    def check_order(self, transition: Transition, always: dict[str | float, Transition]) -> None:
         """Of two transitions with one trigger, the second is dead when the first has no condition."""
-        trigger: tuple[str, object]
-        if transition.event is not None:
-            trigger = ("event", transition.event)
-        elif transition.after is not None:
-            trigger = ("after", transition.after)
-        else:
+        trigger = transition.event if transition.event is not None else transition.after
+        if trigger is None:
             return
         if trigger in always:
             self.diagnostics.warning(
@@ -267,7 +240,7 @@ class _RuleReader(BlockReader):
             always[trigger] = transition
 
 
-def _raised(block: Block) -> Iterator[str]:
+def _raised_topics(block: Block) -> Iterator[str]:
     """The topics that a block may raise."""
     pending = [*block]
     while pending:

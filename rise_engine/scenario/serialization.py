@@ -25,7 +25,7 @@ def encode_scenario(scenario: Scenario) -> bytes:
     """
     if escape_surrogates(scenario.folder) != scenario.folder:  # a folder whose name is no text
         scenario = replace(scenario, folder=escape_surrogates(scenario.folder))
-    return _encoder().encode(scenario)
+    return _ENCODER.encode(scenario)
 
 
 def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
@@ -36,11 +36,6 @@ def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
         raise ScenarioDecodeError(f"this is no scenario of this version: {error}") from None
     folder = restore_surrogates(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
-
-
-@cache
-def _encoder() -> msgspec.json.Encoder:
-    return msgspec.json.Encoder(enc_hook=_encode_text)
 
 
 @cache
@@ -61,3 +56,6 @@ def _decode_text(kind: type, value: Any) -> Any:
     if kind is Assignment:
         return Assignment.parse(value)
     raise TypeError(f"a scenario holds no {kind.__name__}")
+
+
+_ENCODER = msgspec.json.Encoder(enc_hook=_encode_text)

@@ -33,7 +33,8 @@ class SourceFile:
 
     @cached_property
     def _line_starts(self) -> list[int]:
-        return line_starts(self.text)
+        """Offsets at which lines begin. Lines end with LF or CRLF."""
+        return [0, *accumulate(len(line) + 1 for line in self.text.split("\n")[:-1])]
 
     def location(self, offset: int) -> SourceLocation:
         """Line and column of an offset in `text`."""
@@ -47,16 +48,11 @@ class SourceFile:
         line = min(max(line, 1), len(starts))
         return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
 
-    def line(self, number: int) -> str:
+    def line_text(self, number: int) -> str:
         """The text of a line, without its end."""
         start = self.offset(number, 1)
         end = self.text.find("\n", start)
         return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
-
-
-def line_starts(text: str) -> list[int]:
-    """Offsets at which lines begin. Lines end with LF or CRLF."""
-    return [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
 
 
 class FileReader:
@@ -98,13 +94,13 @@ class FileReader:
         if text is None:
             return None
         source = SourceFile(name, data, text)
-        if _conflicts(source, self.diagnostics):
+        if _has_conflicts(source, self.diagnostics):
             return None
         self.sources.append(source)
         return source
 
 
-def _conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
+def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
     """Whether a merge of git was never resolved in a file: a finding for each conflict, and no other about it."""
     if "<<<<<<<" not in source.text:
         return False

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
+from operator import attrgetter
 
 from msgspec import Struct
 
@@ -19,6 +20,7 @@ from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
+from rise_engine.text import match_end
 
 _MARK = "check:"
 _ALLOW = re.compile(r"\s*check:\s*allow\b(.*)", re.DOTALL)
@@ -37,9 +39,9 @@ class Suppression(Struct, frozen=True):
     code: str
     reason: str
     file: str
-    start: tuple[int, int] = (1, 1)
+    start: tuple[int, int]
     """Line and column."""
-    end: tuple[int, int] = (1 << 60, 1)
+    end: tuple[int, int]
     """Behind the last location."""
 
     def covers(self, diagnostic: Diagnostic) -> bool:
@@ -51,6 +53,9 @@ class Suppression(Struct, frozen=True):
         )
 
 
+_start = attrgetter("start")
+
+
 class SuppressedWarning(Struct, frozen=True):
     """A warning that somebody has silenced, and why."""
 
@@ -59,33 +64,32 @@ class SuppressedWarning(Struct, frozen=True):
 
 
 def apply_suppressions(
-    found: Sequence[Diagnostic], suppressions: Sequence[Suppression], diagnostics: Diagnostics, *, complete: bool
+    suppressions: Sequence[Suppression], diagnostics: Diagnostics
 ) -> tuple[list[Diagnostic], list[SuppressedWarning]]:
     """What is left of the findings, and what was silenced.
 
-    `complete`: nothing was left unchecked because of errors, so that what silences nothing now is not needed.
+    What silences nothing is a finding too, unless errors left something unchecked.
     """
+    complete = not diagnostics.errors
     silenced: list[SuppressedWarning] = []
-    covered: set[Diagnostic] = set()
-    used: set[int] = set()
-    by_code: dict[tuple[str, str], dict[tuple[int, int], int]] = {}
-    for index, suppression in enumerate(suppressions):
-        by_code.setdefault((suppression.file, suppression.code), {}).setdefault(suppression.start, index)
-    starts = {which: sorted(starting_points) for which, starting_points in by_code.items()}
-    for diagnostic in found:
-        which = (diagnostic.location.file, diagnostic.code)
-        before = bisect_right(starts.get(which, ()), (diagnostic.location.line, diagnostic.location.column))
-        if not before:
-            continue
-        index = by_code[which][starts[which][before - 1]]
-        if suppressions[index].covers(diagnostic):
-            used.add(index)
-            covered.add(diagnostic)
-            silenced.append(SuppressedWarning(diagnostic, suppressions[index].reason))
-    for index, suppression in enumerate(suppressions if complete else ()):
-        if index not in used:
+    used: set[Suppression] = set()
+    groups: dict[tuple[str, str], list[Suppression]] = {}
+    for suppression in sorted(suppressions, key=_start):
+        group = groups.setdefault((suppression.file, suppression.code), [])
+        if not group or group[-1].start < suppression.start:
+            group.append(suppression)
+    for diagnostic in diagnostics.sorted():
+        location = diagnostic.location
+        group = groups.get((location.file, diagnostic.code), [])
+        before = bisect_right(group, (location.line, location.column), key=_start)
+        if before and group[before - 1].covers(diagnostic):
+            used.add(group[before - 1])
+            silenced.append(SuppressedWarning(diagnostic, group[before - 1].reason))
+    for suppression in suppressions if complete else ():
+        if suppression not in used:
             message = f"this silences nothing: there is no warning `{suppression.code}` at what follows; delete it"
             diagnostics.warning("unused-allow", suppression.location, message)
+    covered = {warning.diagnostic for warning in silenced}
     return [diagnostic for diagnostic in diagnostics.sorted() if diagnostic not in covered], silenced
 
 
@@ -96,9 +100,9 @@ def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -
         if _MARK not in source.text:
             continue
         if source.name.lower().endswith(".toml"):
-            found += _in_toml_comments(source, diagnostics)
+            found += _read_toml_comments(source, diagnostics)
         elif source.text.lstrip().startswith("<"):
-            found += _in_xml_comments(source, diagnostics)
+            found += _read_xml_comments(source, diagnostics)
     return found
 
 
@@ -132,7 +136,7 @@ def _parse_comment(comment: str, location: SourceLocation, diagnostics: Diagnost
     return code, " ".join(reason.split())
 
 
-def _in_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
+def _read_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
     text = source.text
     pending: list[tuple[SourceLocation, str, str]] = []
     """Read, and their element is still to come: other comments may stand between."""
@@ -149,8 +153,7 @@ def _in_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[S
         parsed = _parse_comment(text[opened + 4 : position], source.location(opened), diagnostics)
         if parsed is not None:
             pending.append((source.location(opened), *parsed))
-        blank = _BLANK.match(text, position + 3)
-        position = blank.end() if blank else position + 3
+        position = match_end(_BLANK, text, position + 3)
         if pending and not text.startswith("<!--", position):
             element = _element_at(text, position)
             start, end = (source.location(offset) for offset in element or (position, position))
@@ -182,7 +185,7 @@ def _element_at(text: str, start: int) -> tuple[int, int] | None:
     return start, end if end >= 0 else len(text)
 
 
-def _in_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
+def _read_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
     pending: list[tuple[SourceLocation, str, str]] = []
     for number, line in enumerate(source.text.split("\n"), 1):
         comment = _TOML_LINE.match(line)
@@ -205,15 +208,7 @@ def memory_suppressions(
 ) -> Iterator[Suppression]:
     """The silencings of scenario.toml, for the memory file: location, code, key and reason of each."""
     for location, code, key, reason in suppressions:
-        key_location = keys.get(key)
-        if key_location is None:
-            yield Suppression(location, code, reason, "")
-        else:
-            yield Suppression(
-                location,
-                code,
-                reason,
-                key_location.file,
-                (key_location.line, key_location.column),
-                (key_location.line, key_location.column + 1),
-            )
+        where = keys.get(key, SourceLocation(""))  # without one, it stands nowhere and silences nothing
+        yield Suppression(
+            location, code, reason, where.file, (where.line, where.column), (where.line, where.column + 1)
+        )

@@ -58,16 +58,14 @@ class Template(Struct, frozen=True):
     parts: tuple[str | MemorySlot, ...]
 
     @property
-    def keys(self) -> frozenset[str]:
-        """The memory keys that it reads."""
-        return frozenset(part.key for part in self.parts if isinstance(part, MemorySlot))
+    def slots(self) -> list[MemorySlot]:
+        """Where memory values go, in their order."""
+        return [part for part in self.parts if isinstance(part, MemorySlot)]
 
     @property
     def constant(self) -> str | None:
         """Its text when no memory value is involved."""
-        if any(isinstance(part, MemorySlot) for part in self.parts):
-            return None
-        return "".join(part for part in self.parts if isinstance(part, str))
+        return None if self.slots else self.fill({})
 
     def fill(self, memory: Mapping[str, Any]) -> str:
         """The text with the memory's values of this moment.
@@ -105,7 +103,7 @@ def parse_template(text: str) -> Template:
         else:
             found = _SLOT.match(text, at)
             if found is None or found[2].count(".") >= MAX_LEVELS:
-                raise _malformed(text, at)
+                raise _malformed_error(text, at)
             if literal:
                 parts.append("".join(literal))
                 literal.clear()
@@ -119,7 +117,7 @@ def parse_template(text: str) -> Template:
     return Template(text, tuple(parts))
 
 
-def _malformed(text: str, at: int) -> TemplateError:
+def _malformed_error(text: str, at: int) -> TemplateError:
     """What is wrong with the slot that begins at `at`."""
     end = text.find("}", at)
     if end < 0:

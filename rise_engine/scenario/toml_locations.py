@@ -8,17 +8,17 @@ from datetime import date, time
 from math import isfinite
 from typing import Any
 
-from msgspec import Struct
-
 from rise_engine.json_codec import is_64_bit
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
+from rise_engine.text import match_end
 from rise_engine.typography import find_typographic_closing, typography_problem
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
-_KEY = re.compile(r"""[A-Za-z0-9_-]+|"((?:[^"\\]|\\.)*)"|'([^']*)'""")
+_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*'""")
+_STRING = re.compile(r"""\"{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*"|'[^']*'""", re.DOTALL)
 _BARE_VALUE = re.compile(r"[^,\]}\n#]*")
 _AT = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
@@ -40,7 +40,7 @@ class TomlFile:
     def __init__(self, source: SourceFile, values: dict[str, Any]) -> None:
         self.source = source
         self.values = values
-        self._places: dict[KeyPath, tuple[int, int]] | None = None
+        self._offsets_by_path: dict[KeyPath, tuple[int, int]] | None = None
 
     def key_location(self, *path: str) -> SourceLocation:
         """Where a key stands; for a key that is not there, its nearest parent."""
@@ -51,27 +51,13 @@ class TomlFile:
         return self.source.location(self._offsets(path)[1])
 
     def _offsets(self, path: KeyPath) -> tuple[int, int]:
-        if self._places is None:
-            self._places = _Locator(self.source.text).run()
+        if self._offsets_by_path is None:
+            self._offsets_by_path = _Locator(self.source.text).locate_all()
         while path:
-            if path in self._places:
-                return self._places[path]
+            if path in self._offsets_by_path:
+                return self._offsets_by_path[path]
             path = path[:-1]
         return 0, 0
-
-
-class TomlTable(Struct, frozen=True):
-    """A table of a TOML file with its path, for code that checks it key by key."""
-
-    file: TomlFile
-    path: KeyPath
-    values: dict[str, Any]
-
-    def key_location(self, *keys: str) -> SourceLocation:
-        return self.file.key_location(*self.path, *keys)
-
-    def value_location(self, *keys: str) -> SourceLocation:
-        return self.file.value_location(*self.path, *keys)
 
 
 def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
@@ -88,7 +74,7 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
             return None
         except ValueError as error:
             line = _report_syntax_error(str(error), source, text, diagnostics, first=attempt == 0)
-            repaired = _blanked_out(text, line)
+            repaired = _blank_out(text, line)
             if repaired == text:
                 return None
             text = repaired
@@ -108,16 +94,16 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
     while pending:
         path, holder = pending.pop()
         for key, value in list(holder.items() if isinstance(holder, dict) else enumerate(holder)):
-            here = (*path, str(key))
+            item = (*path, str(key))
             if isinstance(value, dict | list):
-                pending.append((here, value))
+                pending.append((item, value))
             elif isinstance(value, date | time):
                 holder[key] = value.isoformat()
             elif isinstance(value, float) and not isfinite(value):
-                diagnostics.error("wrong-value", file.value_location(*here), f"`{value}` is no number that can be used")
+                diagnostics.error("wrong-value", file.value_location(*item), f"`{value}` is no number that can be used")
             elif isinstance(value, int) and not is_64_bit(value):
                 sentence = "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)"
-                diagnostics.error("wrong-value", file.value_location(*here), sentence)
+                diagnostics.error("wrong-value", file.value_location(*item), sentence)
 
 
 def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostics: Diagnostics, *, first: bool) -> int:
@@ -131,7 +117,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
     sentence = _AT.sub("", message).strip().rstrip(".")
     if _TWICE.search(sentence) is not None:
         line = source.location(offset).line
-        at_line = source.line(line)
+        at_line = source.line_text(line)
         name, before = _duplicate_key(source, line)
         location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
         known = f"; it stands in line {before} already" if before else f" ({sentence})"
@@ -150,19 +136,18 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
 def _unclosed_quote(text: str, offset: int) -> int:
     """Where the text begins that is not closed before `offset`, the end of its line; -1 when there is none."""
     line = text.rfind("\n", 0, offset) + 1
-    quotes = [position for position in range(line, min(offset, len(text))) if text[position] in "\"'"]
-    return quotes[-1] if quotes else -1
+    return max(text.rfind('"', line, offset), text.rfind("'", line, offset))
 
 
 def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
     """What a line gives a second time, as it is written, and the line that gives it first (0: not found)."""
     lines = [each.strip() for each in source.text.split("\n")]
-    here = lines[line - 1]
-    if here.startswith("["):
-        name = here.partition("]")[0].strip("[ \t")
+    written = lines[line - 1]
+    if written.startswith("["):
+        name = written.partition("]")[0].strip("[ \t")
         return name, next((n for n, each in enumerate(lines[: line - 1], 1) if each.startswith(f"[{name}]")), 0)
-    found = _DOTTED.match(here)
-    name = found.group().strip() if found else here
+    found = _DOTTED.match(written)
+    name = found.group().strip() if found else written
     for number in range(line - 1, 0, -1):
         each = lines[number - 1]
         if each.startswith("["):
@@ -173,7 +158,7 @@ def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
     return name, 0
 
 
-def _blanked_out(text: str, line: int) -> str:
+def _blank_out(text: str, line: int) -> str:
     """The text with a line blanked out; with a table's header, all that belongs to the table."""
     lines = text.split("\n")
     last = line
@@ -191,106 +176,71 @@ class _Locator:
         self.text = text
         self.found: dict[KeyPath, tuple[int, int]] = {}
 
-    def run(self) -> dict[KeyPath, tuple[int, int]]:
+    def locate_all(self) -> dict[KeyPath, tuple[int, int]]:
         table: KeyPath = ()
-        position = self.blank(0)
+        position = match_end(_BLANK, self.text, 0)
         while position < len(self.text):
             if self.text.startswith("[", position):
                 opening = position
                 while self.text.startswith("[", position):
                     position += 1
-                position, table = self.key(self.space(position), (), opening)
-                position = self.space(position)
+                position, table = self.read_key(match_end(_SPACE, self.text, position), (), opening)
+                position = match_end(_SPACE, self.text, position)
                 while self.text.startswith("]", position):
                     position += 1
             else:
-                position = self.pair(position, table)
-            following = self.blank(position)
+                position = self.read_pair(position, table)
+            following = match_end(_BLANK, self.text, position)
             if following == position and position < len(self.text):  # cannot happen in valid TOML; never loop
                 following = position + 1
             position = following
         return self.found
 
-    def blank(self, position: int) -> int:
-        found = _BLANK.match(self.text, position)
-        return found.end() if found else position
-
-    def space(self, position: int) -> int:
-        found = _SPACE.match(self.text, position)
-        return found.end() if found else position
-
-    def key(self, position: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
+    def read_key(self, position: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
         """A dotted key: each part is noted. Returns the offset behind it and the whole path."""
         while (part := _KEY.match(self.text, position)) is not None:
-            path = (*path, _key_text(part))
+            path = (*path, _key_text(part.group()))
             self.found.setdefault(path, (position, value_at if value_at >= 0 else position))
-            position = self.space(part.end())
+            position = match_end(_SPACE, self.text, part.end())
             if not self.text.startswith(".", position):
                 break
-            position = self.space(position + 1)
+            position = match_end(_SPACE, self.text, position + 1)
         return position, path
 
-    def pair(self, position: int, table: KeyPath) -> int:
-        behind, path = self.key(position, table, -1)
+    def read_pair(self, position: int, table: KeyPath) -> int:
+        behind, path = self.read_key(position, table, -1)
         if not self.text.startswith("=", behind):
             return behind
-        value_at = self.space(behind + 1)
+        value_at = match_end(_SPACE, self.text, behind + 1)
         if path in self.found:
             self.found[path] = (self.found[path][0], value_at)
-        return self.value(value_at, path)
+        return self.read_value(value_at, path)
 
-    def value(self, position: int, path: KeyPath) -> int:
+    def read_value(self, position: int, path: KeyPath) -> int:
         text = self.text
-        for quote in ('"""', "'''"):
-            if text.startswith(quote, position):
-                return self.long_string(position, quote)
-        character = text[position : position + 1]
-        if character in ('"', "'"):
-            string = _KEY.match(text, position)
-            return string.end() if string else position + 1
-        if character == "[":
-            position = self.blank(position + 1)
-            index = 0
-            while position < len(text) and not text.startswith("]", position):
-                self.found[(*path, str(index))] = (position, position)
-                position = self.blank(self.value(position, (*path, str(index))))
-                position = self.blank(position + 1) if text.startswith(",", position) else position
-                index += 1
-            return position + 1
-        if character == "{":
-            position = self.blank(position + 1)
-            while position < len(text) and not text.startswith("}", position):
-                before = position
-                position = self.blank(self.pair(position, path))
-                position = self.blank(position + 1) if text.startswith(",", position) else position
-                position = max(position, before + 1)
-            return position + 1
-        bare = _BARE_VALUE.match(text, position)
-        return max(bare.end() if bare else position, position + 1)
-
-    def long_string(self, position: int, quote: str) -> int:
-        end = position + 3
-        while end < len(self.text):
-            if quote == '"""' and self.text[end] == "\\":
-                end += 2
-            elif self.text.startswith(quote, end):
-                end += 3
-                while end < len(self.text) and self.text[end] == quote[0]:  # up to two more belong to the text
-                    end += 1
-                return end
+        closing = {"[": "]", "{": "}"}.get(text[position : position + 1])
+        if closing is None:
+            end = match_end(_STRING, text, position)
+            return end if end > position else max(match_end(_BARE_VALUE, text, position), position + 1)
+        position = match_end(_BLANK, text, position + 1)
+        index = 0
+        while position < len(text) and not text.startswith(closing, position):
+            if closing == "]":
+                item = (*path, str(index))
+                self.found[item] = (position, position)
+                end = self.read_value(position, item)
             else:
-                end += 1
-        return end
+                end = self.read_pair(position, path)
+            position = match_end(_BLANK, text, max(end, position + 1))
+            if text.startswith(",", position):
+                position = match_end(_BLANK, text, position + 1)
+            index += 1
+        return position + 1
 
 
-def _key_text(part: re.Match[str]) -> str:
-    if part.group(2) is not None:
-        return part.group(2)
-    if part.group(1) is not None:
-        if "\\" not in part.group(1):
-            return part.group(1)
-        try:
-            return next(iter(tomllib.loads(f'"{part.group(1)}" = 0')))
-        except tomllib.TOMLDecodeError:
-            return part.group(1)
-    return part.group()
+def _key_text(written: str) -> str:
+    if written[0] not in "\"'":
+        return written
+    if written[0] == "'" or "\\" not in written:
+        return written[1:-1]
+    return next(iter(tomllib.loads(f"{written} = 0")))

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from functools import lru_cache
 from xml.parsers import expat
 
 from lxml import etree
-from msgspec import Struct
 
 from rise_engine.errors import RiseError
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -24,7 +24,7 @@ from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.xml_repair import RepairedText, repair
 from rise_engine.scenario.xml_syntax_errors import report_syntax_error
-from rise_engine.text import character_name
+from rise_engine.text import character_name, match_end
 
 
 class Element(list["Element"]):
@@ -74,17 +74,15 @@ class XmlNameError(RiseError, ValueError):
 class XmlFile:
     """A well-formed file: its elements and where they stand."""
 
-    def __init__(self, source: SourceFile, text: str, repaired: RepairedText | None) -> None:
-        """`text` is well-formed. Raises XmlNameError."""
-        self.source = source
+    def __init__(self, repaired: RepairedText) -> None:
+        """The text is well-formed. Raises XmlNameError."""
+        text = repaired.text
+        self.source = repaired.source
         self.has_text = "<![CDATA[" in text or _MAYBE_TEXT.search(text) is not None
         """Whether there may be visible text between tags."""
         self.root = _element_tree(text, self.has_text)
         self._text = text
         self._repaired = repaired
-        self._attributes: tuple[Element, dict[str, re.Match[str]]] | None = None
-        """The attributes of the element that was asked for last."""
-        self._last_offset_map: tuple[Element, str | None, _OffsetMap] | None = None
 
     def element_location(self, element: Element) -> SourceLocation:
         """Where an element's start tag begins."""
@@ -92,47 +90,27 @@ class XmlFile:
 
     def attribute_location(self, element: Element, name: str) -> SourceLocation:
         """Where an attribute's name stands."""
-        found = self._attribute(element, name)
+        found = _attributes_at(self._text, element.start_offset).get(name)
         return self._location(found.start(1)) if found else self.element_location(element)
 
     def value_location(self, element: Element, name: str, index: int = 0) -> SourceLocation:
         """Where the character number `index` (from 0) of an attribute's value stands in the file."""
-        found = self._attribute(element, name)
+        found = _attributes_at(self._text, element.start_offset).get(name)
         if found is None:
             return self.element_location(element)
-        return self._location(self._offset_map(element, name, found).offset(index))
+        span = found.span(2 if found.group(2) is not None else 3)
+        return self._location(_value_offset_map(self._text, *span).offset(index))
 
     def text_location(self, element: Element, index: int = 0) -> SourceLocation:
         """Where the character number `index` of an element's text (up to its first child) stands in the file."""
-        return self._location(self._offset_map(element, None, None).offset(index))
+        return self._location(_text_offset_map(self._text, element.start_offset).offset(index))
 
     def tail_location(self, element: Element, index: int) -> SourceLocation:
         """Where the character number `index` of what stands behind an element stands in the file."""
-        tag = _TAG.match(self._text, element.end_offset)
-        return self._location(_text_offset_map(self._text, tag.end() if tag else element.end_offset).offset(index))
+        return self._location(_text_offset_map(self._text, element.end_offset).offset(index))
 
     def _location(self, offset: int) -> SourceLocation:
-        return self.source.location(self._repaired.original_offset(offset) if self._repaired else offset)
-
-    def _attribute(self, element: Element, name: str) -> re.Match[str] | None:
-        if self._attributes is None or self._attributes[0] is not element:
-            tag = _TAG.match(self._text, element.start_offset)
-            found = _ATTRIBUTE.finditer(self._text, tag.start(), tag.end()) if tag else ()
-            self._attributes = element, {match.group(1): match for match in found}
-        return self._attributes[1].get(name)
-
-    def _offset_map(self, element: Element, name: str | None, attribute: re.Match[str] | None) -> _OffsetMap:
-        """The value of an attribute, or the element's text; many places in it may be asked for."""
-        last = self._last_offset_map
-        if last is None or last[0] is not element or last[1] != name:
-            if attribute is not None:
-                stretches = _OffsetMap()
-                stretches.add(self._text, *attribute.span(2 if attribute.group(2) is not None else 3), _CHARACTER)
-            else:
-                tag = _TAG.match(self._text, element.start_offset)
-                stretches = _text_offset_map(self._text, tag.end() if tag else element.start_offset)
-            last = self._last_offset_map = element, name, stretches
-        return last[2]
+        return self.source.location(self._repaired.original_offset(offset))
 
 
 class _OffsetMap:
@@ -167,9 +145,28 @@ class _OffsetMap:
         return self.offsets[which] + index - self.starts[which]
 
 
-def _text_offset_map(text: str, at: int) -> _OffsetMap:
-    """What stands from an offset to the next tag, comments left out."""
+# Of one element many locations may be asked for in a row: each of these remembers what it worked out last.
+
+
+@lru_cache(maxsize=1)
+def _attributes_at(text: str, start: int) -> dict[str, re.Match[str]]:
+    """The attributes of the start tag that begins there, by name."""
+    return {found.group(1): found for found in _ATTRIBUTE.finditer(text, start, match_end(_TAG, text, start))}
+
+
+@lru_cache(maxsize=1)
+def _value_offset_map(text: str, start: int, end: int) -> _OffsetMap:
+    """The value of an attribute."""
     stretches = _OffsetMap()
+    stretches.add(text, start, end, _CHARACTER)
+    return stretches
+
+
+@lru_cache(maxsize=1)
+def _text_offset_map(text: str, tag: int) -> _OffsetMap:
+    """What stands behind the tag that begins there, up to the next one, comments left out."""
+    stretches = _OffsetMap()
+    at = match_end(_TAG, text, tag)
     while True:
         end = text.find("<", at)
         end = end if end >= 0 else len(text)
@@ -180,24 +177,6 @@ def _text_offset_map(text: str, at: int) -> _OffsetMap:
         if inner.group().startswith("<![CDATA["):
             stretches.add(text, inner.start() + 9, inner.end() - 3, _LINE_END)
         at = inner.end()
-
-
-class LazyLocation(Struct, frozen=True):
-    """A location that is worked out only when a finding needs it."""
-
-    file: XmlFile
-    element: Element
-    attribute: str | None = None
-    """None: the element's text, or the element itself when `at` is None too."""
-    index: int | None = None
-
-    @property
-    def location(self) -> SourceLocation:
-        if self.attribute is not None:
-            return self.file.value_location(self.element, self.attribute, self.index or 0)
-        if self.index is not None:
-            return self.file.text_location(self.element, self.index)
-        return self.file.element_location(self.element)
 
 
 def is_element_name(name: str) -> bool:
@@ -226,39 +205,34 @@ def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
         )
         return None
     try:
-        _parse(text)
-        return XmlFile(source, text, None)
-    except XmlNameError as misnamed:
-        diagnostics.error("not-well-formed", source.location(misnamed.offset), str(misnamed))
-        return None
+        return _read_well_formed(RepairedText(source, []), diagnostics)
     except etree.XMLSyntaxError as first:
         error = first
-        before = diagnostics.errors
-        repaired = repair(source, diagnostics)
-        if diagnostics.errors > before:
-            try:
-                _parse(repaired.text)
-                return XmlFile(source, repaired.text, repaired)
-            except XmlNameError as misnamed:
-                location = source.location(repaired.original_offset(misnamed.offset))
-                diagnostics.error("not-well-formed", location, str(misnamed))
-                return None
-            except etree.XMLSyntaxError as second:
-                error = second
-        report_syntax_error(error, repaired, diagnostics)
+    before = diagnostics.errors
+    repaired = repair(source, diagnostics)
+    if diagnostics.errors > before:
+        try:
+            return _read_well_formed(repaired, diagnostics)
+        except etree.XMLSyntaxError as second:
+            error = second
+    report_syntax_error(error, repaired, diagnostics)
+    return None
+
+
+def _read_well_formed(repaired: RepairedText, diagnostics: Diagnostics) -> XmlFile | None:
+    """The file, or None after a finding about a name. Raises etree.XMLSyntaxError for what is not well-formed."""
+    _parse(repaired.text)
+    try:
+        return XmlFile(repaired)
+    except XmlNameError as error:
+        location = repaired.source.location(repaired.original_offset(error.offset))
+        diagnostics.error("not-well-formed", location, str(error))
         return None
 
 
 def _parse(text: str) -> None:
     """Raises etree.XMLSyntaxError for a text that is not well-formed."""
-    parser = etree.XMLParser(
-        remove_comments=True,
-        remove_pis=True,
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-    )
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     etree.fromstring(text.encode(), parser)
 
 
@@ -269,20 +243,20 @@ def _element_tree(text: str, has_text: bool) -> Element:
     outside = Element("", {}, 0)
     open_elements = [outside]
     pieces: list[str] = []
-    narrow = len(data) == len(text)
+    ascii_only = len(data) == len(text)
     done = offset = 0
 
-    def here() -> int:
+    def current_offset() -> int:
         """The offset in `text` of what is being read."""
         nonlocal done, offset
         at = parser.CurrentByteIndex
-        if narrow:
+        if ascii_only:
             return at
         offset += len(data[done:at].decode())
         done = at
         return offset
 
-    def text_ends() -> None:
+    def flush_text() -> None:
         if pieces:
             inside = open_elements[-1]
             if inside:
@@ -291,18 +265,18 @@ def _element_tree(text: str, has_text: bool) -> Element:
                 inside.text = "".join(pieces)
             pieces.clear()
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        text_ends()
-        element = Element(tag, attributes, here())
+    def on_start(tag: str, attributes: dict[str, str]) -> None:
+        flush_text()
+        element = Element(tag, attributes, current_offset())
         open_elements[-1].append(element)
         open_elements.append(element)
 
-    def end(tag: str) -> None:
-        text_ends()
-        open_elements.pop().end_offset = here()
+    def on_end(tag: str) -> None:
+        flush_text()
+        open_elements.pop().end_offset = current_offset()
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
+    parser.StartElementHandler = on_start
+    parser.EndElementHandler = on_end
     if has_text:
         parser.buffer_text = True
         parser.CharacterDataHandler = pieces.append

@@ -13,6 +13,15 @@ _POSITION = re.compile(r", line \d+, column \d+.*\Z", re.DOTALL)
 _MISMATCH = re.compile(r"tag mismatch: (\S+) line (\d+) and (\S+)")
 _UNFINISHED = re.compile(r"in tag (\S+) line (\d+)")
 _REDEFINED = re.compile(r"Attribute (\S+) redefined")
+_SENTENCES = {
+    "Extra content": "the file goes on after its outermost element; several acts or rules need one wrapper around them",
+    "Start tag expected": "an XML file begins with `<`",
+    "AttValue": "the value of an attribute stands in quotation marks, closed before the tag ends",
+    "attributes construct error": 'attributes are written name="value" and separated by a blank',
+    "Specification mandates value": 'this attribute has no value; write name="value"',
+    "Double hyphen": "a comment cannot have `--` inside it; only `-->` ends it",
+}
+"""What a part of libxml2's message means."""
 
 
 def report_syntax_error(error: etree.XMLSyntaxError, repaired: RepairedText, diagnostics: Diagnostics) -> None:
@@ -35,36 +44,20 @@ def report_syntax_error(error: etree.XMLSyntaxError, repaired: RepairedText, dia
         before = [match.start() for match in re.finditer(rf"{re.escape(name)}\s*=", text[:offset])]
         offset = before[-1] if before else offset
         sentence = f"the attribute `{name}` is given twice"
-    elif "Extra content" in message:
-        sentence = "the file goes on after its outermost element; several acts or rules need one wrapper around them"
     elif "depth" in message:
         code, sentence = "too-deep", "elements are nested too deeply"
-    elif "Start tag expected" in message:
-        sentence = "an XML file begins with `<`"
-    elif "AttValue" in message:
-        sentence = "the value of an attribute stands in quotation marks, closed before the tag ends"
-    elif "attributes construct error" in message:
-        sentence = 'attributes are written name="value" and separated by a blank'
-    elif "Specification mandates value" in message:
-        sentence = 'this attribute has no value; write name="value"'
     elif "Comment not terminated" in message:
         offset = max(text.rfind("<!--", 0, offset + 4), 0)
         sentence = "this comment is never closed; write `-->` at its end"
-    elif "Double hyphen" in message:
-        sentence = "a comment cannot have `--` inside it; only `-->` ends it"
     else:
-        sentence = f"this is not well-formed XML: {' '.join(message.split())}"
+        unknown = f"this is not well-formed XML: {' '.join(message.split())}"
+        sentence = next((ours for theirs, ours in _SENTENCES.items() if theirs in message), unknown)
     diagnostics.error(code, repaired.source.location(repaired.original_offset(offset)), sentence)
 
 
 def _offset(text: str, line: int, column: int) -> int:
     """libxml2 counts bytes in a line, from 1, and stands behind what it complains about."""
-    start = 0
-    for _ in range(line - 1):
-        end = text.find("\n", start)
-        if end < 0:
-            break
-        start = end + 1
-    end = text.find("\n", start)
-    content = text[start : end if end >= 0 else len(text)]
-    return start + len(content.encode()[: max(column - 1, 0)].decode("utf-8", "replace"))
+    lines = text.split("\n")
+    line = min(line, len(lines))
+    content = lines[line - 1].encode()[: max(column - 1, 0)].decode("utf-8", "replace")
+    return sum(len(before) + 1 for before in lines[: line - 1]) + len(content)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rise_engine.errors import RiseError
-from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, plain, read_json
+from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
 from rise_engine.scenario.memory import LIST_KEY
 from rise_tui.model.json_path import json_equal
 
@@ -36,7 +36,7 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
     """
     document = _read_document(text)
     members = _memory_members(document)
-    wanted = {member.key: plain(member.value) for member in members}
+    wanted = {member.key: to_plain(member.value) for member in members}
     for key in (*before, *now):
         if key not in now:
             wanted.pop(key, None)
@@ -49,7 +49,7 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
         edits = _object_edits(text, document, wanted)
     for edit in sorted(edits, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]
-    if not json_equal({member.key: plain(member.value) for member in _memory_members(_read_document(text))}, wanted):
+    if not json_equal({member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}, wanted):
         raise MemoryFileNotEditable("it is written in a way that cannot be changed here; change it with an editor")
     return text
 
@@ -111,7 +111,7 @@ def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> l
 
 
 def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[_Edit]:
-    if json_equal(plain(old), new, in_order=True):
+    if json_equal(to_plain(old), new, in_order=True):
         return []
     if isinstance(old, JsonObject) and isinstance(new, dict):
         return _object_edits(text, old, new)

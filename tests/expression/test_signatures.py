@@ -45,7 +45,7 @@ def test_it_is_true(each: Signature) -> None:
 
 
 def test_the_documentation_has_the_same_table() -> None:
-    rows = [f"| {each.call} | {each.meaning} | `{each.example}` | `{each.result}` |" for each in SIGNATURES]
+    rows = [f"| {each.usage} | {each.meaning} | `{each.example}` | `{each.result}` |" for each in SIGNATURES]
     table = "\n".join(("| function | gives | example | result |", "|---|---|---|---|", *rows))
     assert table in DOCS.read_text("utf-8")
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.json_codec import JsonError, plain, read_json
+from rise_engine.json_codec import JsonError, read_json, to_plain
 from rise_engine.scenario import convert_parameter, expected_seconds, fill_parameters, limit_seconds
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.graph import component_numbers, reachable_from
@@ -28,7 +28,7 @@ def json(text: str) -> Any:
     def duplicate(key: str, offset: int, first: int) -> None:
         raise JsonError(f"twice: {key}", offset)
 
-    return plain(read_json(text, duplicate))
+    return to_plain(read_json(text, duplicate))
 
 
 @pytest.mark.parametrize(

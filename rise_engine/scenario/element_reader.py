@@ -1,0 +1,110 @@
+"""What the readers of acts and of rules have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from rise_engine.nearest_name import did_you_mean
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.model import Act, Rule
+from rise_engine.scenario.xml import Element, XmlFile
+from rise_engine.text import BLANKS, character_name, find_unseen
+
+Part = TypeVar("Part", Act, Rule)
+
+
+class ElementReader:
+    """Reads elements of a file into a draft; what is wrong with them becomes findings."""
+
+    def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+        self.file = file
+        self.draft = draft
+        self.diagnostics = diagnostics
+
+    def report_error(self, code: str, element: Element, message: str) -> None:
+        """An error where an element begins."""
+        self.diagnostics.error(code, self.file.element_location(element), message)
+
+    def report_value(self, code: str, element: Element, attribute: str, message: str) -> None:
+        """An error where the value of an attribute stands."""
+        self.diagnostics.error(code, self.file.value_location(element, attribute), message)
+
+    def report_attribute(self, code: str, element: Element, attribute: str, message: str) -> None:
+        """An error where the name of an attribute stands."""
+        self.diagnostics.error(code, self.file.attribute_location(element, attribute), message)
+
+    def report_warning(self, code: str, element: Element, message: str) -> None:
+        """A warning where an element begins."""
+        self.diagnostics.warning(code, self.file.element_location(element), message)
+
+    def read_parts(
+        self,
+        tag: str,
+        wrappers: tuple[str, ...],
+        kind: str,
+        parts: dict[str, Part],
+        read: Callable[[Element], Part | None],
+    ) -> None:
+        """Add the acts or the rules of the file to `parts`."""
+        for element in self.top_elements(tag, wrappers):
+            part = read(element)
+            if part is not None and part.name in parts:
+                first = parts[part.name].location
+                message = f"there is another {kind} `{part.name}` in {first.file}, line {first.line}"
+                self.report_value("duplicate-name", element, "name", message)
+            elif part is not None:
+                parts[part.name] = part
+
+    def top_elements(self, tag: str, wrappers: tuple[str, ...]) -> Iterator[Element]:
+        """The elements called `tag`: the outermost element itself, or the children of a wrapper."""
+        root = self.file.root
+        if root.tag == tag:
+            yield root
+            return
+        if root.tag not in wrappers:
+            near = did_you_mean(root.tag, (tag, *wrappers))
+            self.report_error("unknown-element", root, f"`<{root.tag}>` cannot be the outermost element here{near}")
+            return
+        for name in root.attributes:
+            self.report_attribute("unknown-attribute", root, name, f"`<{root.tag}>` has no attributes")
+        self.check_no_text(root)
+        for child in root:
+            if child.tag == tag:
+                yield child
+            else:
+                message = f"`<{child.tag}>` cannot stand here; `<{root.tag}>` holds `<{tag}>`"
+                self.report_error("unknown-element", child, message)
+
+    def check_attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
+        """An element's attributes, with a finding for each that nobody reads."""
+        for name in element.attributes:
+            if name not in known:
+                self.report_attribute("unknown-attribute", element, name, self.unknown_attribute(element, name, known))
+        return element.attributes
+
+    def unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> str:
+        """What to say about an attribute that nobody reads."""
+        return f"`<{element.tag}>` has no attribute `{name}`{did_you_mean(name, sorted(known))}"
+
+    def check_no_text(self, element: Element) -> None:
+        """A finding for text between the children of an element that holds only elements."""
+        if not self.file.has_text:
+            return
+        stray, behind = element.text.strip(BLANKS), None
+        if not stray:
+            for behind in element:
+                if behind.tail and (stray := behind.tail.strip(BLANKS)):
+                    break
+            else:
+                return
+        whole = element.text if behind is None else behind.tail
+        index = len(whole) - len(whole.lstrip(BLANKS))
+        location = self.file.text_location(element, index) if behind is None else self.file.tail_location(behind, index)
+        if find_unseen(stray) == 0:
+            name = character_name(stray[0])
+            message = f"the character {name} cannot stand here; delete it, or write an ordinary blank"
+        else:
+            message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
+        self.diagnostics.error("unexpected-text", location, message)
