@@ -106,7 +106,9 @@ async def play(fault: Fault) -> list[tuple[float, str]]:
             if fault is hold:
                 it.press(b"p")
                 await asyncio.to_thread(it.until, "R_Praise")
-                await stayed.wait_until(lambda view: view.acts["R_Praise"].runs + len(view.acts["R_Praise"].running) >= 2)
+                await stayed.wait_until(
+                    lambda view: view.acts["R_Praise"].runs + len(view.acts["R_Praise"].running) >= 2
+                )
             again = await asyncio.to_thread(_attach_again, it.home) if fault is not nothing else ""
             assert "LIVE" in again or "WATCHING" in again or fault is nothing
             await stayed.end("the script is over")
