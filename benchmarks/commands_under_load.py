@@ -98,7 +98,10 @@ class Wizard:
     def _read_until(self, mark: bytes) -> None:
         data = b""
         while mark not in data:
-            data = data[-len(mark) :] + self._connection.recv(1 << 20)
+            more = self._connection.recv(1 << 20)
+            if not more:
+                raise SystemExit("the engine has cut the connection: this machine is too busy to measure on")
+            data = data[-len(mark) :] + more
 
     def send(self, function: str, behavior: str = "") -> tuple[float, float]:
         """When it was sent, and when the reply had come."""
