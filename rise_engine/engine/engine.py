@@ -245,10 +245,10 @@ class Engine:
 
     # --- inputs -------------------------------------------------------------------------------------------------
 
-    def accept(self, fact: AnyInput, answer: ReplyCallback = _ignore_reply) -> None:
+    def accept(self, input: AnyInput, answer: ReplyCallback = _ignore_reply) -> None:
         """Take one input from outside.
 
-        :param fact: what happened; its time is put on here.
+        :param input: what happened; its time is put on here.
         :param answer: gets what became of it, once it is recorded and the sinks have had it: called once, perhaps
             before this returns. An input that cannot be taken is answered too: the session has ended, or is paused.
         :raises RuntimeError: inside a step. Robots and sinks `post`.
@@ -258,32 +258,32 @@ class Engine:
         if self._last_record_made:
             answer(Reply(False, "the session has ended"))
         elif self.paused:
-            self._accept_while_paused(fact, answer)
+            self._accept_while_paused(input, answer)
         else:
-            self._step(self._with_time(fact), answer)
+            self._step(self._with_time(input), answer)
             self._process_queue()
 
-    def post(self, fact: AnyInput) -> None:
+    def post(self, input: AnyInput) -> None:
         """Take one input after the step that is being made, if any, so that steps never nest. Nobody is answered.
 
-        :param fact: what happened; its time is put on here. After the session's end it is dropped.
+        :param input: what happened; its time is put on here. After the session's end it is dropped.
         """
         if self._last_record_made:
             return
-        self._queue.append((self._with_time(fact), _ignore_reply))
-        if self._unrecorded_stops and isinstance(fact, StopReport):
-            self._unrecorded_stops.append(_stop_sentence(fact))
+        self._queue.append((self._with_time(input), _ignore_reply))
+        if self._unrecorded_stops and isinstance(input, StopReport):
+            self._unrecorded_stops.append(_stop_sentence(input))
             self._update_journal_status()
         if not self._stepping:
             self._process_queue()
 
-    def _accept_while_paused(self, fact: AnyInput, answer: ReplyCallback) -> None:
+    def _accept_while_paused(self, input: AnyInput, answer: ReplyCallback) -> None:
         assert self._journal is not None
-        if not (isinstance(fact, Submit) and fact.function == "stopAll"):
+        if not (isinstance(input, Submit) and input.function == "stopAll"):
             answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
             return
-        self._queue.append((self._with_time(fact), answer))
-        self._unrecorded_stops.append(f"stop was sent to the robot by {fact.source}")
+        self._queue.append((self._with_time(input), answer))
+        self._unrecorded_stops.append(f"stop was sent to the robot by {input.source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
 
@@ -294,33 +294,33 @@ class Engine:
         if self.after_inputs is not None:
             self.after_inputs()
 
-    def _with_time(self, fact: AnyInput) -> AnyInput:
-        return replace(fact, t=max(self._t, round(self.clock.now(), 6)))
+    def _with_time(self, input: AnyInput) -> AnyInput:
+        return replace(input, t=max(self._t, round(self.clock.now(), 6)))
 
-    def _step(self, fact: AnyInput, answer: ReplyCallback) -> None:
+    def _step(self, input: AnyInput, answer: ReplyCallback) -> None:
         """The one place where anything happens."""
         self._stepping = True
         try:
-            if fact.t < self._t:
-                fact = replace(fact, t=self._t)
+            if input.t < self._t:
+                input = replace(input, t=self._t)
             line = b""
             if self._journal is not None:
                 try:
-                    line = encode_input(self.inputs + 1, fact)
+                    line = encode_input(self.inputs + 1, input)
                 except UnicodeEncodeError:
                     answer(Reply(False, "it holds characters that are no text (half of a pair)"))
                     return
-            self._t = fact.t
+            self._t = input.t
             self.inputs += 1
             try:
-                records, commands = self._kernel.handle(fact)
+                records, commands = self._kernel.handle(input)
             except Exception as error:  # whatever it is, the robot must not go on
                 self._fail(error)
                 raise
             wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
             for record in records:
                 record.wall = wall
-            reply = _reply_for(fact, records)
+            reply = _reply_for(input, records)
             if self._journal is None:
                 self._publish(records)
                 for command in commands:
@@ -439,8 +439,8 @@ class Engine:
             self._queue.popleft()[1](Reply(False, "the session has ended"))
 
 
-def _reply_for(fact: AnyInput, records: list[AnyRecord]) -> Reply:
-    if not isinstance(fact, Submit):
+def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
+    if not isinstance(input, Submit):
         return Reply(True)
     task = next(record for record in records if isinstance(record, TaskRecord))
     return Reply(task.status != "REJECTED", task.reason, task.id)

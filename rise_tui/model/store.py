@@ -1,6 +1,6 @@
 """What the console knows: the engine's view, and what it has asked for that the engine has not yet answered.
 
-A read model without any screen. Panes read it; only `Session` and the screens change it.
+A read model without any screen. Panes read it; only `ConsoleSession` and the screens change it.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Store:
     gone_reason: str = ""
     """Why the session is over or the engine has gone; empty while it lives."""
     ended_in_order: bool = False
-    """The session came to its end in order. With `gone` and not this, the engine has gone without one."""
+    """The session came to its end in order. With `gone_reason` and not this, the engine has gone without one."""
     cut_since: float | None = None
     """Since when this connection has been cut, on a clock of the console's own; None while it holds."""
     stop_unsent: bool = False

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from rise_adapters.ros2.examples import run_node
 from rise_adapters.ros2.examples.answer_node import SYSTEM, AnswerNode
-from rise_adapters.ros2.examples.gaze_trigger import NOTHING, Dwell, GazeTrigger, Region
+from rise_adapters.ros2.examples.gaze_trigger import NOTHING, GazeTrigger, LookTimer, Region
 from rise_adapters.ros2.examples.keyword_spotter import Keyword, KeywordSpotter, split_words
 from rise_adapters.ros2.examples.session_client import SessionClient, SessionGoneError
 from rise_adapters.ros2.examples.topic_listener import TopicListener
@@ -218,7 +218,7 @@ async def test_the_spotter_outlives_a_session(tmp_path: Path, capsys: pytest.Cap
 @asynccontextmanager
 async def gaze(it: Lab, dwell: float = 0.1, away: float = 2.0, *regions: str) -> AsyncIterator[GazeTrigger]:
     session = SessionClient(it.transport("/gaze_trigger"))
-    made = GazeTrigger(session, Dwell(dwell, 0.0, away), [Region(each) for each in regions])
+    made = GazeTrigger(session, LookTimer(dwell, 0.0, away), [Region(each) for each in regions])
     it.run(made.work())
     yield made
 
@@ -268,7 +268,7 @@ class Eyes:
     """Looks by the clock, and what has lasted."""
 
     def __init__(self, dwell: float = 0.8, gap: float = 0.3, away: float = 10.0) -> None:
-        self.dwell, self.now = Dwell(dwell, gap, away), 0.0
+        self.dwell, self.now = LookTimer(dwell, gap, away), 0.0
         self.raised: list[tuple[float, str]] = []
 
     def on(self, target: str, seconds: float) -> None:

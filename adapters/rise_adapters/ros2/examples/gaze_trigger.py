@@ -43,7 +43,7 @@ class Region:
         return dist(self.centre, (point["x"], point["y"], point["z"])) <= self.radius
 
 
-class Dwell:
+class LookTimer:
     """When a look has lasted. All times are seconds on one clock, whichever."""
 
     def __init__(self, dwell: float, gap: float, away: float) -> None:
@@ -93,8 +93,8 @@ class Dwell:
 class GazeTrigger:
     """Each look raises one event, once it has lasted."""
 
-    def __init__(self, session: SessionClient, dwell: Dwell, regions: list[Region]) -> None:
-        self.session, self.dwell, self.regions = session, dwell, regions
+    def __init__(self, session: SessionClient, timer: LookTimer, regions: list[Region]) -> None:
+        self.session, self.timer, self.regions = session, timer, regions
 
     def take_name(self, message: Message) -> None:
         self.take_target(message["data"].strip().strip("/") or NOTHING)
@@ -103,16 +103,16 @@ class GazeTrigger:
         self.take_target(next((region.name for region in self.regions if region.contains(message["point"])), NOTHING))
 
     def take_target(self, target: str) -> None:
-        self.dwell.update(target, asyncio.get_running_loop().time())
+        self.timer.update(target, asyncio.get_running_loop().time())
 
     async def work(self) -> None:
         while True:
             await asyncio.sleep(_POLL_SECONDS)
             now = asyncio.get_running_loop().time()
-            target = self.dwell.take_completed_look(now)
+            target = self.timer.take_completed_look(now)
             if not target:
                 continue
-            print(f"/gaze/{target}, after {now - self.dwell.since:.1f} s")
+            print(f"/gaze/{target}, after {now - self.timer.since:.1f} s")
             try:
                 await self.session.raise_event(f"/gaze/{target}")
             except SessionGoneError as error:
@@ -120,8 +120,8 @@ class GazeTrigger:
 
 
 async def work(transport: Transport, options: Namespace) -> None:
-    dwell = Dwell(options.dwell, options.gap, options.away)
-    trigger = GazeTrigger(SessionClient(transport), dwell, options.region)
+    timer = LookTimer(options.dwell, options.gap, options.away)
+    trigger = GazeTrigger(SessionClient(transport), timer, options.region)
     if options.region:
         TopicListener(transport, options.topic, "geometry_msgs/msg/PointStamped", trigger.take_point)
     else:

@@ -40,7 +40,7 @@ NO_VALUE = _NoValue()
 
 
 class FieldSource(Protocol):
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         """The value of a field, or NO_VALUE. Raises ValueError with a sentence when the field cannot take it."""
         ...
 
@@ -51,7 +51,7 @@ class FieldSource(Protocol):
 class FixedSource(Struct, frozen=True):
     value: Any
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         return self.value
 
 
@@ -60,8 +60,8 @@ class MessageSource(Struct, frozen=True):
 
     fields: dict[str, FieldSource]
 
-    def fill(self, filling: FillContext) -> Message:
-        values = {name: source.fill(filling) for name, source in self.fields.items()}
+    def fill(self, context: FillContext) -> Message:
+        values = {name: source.fill(context) for name, source in self.fields.items()}
         return {name: value for name, value in values.items() if value is not NO_VALUE}
 
 
@@ -73,8 +73,8 @@ class ListSource(Struct, frozen=True):
     """What stands for an item without a value; NO_VALUE: it is left out."""
     as_bytes: bool = False
 
-    def fill(self, filling: FillContext) -> Any:
-        filled = [item.fill(filling) for item in self.items]
+    def fill(self, context: FillContext) -> Any:
+        filled = [item.fill(context) for item in self.items]
         values = [self.zero if value is NO_VALUE else value for value in filled]
         values = [value for value in values if value is not NO_VALUE]
         return bytes(values) if self.as_bytes else values
@@ -91,13 +91,13 @@ class ParameterSource(Struct, frozen=True):
     special: str | None = None
     """The special that the field gets then, if one."""
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         conversion = self.conversion
-        value = filling.parameters.get(conversion.parameter.name)
+        value = context.parameters.get(conversion.parameter.name)
         try:
             if value is not None:
                 return conversion.to_field_value(value)
-            return self.absent if self.special is None else fit_literal(filling.specials[self.special], conversion.type)
+            return self.absent if self.special is None else fit_literal(context.specials[self.special], conversion.type)
         except ValueError as error:
             raise ValueError(f"`{self.field}` {error} (parameter `{conversion.parameter.name}`)") from None
 
@@ -107,8 +107,8 @@ class SpecialSource(Struct, frozen=True):
     name: str
     type: MessageFieldType | None
 
-    def fill(self, filling: FillContext) -> Any:
-        return _fit_text(filling.specials[self.name], self.type, self.field, f" (@{self.name})")
+    def fill(self, context: FillContext) -> Any:
+        return _fit_text(context.specials[self.name], self.type, self.field, f" (@{self.name})")
 
 
 class AllParametersSource(Struct, frozen=True):
@@ -118,10 +118,10 @@ class AllParametersSource(Struct, frozen=True):
     all: tuple[ParameterConversion, ...]
     type: MessageFieldType | None
 
-    def fill(self, filling: FillContext) -> Any:
+    def fill(self, context: FillContext) -> Any:
         values = {
             each.parameter.name: each.to_named_value(
-                filling.parameters.get(each.parameter.name, each.parameter.default)
+                context.parameters.get(each.parameter.name, each.parameter.default)
             )
             for each in self.all
         }
@@ -136,8 +136,8 @@ class JoinedTextSource(Struct, frozen=True):
     pieces: tuple[FieldSource, ...]
     type: MessageFieldType | None
 
-    def fill(self, filling: FillContext) -> Any:
-        values = [piece.fill(filling) for piece in self.pieces]
+    def fill(self, context: FillContext) -> Any:
+        values = [piece.fill(context) for piece in self.pieces]
         text = "".join(spoken_text(value) for value in values if value is not NO_VALUE)
         return _fit_text(text, self.type, self.field)
 

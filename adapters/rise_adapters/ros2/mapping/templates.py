@@ -35,7 +35,7 @@ a part of one, so 0.8 is 80 %."""
 
 
 class Placeholder(Struct, frozen=True):
-    """A place where a parameter goes, or a special."""
+    """A place where a parameter goes, or a special: a text that the session knows (`@frame`, `@goal`, ...)."""
 
     name: str
     special: bool = False

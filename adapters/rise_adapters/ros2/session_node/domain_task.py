@@ -22,7 +22,7 @@ from rise_adapters.ros2.transport.port import SEND_GOAL, PortError, Transport, a
 from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, TaskRecord
-from rise_engine.protocol import client as link
+from rise_engine.protocol import client as client_protocol
 from rise_engine.protocol.messages import MAX_MESSAGE_BYTES
 from rise_engine.server.hub import AttachedClient, SessionHub
 
@@ -62,17 +62,17 @@ class DomainTaskServer:
         self,
         transport: Transport,
         hub: SessionHub,
-        member: AttachedClient,
+        client: AttachedClient,
         topics: RecordTopics,
         wake: Callable[[], object],
     ) -> None:
-        """`member`: who submits the tasks. `topics` tell of tasks that never come to the record. `wake` is called when
+        """`client`: who submits the tasks. `topics` tell of tasks that never come to the record. `wake` is called when
         there is something to do for `work`. Raises PortError when the transport does not have the type."""
         self.refused = 0
         """Goals that were rejected without a task."""
         self._transport = transport
         self._hub = hub
-        self._member = member
+        self._client = client
         self._topics = topics
         self._wake = wake
         self._loop = asyncio.get_running_loop()
@@ -182,18 +182,18 @@ class DomainTaskServer:
         elif submit.function.startswith("start") and len(self._running) >= MAX_OPEN:
             self._refuse(goal, f"{MAX_OPEN:,} tasks that came as goals are running or waiting already")
         else:
-            self._submit(goal, submit, self._member)
+            self._submit(goal, submit, self._client)
 
-    def _submit(self, goal: ServerGoal, submit: Submit, member: AttachedClient) -> None:
-        goal.data = _GoalTask(source=member.source)
+    def _submit(self, goal: ServerGoal, submit: Submit, client: AttachedClient) -> None:
+        goal.data = _GoalTask(source=client.source)
         self._submitted[goal.id.hex()] = goal
         try:
-            self._hub.submit(member, submit, partial(self._take_reply, goal))
+            self._hub.submit(client, submit, partial(self._take_reply, goal))
         except Exception as error:  # the engine's own failure, which ends the session
             if self._submitted.pop(goal.id.hex(), None) is not None:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
 
-    def _take_reply(self, goal: ServerGoal, reply: link.Reply) -> None:
+    def _take_reply(self, goal: ServerGoal, reply: client_protocol.Reply) -> None:
         """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
         self._submitted.pop(goal.id.hex(), None)
         task = _task_of(goal)
@@ -217,7 +217,7 @@ class DomainTaskServer:
     def _adopt_running(self) -> None:
         """Of a session that goes on: the goals whose tasks still run."""
         for task in self._hub.changing_tasks():
-            if task.source != self._member.source or task.ref is None or task.status in FINAL:
+            if task.source != self._client.source or task.ref is None or task.status in FINAL:
                 continue
             try:
                 goal = self._server.adopt(bytes.fromhex(task.ref))
@@ -241,9 +241,9 @@ class DomainTaskServer:
             return
         action = self._transport.resolve(DOMAIN_TASK)
         if node in self._transport.client_nodes(action_topic(action, SEND_GOAL)):
-            member = self._hub.attach("node", "node", f"ros:{node}")
-            self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), member)
-            self._loop.call_soon(self._hub.detach, member)
+            client = self._hub.attach("node", "node", f"ros:{node}")
+            self._submit(goal, Submit(function="releaseStop", ref=goal.id.hex()), client)
+            self._loop.call_soon(self._hub.detach, client)
         elif self._loop.time() < until and not self._gone and len(self._releasing) < MAX_RELEASING:
             self._releasing.add(goal.id)
             self._loop.call_later(KNOWN_POLL, self._release_stop, goal, until)
@@ -255,7 +255,7 @@ class DomainTaskServer:
         text = f"a node asked to release the stop and may not: {reason}"
         if text not in self._refused_releases and len(self._refused_releases) < MAX_REFUSALS_NOTED:
             self._refused_releases.add(text)
-            self._hub.submit(self._member, Note(text=text), _ignore)
+            self._hub.submit(self._client, Note(text=text), _ignore)
 
     # --- what becomes of them -----------------------------------------------------------------------------------
 
@@ -299,9 +299,9 @@ class DomainTaskServer:
             self._answer_later(partial(decide, False))
             return
         submit = Submit(function="cancelTask", behavior=str(task))
-        self._hub.submit(self._member, submit, partial(self._take_cancel_reply, submit, decide))
+        self._hub.submit(self._client, submit, partial(self._take_cancel_reply, submit, decide))
 
-    def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: link.Reply) -> None:
+    def _take_cancel_reply(self, submit: Submit, decide: Decide, reply: client_protocol.Reply) -> None:
         if not reply.accepted and reply.task is None:
             self._topics.enqueue_refusal(submit, reply.reason)
         self._answer_later(partial(decide, reply.accepted))
@@ -349,5 +349,5 @@ def _task_of(goal: ServerGoal) -> _GoalTask:
     return cast(_GoalTask, goal.data)
 
 
-def _ignore(reply: link.Reply) -> None:
+def _ignore(reply: client_protocol.Reply) -> None:
     """Nobody waits for this answer."""

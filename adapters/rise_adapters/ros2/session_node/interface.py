@@ -26,7 +26,7 @@ from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.lag_meter import LagMeter
-from rise_engine.protocol import client as link
+from rise_engine.protocol import client as client_protocol
 from rise_engine.server.hub import SessionHub
 from rise_engine.time_slicer import TimeSlicer
 
@@ -57,16 +57,16 @@ class RosSessionInterface:
         self._hub = hub
         self._neighbours = neighbours
         self._loop = asyncio.get_running_loop()
-        self._member = hub.attach("domain_task", "node", SOURCE)
+        self._client = hub.attach("domain_task", "node", SOURCE)
         self._dropped = 0
         """Of the records that were never published, those that were noted."""
         self._closed = False
         self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
-        self._topics = RecordTopics(transport, hub, self._member.source, rosout=rosout)
+        self._topics = RecordTopics(transport, hub, self._client.source, rosout=rosout)
         self._lag = LagMeter(self._loop)
         self._diagnostics = transport.publisher(diagnostics.TOPIC, diagnostics.TYPE, QoS())
         self._memory = MemoryService(transport, hub)
-        self._tasks = DomainTaskServer(transport, hub, self._member, self._topics, self._slicer.wake)
+        self._tasks = DomainTaskServer(transport, hub, self._client, self._topics, self._slicer.wake)
         hub.subscribe(self._take_update)
         hub.engine.on_ended(self._end_goals)
         self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
@@ -85,16 +85,16 @@ class RosSessionInterface:
         await self._tasks.close(GONE_REASON)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
-        self._hub.detach(self._member)
+        self._hub.detach(self._client)
 
     def _work(self) -> bool:
         """One piece of each kind of work, so that none keeps another waiting."""
         did_task = self._tasks.work()
         return self._topics.publish_next() or did_task
 
-    def _take_update(self, update: link.Update) -> None:
+    def _take_update(self, update: client_protocol.Update) -> None:
         """Every record; in the engine's step."""
-        if self._closed or isinstance(update, link.JournalStatus | link.Heartbeat):
+        if self._closed or isinstance(update, client_protocol.JournalStatus | client_protocol.Heartbeat):
             return
         if isinstance(update, TaskRecord):
             self._tasks.take_record(update)
@@ -121,7 +121,7 @@ class RosSessionInterface:
         if dropped > self._dropped and not self._hub.engine.ended:
             text = f"{dropped - self._dropped:,} records were not published on ROS: they came faster than that takes"
             self._dropped = dropped
-            self._hub.submit(self._member, Note(text=text), _ignore)
+            self._hub.submit(self._client, Note(text=text), _ignore)
 
     def _publish_diagnostics(self) -> None:
         statuses = diagnostics.session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status())
@@ -156,5 +156,5 @@ class RosSessionInterface:
         return diagnostics.make_status(self._hub, "ros", level, message, values)
 
 
-def _ignore(reply: link.Reply) -> None:
+def _ignore(reply: client_protocol.Reply) -> None:
     """Nobody waits for this answer."""
