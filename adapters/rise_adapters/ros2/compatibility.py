@@ -129,7 +129,7 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
             seen.add((part, answers))
             wanted_type = f"{types[part]}_{'Response' if answers else 'Request'}"
             misfit = _middleware_misfit(transport, full, end)
-            misfit = misfit or _type_misfit(transport, mapping, end, wanted_type, found)
+            misfit = misfit or _type_misfit(transport, mapping, full, end, wanted_type, found)
             conflict = qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
             if misfit is None and conflict is not None:
                 does = f"answers {conflict.offered}" if answers else f"wants goals {conflict.wanted}"
@@ -140,7 +140,7 @@ def _compare_action(transport: Transport, mapping: ActionMapping) -> EndpointCom
     found.complete = takes and (answers_all or not any(answers for _, answers in seen))
     for part, wanted in ((FEEDBACK, mapping.feedback_qos), (STATUS_TOPIC, mapping.status_qos)):
         for end in transport.publisher_endpoints(action_topic(full, part)):
-            misfit = _type_misfit(transport, mapping, end, types[part], found)
+            misfit = _type_misfit(transport, mapping, full, end, types[part], found)
             if misfit is not None:
                 found.unusable.append(misfit)
             elif conflict := qos_conflict(end.qos, wanted):
@@ -156,7 +156,7 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
     fits = False
     for end in transport.subscriber_endpoints(full):
         found.seen.append(describe_node(end.node))
-        misfit = _type_misfit(transport, mapping, end, mapping.type, found)
+        misfit = _type_misfit(transport, mapping, full, end, mapping.type, found)
         if misfit is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
             statement = f"is wanted {conflict.wanted}{_describe_owner(end)}, and is published here {conflict.offered}"
             misfit = _qos_misfit(full, statement, "qos", conflict.for_writer)
@@ -194,10 +194,16 @@ def same_middleware_remedy(transport: Transport, other: str) -> str:
 
 
 def _type_misfit(
-    transport: Transport, mapping: ActionMapping, end: RemoteEndpoint, wanted: str, found: EndpointComparison
+    transport: Transport,
+    mapping: ActionMapping,
+    full: str,
+    end: RemoteEndpoint,
+    wanted: str,
+    found: EndpointComparison,
 ) -> Misfit | None:
-    """`wanted`: what of the mapping's type this end has to carry. That it does not say more goes to `found`."""
-    full, verb = transport.resolve(mapping.name), "offered" if mapping.kind == "action" else "taken"
+    """`full`: the mapping's name, in full. `wanted`: what of its type this end has to carry. That it does not say more
+    goes to `found`."""
+    verb = "offered" if mapping.kind == "action" else "taken"
     if end.type != wanted:
         there = ros_type(end.type) or "something that is no type of ROS"
         remedy = "correct `carrier.type` in the robot's profile, or start the wrapper that fits it"
